@@ -11,25 +11,24 @@ using Vector = std::array<double, 3>;
 /// Two loops, one inside the other: position error → wanted velocity → velocity error → wanted
 /// acceleration.
 ///
-/// The stream gives position and velocity, so nothing is differentiated here. An integrator in the
-/// inner loop takes what pushes steadily (a slope, wind, a weak battery); it stands still while the
-/// output is at its limit.
+/// The stream has position and velocity, so nothing is differentiated here. An integrator in the
+/// inner loop compensates constant disturbances (a slope, wind, a weak battery); it is held while
+/// the output is at its limit.
 class Cascade {
  public:
   struct Gains {
-    double position_1_s{2.0};  ///< Metres off → metres per second.
-    double velocity_1_s{6.0};  ///< Metres per second off → metres per second².
+    double position_1_s{2.0};  ///< Position error → velocity.
+    double velocity_1_s{6.0};  ///< Velocity error → acceleration.
     double integral_1_s2{4.0};
     double max_speed_m_s{1.0};
     double max_acceleration_m_s2{4.0};
   };
   explicit Cascade(const Gains& gains) : gains_(gains) {}
 
-  /// Forgets what the integrator learned: after a pause in the poses it is about another situation.
+  /// Resets the integrator, after an interruption of the poses.
   void reset() { integral_ = {}; }
 
-  /// @param position, velocity  where the body is when the answer takes effect
-  /// (Client::predict_now)
+  /// @param position, velocity  at the instant when the command takes effect (Client::predict_now)
   /// @return the acceleration to command, m/s², W axes
   Vector update(const Vector& target, const Vector& position, const Vector& velocity, double dt_s) {
     Vector wanted = minus(target, position);
@@ -48,7 +47,7 @@ class Cascade {
   static Vector minus(const Vector& a, const Vector& b) {
     return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
   }
-  /// @return true when it was longer
+  /// @return true when it was clamped
   static bool limit(Vector& v, double most) {
     const double length = std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
     if (!(length > most)) return false;

@@ -1,7 +1,7 @@
 // Holds a body at a place: closed_loop BODY X Y Z [host] [port] [seconds]. Commands go to stdout as
-// t,ax,ay,az; put your robot where they are printed. Three rules of a loop that flies: wait for
-// frames instead of a timer of your own; use the pose of the instant when the command takes effect;
-// and without a valid, fresh pose do the safe thing.
+// t,ax,ay,az; put your robot where they are printed. Three rules for a control loop: wait for
+// frames instead of a timer; use the pose at the instant when the command takes effect; without a
+// valid, recent pose do the safe thing.
 #include <fiducap/client.hpp>
 
 #include <chrono>
@@ -16,9 +16,9 @@ namespace {
 using namespace std::chrono_literals;
 using Steady = std::chrono::steady_clock;
 
-// From the command to its force, of your robot.
+// Delay from the command to the force of your robot.
 constexpr auto kActuatorDelay = 15ms;
-// Worse than this, a pose is no longer flown with.
+// Largest sigma of a pose that is used.
 constexpr double kMostSigma_m = 0.05;
 
 /// @return false: brake, land, hold still

@@ -1,10 +1,10 @@
-/* The Fiducap client for C and whatever speaks C. Same conventions as fiducap/client.hpp: axes W (z
+/* The Fiducap client for C and other languages. Same conventions as fiducap/client.hpp: axes W (z
  * up) and P, metres, radians, seconds, quaternions Hamilton w x y z.
  *
  * Every struct begins with its own size, set by the caller (as <struct>_init() does): a library
- * that knows more fields than the caller leaves them out, one that knows fewer leaves the caller's
- * as they are. Fields are only ever appended. Functions return 1 for yes, 0 for no (see each),
- * never block unless a timeout is named, and never throw. */
+ * with more fields than the caller omits them, one with fewer leaves the caller's unchanged. Fields
+ * are only appended. Functions return 1 for success, 0 otherwise (see each), block only with a
+ * timeout, and never throw. */
 #ifndef FIDUCAP_H
 #define FIDUCAP_H
 
@@ -22,39 +22,39 @@ extern "C" {
 
 #define FIDUCAP_ABI_VERSION 1
 
-/* Counts up when a program made for an older library would no longer run with it. */
+/* Increases when programs built for an older library no longer run with it. */
 FIDUCAP_API uint32_t fiducap_abi_version(void);
 /* `0.1.0` */
 FIDUCAP_API const char* fiducap_version(void);
 
 typedef struct fiducap_client fiducap_client;
 
-/* Connects in the background, comes back by itself. Returns at once.
- * NULL when the options cannot be or the system has no thread left; `problem` (may be NULL) says
- * why then. */
+/* Connects in the background and reconnects by itself. Returns at once. NULL when the options are
+ * invalid or the system has no thread left; `problem` (may be NULL) then has the cause. */
 FIDUCAP_API fiducap_client* fiducap_connect(const fiducap_options* options, char* problem,
                                             size_t problem_size);
 FIDUCAP_API void fiducap_disconnect(fiducap_client* client);
 
-/* The newest frame, at most `capacity` of its bodies. Wait-free, no allocation. 0: none came yet,
+/* The newest frame, at most `capacity` of its bodies. Wait-free, no allocation. 0: no frame yet;
  * nothing is written. */
 FIDUCAP_API int fiducap_latest(const fiducap_client* client, fiducap_frame* frame,
                                fiducap_body* bodies, uint32_t capacity);
-/* One body, carried to `ahead_ns` after the instant of the newest frame; 0: unknown, not valid or
- * too far. Wait-free. */
+/* One body, predicted to `ahead_ns` after the instant of the newest frame; 0: unknown, not valid or
+ * too far ahead. Wait-free. */
 FIDUCAP_API int fiducap_predict(const fiducap_client* client, const char* name, int64_t ahead_ns,
                                 fiducap_body* body);
-/* The same to `ahead_ns` after now; 0 also while the clocks are unknown or the frame is too old. */
+/* The same to `ahead_ns` after now; 0 also while the clock offset is unknown or the frame is too
+ * old. */
 FIDUCAP_API int fiducap_predict_now(const fiducap_client* client, const char* name,
                                     int64_t ahead_ns, fiducap_body* body);
-/* Waits for a frame newer than `after_number`. 0: the time is over. */
+/* Waits for a frame newer than `after_number`. 0: timeout. */
 FIDUCAP_API int fiducap_wait_for_frame(const fiducap_client* client, uint64_t after_number,
                                        uint32_t timeout_ms);
 FIDUCAP_API void fiducap_get_statistics(const fiducap_client* client,
                                         fiducap_statistics* statistics);
 
 /* Servers on this machine and its networks; takes the whole timeout. Every found[i].struct_size
- * must be set. Returns how many were written, at most `capacity`. port 0: 21600. */
+ * must be set. Returns the number written, at most `capacity`. port 0: 21600. */
 FIDUCAP_API uint32_t fiducap_discover(uint32_t timeout_ms, uint16_t port, fiducap_found* found,
                                       uint32_t capacity);
 

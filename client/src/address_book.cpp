@@ -33,7 +33,7 @@ int look_up(const std::string& host, std::uint16_t port, int flags, std::vector<
 
 }  // namespace
 
-/// Shared with the thread that looks up, which may outlive the client.
+/// Shared with the look-up thread, which may outlive the client.
 struct AddressBook::Lookup {
   std::mutex mutex;
   bool done{false};
@@ -83,8 +83,7 @@ void AddressBook::start_lookup() {
   };
   try {
     std::thread(work).detach();
-  } catch (
-      const std::system_error&) {  // no thread left: the same as a name server that does not answer
+  } catch (const std::system_error&) {  // no thread left: as if the name server did not reply
     lookup_->code = EAI_AGAIN;
     lookup_->done = true;
   }

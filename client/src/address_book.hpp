@@ -10,20 +10,20 @@
 
 namespace fiducap::sdk {
 
-/// The addresses of a host, tried in turn. A name is looked up on a thread of its own, because that
-/// may take long and cannot be cut short; who waits for it sleeps on `wake`.
+/// The addresses of a host, tried in turn. Names are looked up on a separate thread, because a
+/// look-up may take long and cannot be cancelled; its end signals `wake`.
 class AddressBook {
  public:
   AddressBook(std::string host, std::uint16_t port, std::shared_ptr<Wake> wake);
 
   enum class State { kReady, kLooking, kFailed };
-  /// The next address to try. kLooking: ask again after the wake; kFailed: `problem` says why, the
-  /// next call looks up again.
+  /// The next address to try. kLooking: call again after the wake; kFailed: `problem` has the
+  /// cause, and the next call looks up again.
   State next(Address& address, std::string& problem);
-  /// All known ones were tried. Then the next call looks the name up again: the server may have
-  /// moved.
+  /// All known addresses were tried. The next call looks the name up again: the server may have
+  /// another address.
   bool exhausted() const { return next_ >= addresses_.size(); }
-  /// Start again with a new look-up.
+  /// Restarts with a new look-up.
   void forget();
 
  private:

@@ -86,7 +86,7 @@ void give_bodies(const Frame& frame, std::uint32_t body_size, fiducap_body* bodi
 int predict(const LatestFrame& latest, const char* name, std::int64_t ahead_ns, bool from_now,
             fiducap_body* out) {
   if (name == nullptr || out == nullptr) return 0;
-  thread_local Body carried;  // keeps the memory of its name: no allocation but the first time
+  thread_local Body carried;  // keeps the memory of its name: only the first call allocates
   bool found = false;
   std::chrono::nanoseconds ahead(ahead_ns);
   const Nanoseconds now = monotonic_now();
@@ -206,7 +206,7 @@ uint32_t fiducap_discover(uint32_t timeout_ms, uint16_t port, fiducap_found* fou
       ++count;
     }
     return count;
-  } catch (const std::exception&) {  // no memory: nobody was found
+  } catch (const std::exception&) {  // no memory
     return 0;
   }
 }

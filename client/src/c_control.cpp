@@ -14,7 +14,7 @@ namespace fiducap::sdk {
 
 namespace {
 
-/// Runs a command and says why it was not done. Nothing is thrown across the border.
+/// Runs a command and reports the cause of a failure. No exception leaves the library.
 template <typename Command>
 int run(fiducap_control* control, char* problem, std::size_t problem_size, Command&& command) {
   if (control == nullptr) return 0;
@@ -50,7 +50,7 @@ fiducap_recording to_c(const Recording& recording) {
   return out;
 }
 
-/// As many as fit into the caller's array, whose structs may be of another version.
+/// Copies as many as fit into the caller's array, whose structs may be of another version.
 template <typename Ours, typename Theirs>
 void give_all(const std::vector<Ours>& all, Theirs* to, std::uint32_t* count) {
   const std::size_t capacity = count != nullptr && to != nullptr ? *count : 0;

@@ -8,8 +8,8 @@
 
 namespace fiducap::sdk {
 
-/// Copies what the caller's version of the struct has room for; `struct_size` stays the caller's.
-/// @return false for a struct that does not say its size
+/// Copies the fields of the caller's version of the struct; `struct_size` stays the caller's.
+/// @return false when the struct has no size
 template <typename Struct>
 bool give(Struct from, Struct* to) {
   if (to == nullptr || to->struct_size < sizeof(std::uint32_t)) return false;
@@ -18,7 +18,7 @@ bool give(Struct from, Struct* to) {
   return true;
 }
 
-/// The caller's struct, completed by zeros to our version of it.
+/// The caller's struct in our version; missing fields are zero.
 template <typename Struct>
 Struct take(const Struct* from) {
   Struct taken{};
@@ -27,7 +27,7 @@ Struct take(const Struct* from) {
   return taken;
 }
 
-/// As much of the text as fits, with a closing zero, never half a character.
+/// Copies as much of the text as fits, with a closing zero, without cutting a character.
 inline void give_text(const std::string& text, char* to, std::size_t room) {
   if (to == nullptr || room == 0) return;
   std::size_t size = std::min(text.size(), room - 1);

@@ -8,16 +8,16 @@ namespace fiducap::sdk {
 
 namespace {
 
-// A drift of crystals is taken as constant for so long.
+// Time for which the drift is assumed to be constant.
 constexpr double kWindow_s = 32.0;
-// Two crystals of ordinary computers, 1-sigma; and what a time daemon may add for a while.
+// Two crystals of ordinary computers, 1-sigma; and the limit with a time daemon.
 constexpr double kDriftSigma = 100e-6;
 constexpr double kMostDrift = 1000e-6;
-// Scheduling and the reading of clocks: no jitter is taken to be smaller.
+// Least jitter, by scheduling and reading of clocks.
 constexpr double kLeastJitter_s = 2e-6;
-// Before so many samples an estimate is luck.
+// Least number of samples for an estimate.
 constexpr std::size_t kLeastSamples = 4;
-// A sample this far on the impossible side was not taken with the same clocks.
+// A sample this far on the impossible side means that a clock was set.
 constexpr double kContradictionSigmas = 6.0;
 constexpr double kLeastContradiction_s = 200e-6;
 
@@ -45,7 +45,7 @@ void ClockFilter::add(const ClockSample& sample) {
   keep(taken);
   fit();
   if (edges_.upper_s <
-      edges_.lower_s - kLeastContradiction_s) {  // no line fits between: it is not a clock's
+      edges_.lower_s - kLeastContradiction_s) {  // no line fits between the edges: a clock was set
     reset();
     add(sample);
   }
@@ -56,8 +56,7 @@ void ClockFilter::keep(const Sample& sample) {
   next_ = (next_ + 1) % kKept;
   count_ = std::min(count_ + 1, kKept);
   const double oldest_s = sample.at_s - kWindow_s;
-  // Order does not matter to the fit: what is too old is replaced by the newest that is still last
-  // in the array.
+  // The order does not matter: an old sample is replaced by the last of the array.
   const auto end =
       std::remove_if(samples_.begin(), samples_.begin() + static_cast<std::ptrdiff_t>(count_),
                      [&](const Sample& s) { return s.at_s < oldest_s; });
@@ -103,10 +102,9 @@ void ClockFilter::fit() {
   }
   mean_at_s_ = sum_at_s / n;
   span_s_ = last_s - first_s;
-  // The mean excess hardly depends on the slope; the newest one is good enough.
+  // The mean excess hardly depends on the slope: the newest slope is used.
   const Edges before = edges(drift_);
-  // From the median: of an exponential waiting time it is ln 2 of the mean, and a few that stood in
-  // a jam do not count.
+  // From the median, which is robust: for an exponential waiting time it is ln 2 of the mean.
   std::array<double, kKept> excess{};
   const auto middle_of = [&](auto&& excess_of) {
     for (std::size_t i = 0; i < count_; ++i)
@@ -157,10 +155,10 @@ ClockEstimate ClockFilter::at(Nanoseconds own_time) const {
   const auto n = static_cast<double>(count_);
   const double since_mean_s = to_s(own_time - origin_) - mean_at_s_;
   const double offset_s = 0.5 * (edges_.upper_s + edges_.lower_s) + drift_ * since_mean_s;
-  // Least of n waiting times with a flat density at zero: mean and spread 2 jitter / n; half of it
-  // from each way.
+  // Minimum of n waiting times with a flat density at zero: mean and spread 2 jitter / n, half of
+  // it from each direction.
   const double edge_sigma_s = std::hypot(upper_jitter_s_, lower_jitter_s_) / n;
-  // The slope hangs on the edges of the earlier and the later half, half a span apart.
+  // The slope follows from the edges of the earlier and the later half, half a span apart.
   const double slope_sigma = 4.0 * edge_sigma_s / std::max(1e-3, 0.5 * span_s_);
   const double drift_sigma = slope_sigma * kDriftSigma / std::hypot(slope_sigma, kDriftSigma);
   estimate.known = true;

@@ -8,27 +8,26 @@
 
 namespace fiducap::sdk {
 
-/// When to ask the server for the time, and what its answers say. No socket; time is passed in.
+/// Schedules requests for the server's time and evaluates the replies. No socket, no clock.
 class ClockSync {
  public:
-  /// @param first_number  random, so that nobody can answer blindly
+  /// @param first_number  random, so that replies cannot be forged blindly
   explicit ClockSync(std::uint64_t first_number) : next_number_(first_number) {}
 
-  /// Another server, or the same one again: ask at once, quickly at first.
+  /// Restarts for a new connection: requests at once, in quick succession at first.
   void start(Nanoseconds now);
   Nanoseconds due_at() const { return due_at_; }
-  /// The number of the question that goes now.
+  /// @return the number of the request to send now
   std::uint64_t ask(Nanoseconds now);
   void on(const ClockReply& reply, Nanoseconds now);
 
-  /// @param same_machine  then the clocks are one, unless the answers say otherwise (another time
-  /// namespace)
+  /// @param same_machine  the clocks are the same, unless replies contradict (time namespaces)
   ClockEstimate at(Nanoseconds now, bool same_machine) const;
 
  private:
   struct Question {
     std::uint64_t number{};
-    Nanoseconds asked{-1};  ///< -1: answered, or free.
+    Nanoseconds asked{-1};  ///< -1: replied to, or free.
   };
   std::array<Question, 32> questions_{};
   std::uint64_t next_number_;

@@ -14,17 +14,17 @@ namespace fiducap::sdk {
 namespace {
 
 constexpr std::uint32_t kProtocol = 0x31434446;  // "FDC1"
-// No server's clock runs for a century; an offset made of replies, taken from a frame's time, fits.
+// Limit of a server's clock: a century. The difference of a frame's time and an offset then fits.
 constexpr Nanoseconds kLatestFrame = Nanoseconds{1} << 62;
 constexpr Nanoseconds kLatestReply = kLatestFrame / 2;
 
 bool lies_within(Nanoseconds t, Nanoseconds limit) { return t > -limit && t < limit; }
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-// A quaternion further from unit length than this was not made by rounding.
+// Tolerance of a quaternion's norm, for rounding.
 constexpr double kUnitTolerance = 1e-3;
 constexpr int kCovarianceSize = 21;
 
-/// Place of one part, checked. @return false when it lies outside its list.
+/// Position of one part. @return false when it is outside its list
 template <typename Message>
 bool read_place(const Message& in, PartPlace& out) {
   out = {in.part_index(), in.part_count(), in.first_body(), in.body_count()};
@@ -48,7 +48,7 @@ bool read_orientation(const v1::Quaternion& in, std::array<double, 4>& out) {
 }
 
 bool read_covariance(const v1::Body& in, Body& out) {
-  if (in.pose_covariance_size() == 0) {  // a profile without
+  if (in.pose_covariance_size() == 0) {  // a profile without covariance
     out.pose_covariance.fill(std::numeric_limits<float>::quiet_NaN());
     return true;
   }
@@ -100,7 +100,7 @@ Tracking read_state(v1::Body::State state) {
     case v1::Body::STATE_COASTING:
       return Tracking::kCoasting;
     default:
-      return Tracking::kLost;  // STATE_LOST, and whatever a later version invents: do not trust it
+      return Tracking::kLost;  // STATE_LOST, and states of later versions
   }
 }
 
@@ -134,7 +134,7 @@ bool read_frame(const v1::Frame& in, FramePart& out) {
   Frame& frame = out.frame;
   frame.number = in.number();
   frame.at_server_ns = in.at_ns();
-  // Unsigned on the way: hostile numbers may overflow, which is defined there.
+  // Unsigned, because hostile numbers may overflow.
   frame.at_utc_ns = static_cast<std::int64_t>(static_cast<std::uint64_t>(in.at_ns()) +
                                               static_cast<std::uint64_t>(in.utc_offset_ns()));
   frame.published_server_ns = in.published_at_ns();
@@ -208,15 +208,15 @@ std::vector<std::uint8_t> to_bytes(v1::Envelope& envelope) {
   envelope.set_protocol(kProtocol);
   std::vector<std::uint8_t> bytes(envelope.ByteSizeLong());
   if (!envelope.SerializeToArray(bytes.data(), static_cast<int>(bytes.size()))) {
-    throw std::logic_error("fiducap: a request does not fit its own size");
+    throw std::logic_error("fiducap: a request exceeds its size");
   }
   return bytes;
 }
 
 }  // namespace
 
-/// One arena in one block that fits every honest datagram; a dishonest one makes it grow for that
-/// one datagram.
+/// One arena in one block that fits every regular datagram; it grows for the others only while they
+/// are decoded.
 class Decoder::Scratch {
  public:
   Scratch() : block_(32 * 1024), arena_(options(block_)) {}

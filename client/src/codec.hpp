@@ -21,16 +21,15 @@ enum class MessageKind {
   kDiscoveryReply
 };
 
-/// Datagrams of a server → messages. Keeps its memory: decoding frames allocates nothing after
-/// warm-up.
+/// Decodes datagrams of a server. Keeps its memory: no allocation for frames after warm-up.
 class Decoder {
  public:
   Decoder();
   ~Decoder();
 
-  /// @return what came, readable below until the next call; kNone for whatever no server would
-  /// send: wrong protocol,
-  ///         cut, places outside their list, a valid body without a finite pose.
+  /// @return the kind of message, readable below until the next call; kNone for an invalid one:
+  /// wrong
+  ///         protocol, cut off, parts outside their list, a valid body without a finite pose
   MessageKind decode(const std::uint8_t* bytes, std::size_t size);
 
   const Challenge& challenge() const { return challenge_; }
@@ -58,7 +57,7 @@ class Decoder {
 /// Padded to kMinSubscribe.
 std::vector<std::uint8_t> encode(const SubscribeRequest& request);
 std::vector<std::uint8_t> encode_unsubscribe(std::uint64_t token);
-/// Without memory of its own: it is sent ten times a second.
+/// Allocates nothing: it is sent ten times a second.
 std::array<std::uint8_t, 64> encode_clock_query(std::uint64_t token, std::uint64_t number);
 std::vector<std::uint8_t> encode_discovery_query(std::uint64_t nonce);
 

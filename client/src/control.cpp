@@ -64,7 +64,7 @@ class Control::Impl {
     auto problem = stream_.read(reply, deadline);
     if (problem.empty() && reply.sequence() != sequence_) {
       stream_.tcp().close();
-      return "the answer was to another command";
+      return "the reply belongs to another command";
     }
     return problem;
   }

@@ -9,13 +9,13 @@ namespace fiducap::sdk {
 
 namespace {
 
-// With a lease, a server that says nothing for this long is asked whether it is still there …
+// Silence of a server after which a request is sent.
 constexpr Nanoseconds kProbeAfter = 250 * kMillisecond;
-// … and after four unanswered questions it is not.
+// Silence after which the lease ends: four requests without a reply.
 constexpr Nanoseconds kSilentAfter = 4 * kProbeAfter;
-// An answer on a local network takes far less; a lost datagram costs this much.
+// Far more than a round trip in a local network; the cost of a lost datagram.
 constexpr Nanoseconds kAnswerTimeout = 100 * kMillisecond;
-// A server that answers every question with a challenge must not make us spin.
+// Limits the rate against a server that replies to every request with a challenge.
 constexpr Nanoseconds kChallengePause = 50 * kMillisecond;
 
 }  // namespace
@@ -38,7 +38,7 @@ void Conversation::start(Nanoseconds now) {
 
 void Conversation::on(const Challenge& challenge, Nanoseconds now) {
   if (challenge.nonce != nonce_) return;
-  if (challenge.session != session_) end_lease("the server started again");
+  if (challenge.session != session_) end_lease("the server was restarted");
   session_ = challenge.session;
   unanswered_ = 0;
   token_ = challenge.token;
@@ -51,8 +51,8 @@ bool Conversation::on(const Lease& lease, Nanoseconds now) {
   if (lease.nonce != nonce_) return false;
   unanswered_ = 0;
   if (lease.profile == 0 && !profile_.is_default()) {
-    // It would send z-up frames of all bodies, whatever we asked for.
-    end_lease("the server is too old: it does not know profiles (axes, rate, choice of bodies)");
+    // It would ignore the requested profile: z up, all bodies.
+    end_lease("the server is too old: it does not support profiles (axes, rate, selected bodies)");
     ask_at_ = now + retry_;
     return false;
   }
@@ -74,7 +74,7 @@ void Conversation::on(const Notice& notice, Nanoseconds now) {
   if (!answers_us && !ends_us) return;
   unanswered_ = 0;
   end_lease("the server refused");
-  problem_ = notice.text.empty() ? "the server refused without a reason" : notice.text;
+  problem_ = notice.text.empty() ? "the server refused the request without a reason" : notice.text;
   ask_at_ = now + retry_;
 }
 
@@ -90,14 +90,14 @@ bool Conversation::heard(std::uint64_t session, Nanoseconds now) {
 }
 
 void Conversation::refused(Nanoseconds now) {
-  end_lease("nobody listens there: is fiducapd running, and is its native port this one?");
+  end_lease("no server at this address: is fiducapd running, and is its native port this one?");
   ask_at_ = now + retry_;
 }
 
 void Conversation::tick(Nanoseconds now) {
   if (!leased_) return;
   if (now >= lease_until_ || now - heard_at_ >= kSilentAfter) {
-    end_lease("the server fell silent");
+    end_lease("the server stopped replying");
     ask_at_ = std::min(ask_at_, now);
   } else if (now - heard_at_ >= kProbeAfter && now - asked_at_ >= kProbeAfter) {
     ask_at_ = now;
@@ -132,7 +132,7 @@ void Conversation::end_lease(const char* problem) {
 }
 
 Nanoseconds Conversation::pause_after_question(bool model_complete) const {
-  constexpr int kQuickQuestions = 5;  // about a lost datagram; then the server is away
+  constexpr int kQuickQuestions = 5;  // for lost datagrams; then the server is unreachable
   if (leased_ && model_complete) return std::max(lease_ / 3, kAnswerTimeout);
   if (token_ != 0 && unanswered_ <= kQuickQuestions) return std::min(retry_, kAnswerTimeout);
   return retry_;
@@ -140,7 +140,7 @@ Nanoseconds Conversation::pause_after_question(bool model_complete) const {
 
 Profile profile_of(const ClientOptions& options) {
   constexpr std::size_t kBytesForNames =
-      900;  // of a Subscribe, with the rest and the padding below kMaxDatagram
+      900;  // of a Subscribe; the rest and the padding fit into kMaxDatagram
   Profile profile;
   profile.y_up = options.up == WorldUp::kY;
   profile.turn_bodies = profile.y_up && options.scope == TurnedAxes::kWorldAndBody;
@@ -151,14 +151,14 @@ Profile profile_of(const ClientOptions& options) {
   std::size_t bytes = 0;
   for (const auto& name : profile.bodies) {
     if (name.empty() || name.size() > kMaxBodyName) {
-      throw std::invalid_argument("fiducap: a body's name has 1 to 128 bytes, not " +
+      throw std::invalid_argument("fiducap: the name of a body must have 1 to 128 bytes, not " +
                                   std::to_string(name.size()));
     }
     bytes += name.size() + 3;
   }
   if (profile.bodies.size() > kMaxChosenBodies || bytes > kBytesForNames) {
     throw std::invalid_argument(
-        "fiducap: at most 32 bodies with 900 bytes of names together; empty means all");
+        "fiducap: at most 32 bodies, with at most 900 bytes of names in total; empty: all");
   }
   return profile;
 }

@@ -7,47 +7,46 @@
 
 namespace fiducap::sdk {
 
-/// When to ask the server for what: challenge, lease, renewal, restart, silence. No socket; time is
-/// passed in.
+/// State of the subscription: challenge, lease, renewal, restart, silence. No socket, no clock.
 class Conversation {
  public:
-  /// @param retry  pause between questions while nobody answers
-  /// @param nonce  random; answers to somebody else's question are ignored
+  /// @param retry  pause between requests while there is no reply
+  /// @param nonce  random; replies to requests of other clients are ignored
   Conversation(Nanoseconds retry, std::uint64_t nonce, std::string client_name,
                Profile profile = {}, bool multicast = false);
 
-  /// A new socket: ask at once.
+  /// A new socket: requests at once.
   void start(Nanoseconds now);
   void on(const Challenge& challenge, Nanoseconds now);
-  /// @return true when it was the answer to our question; `session()` may be another one now.
+  /// @return true when it replies to our request; `session()` may have changed
   bool on(const Lease& lease, Nanoseconds now);
   void on(const Notice& notice, Nanoseconds now);
-  /// A part of a frame or model. @return true when it belongs to our session.
+  /// A part of a frame or model. @return true when it belongs to our session
   bool heard(std::uint64_t session, Nanoseconds now);
-  /// The host says that nobody listens at the port.
+  /// The host reports that the port is closed.
   void refused(Nanoseconds now);
-  /// Ends a lease that ran out or a connection that fell silent. Call before `due`.
+  /// Ends an expired lease or a silent connection. Call before `due`.
   void tick(Nanoseconds now);
 
   bool due(Nanoseconds now) const { return now >= ask_at_; }
-  /// The question to send now. @pre due(now)
-  /// @param model_generation  complete at this side; 0: none
+  /// The request to send now. @pre due(now)
+  /// @param model_generation  of the complete model; 0: none
   SubscribeRequest question(std::uint64_t model_generation, Nanoseconds now);
-  /// When `tick` or `due` may have something to do.
+  /// Next time at which `tick` or `due` may have an effect.
   Nanoseconds wake_at() const;
 
-  /// The group stays silent here: from the next question on to us alone.
+  /// No frames arrive by multicast: requests unicast from now on.
   void give_up_multicast(Nanoseconds now);
 
   bool leased() const { return leased_; }
   bool wants_multicast() const { return multicast_; }
-  /// Number under which the server granted our profile.
+  /// Number that the server gave to our profile.
   std::uint32_t profile() const { return profile_number_; }
   std::uint64_t session() const { return session_; }
   std::uint64_t token() const { return token_; }
-  /// Questions since the last answer.
+  /// Requests since the last reply.
   int unanswered() const { return unanswered_; }
-  /// Why there is no lease, for a person.
+  /// Cause of a missing lease, for a user.
   const std::string& problem() const { return problem_; }
 
  private:
@@ -74,7 +73,7 @@ class Conversation {
   std::string problem_{"not asked yet"};
 };
 
-/// What these options ask a server to send.
+/// The profile that these options request.
 /// @throw std::invalid_argument when it does not fit a datagram
 [[nodiscard]] Profile profile_of(const ClientOptions& options);
 

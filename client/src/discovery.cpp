@@ -18,9 +18,9 @@ namespace fiducap::sdk {
 
 namespace {
 
-// Asked again once, for the datagram that was lost.
+// One repetition, for lost datagrams.
 constexpr std::chrono::milliseconds kAskAgain{150};
-constexpr std::size_t kMostServers = 256;  // more answers than that are no servers
+constexpr std::size_t kMostServers = 256;  // bound for forged replies
 
 class Descriptor {
  public:
@@ -36,7 +36,7 @@ class Descriptor {
   int fd_;
 };
 
-/// This machine, and the broadcast address of every network it is in.
+/// This machine, and the broadcast address of every attached network.
 std::vector<in_addr> targets() {
   std::vector<in_addr> all{{htonl(INADDR_LOOPBACK)}};
   ifaddrs* interfaces = nullptr;
@@ -45,7 +45,7 @@ std::vector<in_addr> targets() {
     if (it->ifa_addr == nullptr || it->ifa_addr->sa_family != AF_INET ||
         (it->ifa_flags & IFF_UP) == 0)
       continue;
-    // The own address, too: a broadcast does not come back to a socket that is bound to it.
+    // Also the own address: a socket bound to it does not receive the broadcast.
     all.push_back(reinterpret_cast<const sockaddr_in*>(it->ifa_addr)->sin_addr);
     if ((it->ifa_flags & IFF_BROADCAST) != 0 && it->ifa_broadaddr != nullptr) {
       all.push_back(reinterpret_cast<const sockaddr_in*>(it->ifa_broadaddr)->sin_addr);
@@ -61,7 +61,7 @@ void ask(int fd, std::uint16_t port, const std::vector<std::uint8_t>& query) {
     to.sin_family = AF_INET;
     to.sin_port = htons(port);
     to.sin_addr = address;
-    // A network that does not take it has no server for us.
+    // A network that refuses it has no reachable server.
     ::sendto(fd, query.data(), query.size(), MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&to),
              sizeof(to));
   }
@@ -74,7 +74,7 @@ std::string printable(std::string text) {
   return text;
 }
 
-/// Waits for one answer to our question, not longer than `until`. @return false when none came
+/// Waits for one reply to our request until `until`. @return false when there was none
 bool hear(int fd, std::chrono::steady_clock::time_point until, Decoder& decoder, in_addr& from) {
   const auto pause = std::chrono::duration_cast<std::chrono::milliseconds>(
       until - std::chrono::steady_clock::now());

@@ -9,14 +9,14 @@
 
 namespace fiducap::sdk {
 
-/// Asks the kernel to count what it drops because this socket's buffer is full. Where it cannot,
-/// the count stays 0.
+/// Makes the kernel count datagrams that it drops because the socket's buffer is full. Without
+/// support the count stays 0.
 inline void count_drops(int fd) {
   const int on = 1;
   ::setsockopt(fd, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof(on));
 }
 
-/// As recvfrom. @param dropped  set when the kernel says how many were dropped so far
+/// As recvfrom. @param dropped  set when the kernel reports the number dropped so far
 inline ssize_t receive_counting_drops(int fd, std::uint8_t* bytes, std::size_t size,
                                       sockaddr_storage* from, std::uint32_t& dropped) {
   iovec piece{bytes, size};

@@ -13,12 +13,12 @@ namespace {
 
 using Steady = std::chrono::steady_clock;
 
-constexpr std::chrono::seconds kAnswerPatience{5};  // for the rest of a message that has begun
-constexpr std::chrono::milliseconds kConnectPatience{500};  // at least
-// The server says something at least every five seconds.
+constexpr std::chrono::seconds kReplyTimeout{5};  // for the rest of a message that has begun
+constexpr std::chrono::milliseconds kConnectTimeout{500};  // at least
+// The server sends a message at least every five seconds.
 constexpr std::chrono::seconds kSilence{15};
 constexpr std::chrono::milliseconds kReconnectPause{500};
-constexpr std::size_t kMostWaiting = 4096;  // what is not fetched: the oldest go
+constexpr std::size_t kMostWaiting = 4096;  // the oldest are dropped
 
 ServerEvent to_event(const v1::ControlEvent& in) {
   ServerEvent out;
@@ -42,8 +42,8 @@ class EventWatch::Impl {
   explicit Impl(EventOptions options)
       : options_(std::move(options)), wants_history_(options_.history) {}
 
-  bool next(ServerEvent& event, std::chrono::milliseconds patience) {
-    const auto deadline = Steady::now() + patience;
+  bool next(ServerEvent& event, std::chrono::milliseconds timeout) {
+    const auto deadline = Steady::now() + timeout;
     while (waiting_.empty()) {
       if (is_ready(deadline)) receive();
       if (waiting_.empty() && Steady::now() >= deadline) return false;
@@ -56,12 +56,12 @@ class EventWatch::Impl {
   const std::string& problem() const { return problem_; }
 
  private:
-  /// @return something can be read
+  /// @return true: there is something to read
   bool is_ready(Steady::time_point deadline) {
     auto& tcp = stream_.tcp();
     if (!tcp.is_open() && !connect(deadline)) return false;
     if (tcp.wait_for_more(std::min(deadline, heard_at_ + kSilence))) return true;
-    if (Steady::now() >= heard_at_ + kSilence) lose("the server has fallen silent");
+    if (Steady::now() >= heard_at_ + kSilence) lose("the server stopped replying");
     return false;
   }
 
@@ -73,7 +73,7 @@ class EventWatch::Impl {
     }
     std::this_thread::sleep_until(not_before);
     v1::ControlHello hello;
-    const auto until = std::max(deadline, Steady::now() + kConnectPatience);
+    const auto until = std::max(deadline, Steady::now() + kConnectTimeout);
     problem_ = stream_.open(options_.server, options_.port, until, hello);
     tried_at_ = heard_at_ = Steady::now();
     v1::ControlRequest request;
@@ -86,7 +86,7 @@ class EventWatch::Impl {
 
   void receive() {
     v1::ControlReply reply;
-    if (const auto why = stream_.read(reply, Steady::now() + kAnswerPatience); !why.empty())
+    if (const auto why = stream_.read(reply, Steady::now() + kReplyTimeout); !why.empty())
       return lose(why);
     if (!reply.has_events())
       return lose(reply.text().empty() ? "the server has no events" : reply.text());
@@ -96,7 +96,7 @@ class EventWatch::Impl {
       if (wants_history_) waiting_.push_back(to_event(event));
       if (waiting_.size() > kMostWaiting) waiting_.pop_front();
     }
-    wants_history_ = true;  // from now on all is news
+    wants_history_ = true;  // later events are all new
     standing_.clear();
     for (const auto& event : reply.events().standing()) standing_.push_back(to_event(event));
   }
@@ -122,8 +122,8 @@ class EventWatch::Impl {
 EventWatch::EventWatch(EventOptions options) : impl_(std::make_unique<Impl>(std::move(options))) {}
 EventWatch::~EventWatch() = default;
 
-bool EventWatch::next(ServerEvent& event, std::chrono::milliseconds patience) {
-  return impl_->next(event, patience);
+bool EventWatch::next(ServerEvent& event, std::chrono::milliseconds timeout) {
+  return impl_->next(event, timeout);
 }
 const std::vector<ServerEvent>& EventWatch::standing() const { return impl_->standing(); }
 const std::string& EventWatch::problem() const { return impl_->problem(); }

@@ -11,12 +11,11 @@
 
 namespace fiducap::sdk {
 
-/// Ticks off the parts of one list.
+/// Records which parts of one list have arrived.
 class PartList {
  public:
   void start(const PartPlace& place);
-  /// @return false for a part that is there already or that disagrees with the first one about the
-  /// list.
+  /// @return false for a part that is present already, or that contradicts the first one
   bool add(const PartPlace& place, std::size_t bodies);
   /// All parts are there.
   bool complete() const { return count_ > 0 && seen_.count() == count_; }
@@ -30,17 +29,15 @@ class PartList {
   std::size_t bodies_{0};
 };
 
-/// Parts of models and frames → whole frames with names. Remembers two unfinished frames at most,
-/// so that parts that overtake each other do no harm; whatever is older than a finished frame is
-/// dropped. Nothing grows without limit.
+/// Assembles models and frames from their parts. Keeps at most two unfinished frames, for parts out
+/// of order; drops parts that are older than a finished frame. Bounded memory.
 class FrameAssembler {
  public:
-  /// A new run of the server: numbers and names start again.
+  /// For a restarted server: resets numbers and names.
   void begin(std::uint64_t session);
   void add(const ModelPart& part);
-  /// @return the frame this part finished, to be taken or changed by the caller before the next
-  /// call; else nullptr.
-  ///         Frames of another session or of a model that is not complete are ignored.
+  /// Ignores frames of another session or of an incomplete model.
+  /// @return the frame that this part completes, valid until the next call; else nullptr
   Frame* add(const FramePart& part);
 
   /// Generation of the complete model; 0: none.

@@ -8,7 +8,7 @@
 
 namespace fiducap::sdk {
 
-/// Listens to one IPv4 multicast group; datagrams of other hosts than the server are dropped. Never
+/// Receives from one IPv4 multicast group; drops datagrams of other hosts than the server. Never
 /// waits.
 class GroupSocket {
  public:
@@ -27,7 +27,7 @@ class GroupSocket {
     return is_open() && group == group_ && port == port_;
   }
   int descriptor() const { return fd_; }
-  /// @return false when nothing waits
+  /// @return false when there is none
   bool receive(std::uint8_t* bytes, std::size_t& size);
   std::uint32_t dropped() const { return dropped_; }
 

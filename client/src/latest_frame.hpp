@@ -9,17 +9,16 @@
 
 namespace fiducap::sdk {
 
-/// The newest frame: one writer, any number of readers, nobody waits for anybody.
+/// The newest frame for one writer and any number of readers, without waiting.
 ///
-/// One word holds the place of the newest frame and how many readers took it there, so that one
-/// `fetch_add` both finds the frame and keeps the writer away from it: readers are wait-free. The
-/// writer fills a place whose readers have all left. Only when readers stand still in every other
-/// place (seven of them in the middle of a copy) it skips a frame.
+/// One word has the slot of the newest frame and the number of its readers, so that one `fetch_add`
+/// both finds the frame and protects it from the writer: readers are wait-free. The writer fills a
+/// slot without readers. It skips a frame when all seven other slots are being copied.
 class LatestFrame {
  public:
-  /// Writer only. Swaps `frame` with an old one, whose memory comes back for the next frame.
-  /// @return the published frame, untouched until the next call; nullptr when no place was free
-  /// (`frame` is unchanged).
+  /// Writer only. Swaps `frame` with an old one, whose memory is reused.
+  /// @return the published frame, valid until the next call; nullptr when no slot was free (`frame`
+  /// is unchanged)
   const Frame* publish(Frame& frame) {
     const std::uint64_t current = current_.load(std::memory_order_relaxed) >> kIndexShift;
     for (std::uint64_t i = 0; i < kPlaces; ++i) {
@@ -46,7 +45,7 @@ class LatestFrame {
 
  private:
   static constexpr std::uint64_t kPlaces = 8;
-  static constexpr int kIndexShift = 56;  // 2^56 readings between two frames do not happen
+  static constexpr int kIndexShift = 56;  // fewer than 2^56 reads between two frames
   static constexpr std::uint64_t kCountMask = (std::uint64_t{1} << kIndexShift) - 1;
 
   struct alignas(64) Place {

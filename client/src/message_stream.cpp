@@ -19,7 +19,7 @@ std::string MessageStream::open(const std::string& host, std::uint16_t port, Dea
   }
   if (!first.has_hello()) {
     tcp_.close();
-    return first.text().empty() ? "the server did not greet" : first.text();
+    return first.text().empty() ? "the server sent no greeting" : first.text();
   }
   hello = first.hello();
   return {};
@@ -43,7 +43,7 @@ std::string MessageStream::read(v1::ControlReply& reply, Deadline deadline) {
   if (!problem.empty()) return problem;
   if (size <= kMaxMessage && reply.ParseFromString(bytes)) return {};
   tcp_.close();
-  return "the answer is not of this protocol";
+  return "the reply is not of this protocol";
 }
 
 }  // namespace fiducap::sdk

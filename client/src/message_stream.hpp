@@ -7,12 +7,12 @@
 
 namespace fiducap::sdk {
 
-/// Messages of the control channel over a connection, each behind its length.
+/// Length-prefixed messages of the control channel over a connection.
 class MessageStream {
  public:
   using Deadline = TcpStream::Deadline;
 
-  /// Connects and takes the server's greeting. @return empty, or why not
+  /// Connects and reads the server's greeting. @return empty, or the cause of the failure
   std::string open(const std::string& host, std::uint16_t port, Deadline deadline,
                    v1::ControlHello& hello);
   std::string write(const v1::ControlRequest& request, Deadline deadline);

@@ -9,7 +9,7 @@
 
 #include "fiducap/client.hpp"
 
-/// The inside of the client. Meaning of the messages: `proto/fiducap/v1/`.
+/// Messages inside the client; see `proto/fiducap/v1/`.
 namespace fiducap::sdk {
 
 inline constexpr std::size_t kMaxDatagram = 1200;
@@ -26,10 +26,10 @@ using Nanoseconds = std::int64_t;
 inline constexpr Nanoseconds kMillisecond = 1'000'000;
 inline constexpr Nanoseconds kSecond = 1'000'000'000;
 
-/// What one client wants to receive; the default is everything.
+/// Selection of one client; the default is everything.
 struct Profile {
   bool y_up{};
-  bool turn_bodies{};   ///< The bodies' own axes turn with the world's.
+  bool turn_bodies{};   ///< The bodies' axes are rotated with the world's.
   float max_rate_hz{};  ///< 0: every frame.
   bool without_covariance{};
   std::vector<std::string> bodies;  ///< Empty: all.
@@ -66,8 +66,8 @@ struct Lease {
   Nanoseconds lease{};
   std::uint64_t model_generation{};
   std::uint32_t profile{};
-  std::array<std::uint8_t, 4> group{};  ///< IPv4 multicast group of the frames …
-  std::uint16_t group_port{};           ///< … 0: they come to us alone.
+  std::array<std::uint8_t, 4> group{};  ///< IPv4 multicast group of the frames.
+  std::uint16_t group_port{};           ///< 0: unicast.
   std::uint64_t frames_dropped{};
 };
 
@@ -95,7 +95,7 @@ struct DiscoveryReply {
   std::uint16_t port{};
 };
 
-/// Where a part of a list belongs. Decoded parts satisfy: index < count <= kMaxParts,
+/// Position of a part in a list. Decoded parts satisfy: index < count <= kMaxParts,
 /// first_body + bodies in this part <= body_count <= kMaxBodies.
 struct PartPlace {
   std::uint32_t index{};

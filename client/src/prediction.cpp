@@ -10,7 +10,7 @@ namespace {
 using Vector = std::array<double, 3>;
 using Quaternion = std::array<double, 4>;  // w x y z
 
-// For longer nobody keeps an acceleration.
+// Time for which the acceleration is assumed to be constant.
 constexpr double kAccelerationHolds_s = 0.1;
 
 Quaternion product(const Quaternion& a, const Quaternion& b) {
@@ -24,7 +24,7 @@ Quaternion product(const Quaternion& a, const Quaternion& b) {
 Quaternion exponential(const Vector& rate, double dt) {
   const double speed = std::sqrt(rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]);
   const double half = 0.5 * speed * dt;
-  // sin(half) / speed, with its limit where the quotient has none.
+  // sin(half) / speed, or its limit at zero.
   const double scale = std::abs(half) < 1e-9 ? 0.5 * dt : std::sin(half) / speed;
   return {std::cos(half), rate[0] * scale, rate[1] * scale, rate[2] * scale};
 }
@@ -34,7 +34,7 @@ Quaternion normalized(const Quaternion& q) {
   return {q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm};
 }
 
-/// Errors of position and velocity go together, so their sigmas add.
+/// Errors of position and velocity are correlated, so their sigmas add.
 void grow_sigmas(Body& body, double dt) {
   const double position = body.position_sigma_m + std::abs(dt) * body.velocity_sigma_m_s;
   const double rotation = body.rotation_sigma_rad + std::abs(dt) * body.rate_sigma_rad_s;

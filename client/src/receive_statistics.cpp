@@ -17,7 +17,7 @@ double ReceiveStatistics::rate_hz(Nanoseconds now) const {
   const auto recent = std::count_if(arrivals_.begin(), end,
                                     [now](const Arrival& a) { return now - a.received < kSecond; });
   if (static_cast<std::size_t>(recent) < kKept) return static_cast<double>(recent);
-  // More than a thousand in this second: the time they took says how many.
+  // More than kKept frames in this second: from the time they took.
   const Nanoseconds oldest = arrivals_[next_].received;
   return static_cast<double>(kKept) * kSecond /
          static_cast<double>(std::max<Nanoseconds>(1, now - oldest));

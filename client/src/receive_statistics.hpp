@@ -11,11 +11,11 @@ namespace fiducap::sdk {
 /// Rate and latency of the last frames. Fixed memory, not thread-safe; a copy is a snapshot.
 class ReceiveStatistics {
  public:
-  /// @param latency_s  instant of the pose → arrival; NaN when the clocks are not the same
+  /// @param latency_s  instant of the pose → arrival; NaN while the clock offset is unknown
   void add(Nanoseconds received, double latency_s);
-  /// Frames that arrived in the second before `now`.
+  /// Number of frames in the second before `now`.
   double rate_hz(Nanoseconds now) const;
-  /// The share of the last 1000 latencies that is not above the answer, e.g. 0.99. NaN without any.
+  /// Quantile of the last 1000 latencies. @param share  e.g. 0.99  @return NaN without any
   double latency_quantile_s(double share) const;
   /// NaN without any.
   double latency_max_s() const { return latency_quantile_s(1.0); }

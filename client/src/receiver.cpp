@@ -16,11 +16,11 @@ namespace fiducap::sdk {
 
 namespace {
 
-// Datagrams taken before a due question gets its turn.
+// Datagrams that are read before a due request is sent.
 constexpr int kDatagramsPerTurn = 256;
-// Unanswered questions until another address of the host, or a new look-up of its name, is tried.
+// Requests without a reply before the next address of the host, or a new look-up, is tried.
 constexpr int kQuestionsPerAddress = 6;
-// A latency beyond this is no latency: the frames' time line is that of a recording.
+// Larger values mean that the frames have the time line of a recording.
 constexpr double kPlausibleLatency_s = 10.0;
 
 Nanoseconds retry_of(const ClientOptions& options) {
@@ -33,7 +33,7 @@ std::uint64_t random_word() {
   return std::uint64_t{device()} << 32 | device();
 }
 
-/// The application's signals are not for this thread.
+/// Blocks the application's signals in this thread.
 class SignalsBlocked {
  public:
   SignalsBlocked() {
@@ -64,7 +64,7 @@ Receiver::Receiver(const ClientOptions& options)
       addresses_(options.server, options.port, wake_),
       conversation_(retry_, random_word(), options.name, profile_of(options), options.multicast),
       clock_(random_word()) {
-  set_problem("not asked yet");
+  set_problem("no reply yet");
   const SignalsBlocked blocked;
   thread_ = std::thread([this] { run(); });
 }
@@ -164,7 +164,7 @@ void Receiver::ask(Nanoseconds now) {
     return;
   }
   const bool same_run =
-      conversation_.session() == session_;  // else names and numbers are those of a server gone
+      conversation_.session() == session_;  // else names and numbers are those of an ended server
   auto question = conversation_.question(same_run ? assembler_.model_generation() : 0, now);
   question.frames_received = assembler_.received();
   question.frames_lost = assembler_.lost();
@@ -186,14 +186,14 @@ void Receiver::ask(Nanoseconds now) {
 
 void Receiver::ask_the_time(Nanoseconds now) {
   const std::uint64_t number = clock_.ask(now);
-  // A query that is not sent is one that is lost; the next one goes in any case.
+  // A query that cannot be sent is like a lost one: the next one follows.
   socket_.send(encode_clock_query(conversation_.token(), number));
 }
 
 void Receiver::judge_multicast(Nanoseconds now) {
-  // Frames flow to the group since the lease; switches may need a second to let us in.
-  constexpr Nanoseconds kPatience = 2 * kSecond;
-  if (!group_.is_open() || group_is_alive_ || now - group_since_ < kPatience) return;
+  // Frames are sent to the group since the lease; switches may need a second to forward them.
+  constexpr Nanoseconds kGroupTimeout = 2 * kSecond;
+  if (!group_.is_open() || group_is_alive_ || now - group_since_ < kGroupTimeout) return;
   conversation_.give_up_multicast(now);
 }
 
@@ -212,8 +212,7 @@ void Receiver::wait(Nanoseconds now) {
 }
 
 void Receiver::read_datagrams() {
-  std::array<std::uint8_t, kMaxDatagram + 1>
-      bytes;  // one more: a longer datagram is seen as too long
+  std::array<std::uint8_t, kMaxDatagram + 1> bytes;  // one more, to detect longer datagrams
   for (int i = 0; i < kDatagramsPerTurn && socket_.is_open(); ++i) {
     std::size_t size = bytes.size();
     const auto result = socket_.receive(bytes.data(), size);
@@ -234,7 +233,7 @@ void Receiver::read_group() {
   for (int i = 0; i < kDatagramsPerTurn && group_.is_open(); ++i) {
     std::size_t size = bytes.size();
     if (!group_.receive(bytes.data(), size)) return;
-    // Anybody may listen and many may speak there: only frames are taken from it.
+    // Any host can join and send to the group: only frames are accepted from it.
     if (decoder_.decode(bytes.data(), size) == MessageKind::kFrame)
       take_frame(monotonic_now(), true);
   }
@@ -317,7 +316,7 @@ void Receiver::place_in_own_time(Frame& frame, Nanoseconds now) const {
   frame.at_client_ns = 0;
   frame.clock_sigma_s = std::numeric_limits<double>::quiet_NaN();
   if (!clock.known && !socket_.server_is_local())
-    return;  // before the first answer: here both clocks are one
+    return;  // before the first reply: both clocks are the same here
   const Nanoseconds at = frame.at_server_ns - clock.offset;
   if (std::abs(static_cast<double>(now - at)) * 1e-9 > kPlausibleLatency_s) return;
   frame.at_client_ns = at;
@@ -325,7 +324,7 @@ void Receiver::place_in_own_time(Frame& frame, Nanoseconds now) const {
 }
 
 void Receiver::deliver(Frame& frame, Nanoseconds now) {
-  report_connection();  // a connection comes before its first frame
+  report_connection();  // the connection is reported before its first frame
   frame.received_ns = now;
   place_in_own_time(frame, now);
   const double latency_s = frame.at_client_ns != 0

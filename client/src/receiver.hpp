@@ -24,12 +24,11 @@ namespace fiducap::sdk {
 /// CLOCK_MONOTONIC, the clock of a server on the same machine.
 Nanoseconds monotonic_now();
 
-/// The thread behind a client: keeps the subscription, turns datagrams into frames, tells who
-/// waits.
+/// The thread of a client: maintains the subscription, decodes datagrams, notifies waiting callers.
 class Receiver {
  public:
   explicit Receiver(const ClientOptions& options);
-  /// Says good-bye to the server and ends the thread.
+  /// Unsubscribes and ends the thread.
   ~Receiver();
   Receiver(const Receiver&) = delete;
   Receiver& operator=(const Receiver&) = delete;
@@ -67,18 +66,18 @@ class Receiver {
   std::atomic<bool> stopping_{false};
   std::atomic<bool> connection_callback_is_new_{false};
 
-  // Of the thread only.
+  // Used by the thread only.
   UdpSocket socket_;
   Nanoseconds open_at_{0};
   Conversation conversation_;
   ClockSync clock_;
   GroupSocket group_;
-  Nanoseconds group_since_{0};  ///< When we began to listen to it.
-  bool group_is_alive_{false};  ///< A frame came by it.
+  Nanoseconds group_since_{0};  ///< Begin of receiving from it.
+  bool group_is_alive_{false};  ///< A frame has arrived by it.
   Decoder decoder_;
   FrameAssembler assembler_;
   std::uint64_t session_{0};
-  std::uint32_t profile_{0};  ///< Number of the frames the assembler takes.
+  std::uint32_t profile_{0};  ///< Number of the accepted frames.
   bool connected_{false};
   bool was_connected_{false};
   std::uint64_t lost_before_session_{0};
@@ -87,7 +86,7 @@ class Receiver {
   LatestFrame latest_;
 
   mutable std::mutex
-      mutex_;  ///< Guards the rest; never held while sending, receiving or calling back.
+      mutex_;  ///< Protects the rest; never held while sending, receiving or in callbacks.
   mutable std::condition_variable newer_frame_;
   std::uint64_t newest_number_{0};
   std::uint64_t highest_before_restart_{0};
@@ -96,7 +95,7 @@ class Receiver {
   std::shared_ptr<const std::function<void(const Frame&)>> frame_callback_;
   std::shared_ptr<const std::function<void(bool)>> connection_callback_;
 
-  std::thread thread_;  ///< Last: everything above exists before it runs.
+  std::thread thread_;  ///< Last, so that it starts after all members exist.
 };
 
 }  // namespace fiducap::sdk

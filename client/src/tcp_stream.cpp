@@ -61,7 +61,7 @@ std::string TcpStream::open(const std::string& host, std::uint16_t port, Deadlin
   }
   ::freeaddrinfo(found);
   if (fd_ < 0) return "no connection: " + text_of(error);
-  const int on = 1;  // commands are small and wait for their answers
+  const int on = 1;  // commands are small and wait for replies
   ::setsockopt(fd_, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
   return {};
 }
@@ -85,9 +85,9 @@ std::string TcpStream::write(const void* bytes, std::size_t size, Deadline deadl
       at += sent;
       size -= static_cast<std::size_t>(sent);
     } else if (errno == EAGAIN || errno == EINTR) {
-      if (!wait_for(fd_, POLLOUT, deadline)) return fail("no answer in time");
+      if (!wait_for(fd_, POLLOUT, deadline)) return fail("no reply in time");
     } else {
-      return fail("the connection broke: " + text_of(errno));
+      return fail("the connection failed: " + text_of(errno));
     }
   }
   return {};
@@ -101,11 +101,11 @@ std::string TcpStream::read(void* bytes, std::size_t size, Deadline deadline) {
       at += received;
       size -= static_cast<std::size_t>(received);
     } else if (received == 0) {
-      return fail("the server ended the connection");
+      return fail("the server closed the connection");
     } else if (errno == EAGAIN || errno == EINTR) {
-      if (!wait_for(fd_, POLLIN, deadline)) return fail("no answer in time");
+      if (!wait_for(fd_, POLLIN, deadline)) return fail("no reply in time");
     } else {
-      return fail("the connection broke: " + text_of(errno));
+      return fail("the connection failed: " + text_of(errno));
     }
   }
   return {};

@@ -17,17 +17,16 @@ class TcpStream {
   TcpStream(const TcpStream&) = delete;
   TcpStream& operator=(const TcpStream&) = delete;
 
-  /// Every address of the host, one after the other. The look-up of a name alone may take longer
-  /// than the deadline.
-  /// @return empty, or why not.
+  /// Tries all addresses of the host. Only the look-up of a name may exceed the deadline.
+  /// @return empty, or the cause of the failure
   std::string open(const std::string& host, std::uint16_t port, Deadline deadline);
   void close();
   bool is_open() const { return fd_ >= 0; }
-  /// The other end has closed, or speaks without being asked.
+  /// The other end has closed the connection or sent unrequested bytes.
   void close_if_gone();
-  /// @return there is something to read, be it the end
+  /// @return true: there is something to read, or the end
   bool wait_for_more(Deadline deadline) const;
-  /// @return empty, or why not; then the stream is closed.
+  /// @return empty, or the cause of the failure; the stream is then closed
   std::string write(const void* bytes, std::size_t size, Deadline deadline);
   std::string read(void* bytes, std::size_t size, Deadline deadline);
 

@@ -13,14 +13,12 @@ namespace fiducap::sdk {
 
 namespace {
 
-// Some frames of a big scene while the thread is busy; the kernel grants what net.core.rmem_max
-// allows.
+// Some frames of a large scene while the thread is busy; limited by net.core.rmem_max.
 constexpr int kReceiveBuffer = 4 << 20;
 
 std::string text_of_errno() { return std::generic_category().message(errno); }
 
-// The system takes the very address of a server as the source towards it only when the server is
-// here.
+// The source address equals the address of the server only when both are on this machine.
 bool is_same_address(const sockaddr_storage& a, const sockaddr_storage& b) {
   if (a.ss_family != b.ss_family) return false;
   if (a.ss_family == AF_INET) {
@@ -41,12 +39,12 @@ std::string UdpSocket::open(const Address& server) {
   close();
   fd_ = ::socket(server.bytes.ss_family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
   if (fd_ < 0) return "no socket: " + text_of_errno();
-  // A smaller buffer only means losses earlier, so a refusal is fine.
+  // A smaller buffer only means earlier losses: errors are ignored.
   ::setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &kReceiveBuffer, sizeof(kReceiveBuffer));
   count_drops(fd_);
   dropped_ = 0;
   if (::connect(fd_, reinterpret_cast<const sockaddr*>(&server.bytes), server.size) != 0) {
-    const std::string why = "no way to the server: " + text_of_errno();
+    const std::string why = "no route to the server: " + text_of_errno();
     close();
     return why;
   }

@@ -14,7 +14,7 @@ struct Address {
   socklen_t size{};
 };
 
-/// One UDP socket towards one server; datagrams of others never arrive. Never waits.
+/// A UDP socket that is connected to one server. Never waits.
 class UdpSocket {
  public:
   UdpSocket() = default;
@@ -22,7 +22,7 @@ class UdpSocket {
   UdpSocket(const UdpSocket&) = delete;
   UdpSocket& operator=(const UdpSocket&) = delete;
 
-  /// @return empty, or why not.
+  /// @return empty, or the cause of the failure
   std::string open(const Address& server);
   void close();
   bool is_open() const { return fd_ >= 0; }
@@ -38,8 +38,7 @@ class UdpSocket {
   }
   /// @param size  in: room; out: bytes of the datagram, never more than the room
   Result receive(std::uint8_t* bytes, std::size_t& size);
-  /// Datagrams that found this socket's buffer full, as known at the last `receive`; starts again
-  /// with every `open`.
+  /// Datagrams dropped because the buffer was full, as of the last `receive`; reset by `open`.
   std::uint32_t dropped() const { return dropped_; }
 
  private:

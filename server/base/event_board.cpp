@@ -10,21 +10,20 @@ namespace fiducap {
 namespace {
 
 constexpr std::int64_t kNsPerMs = 1'000'000;
-// Subject and kind of the condition that stands for those without a place.
-constexpr std::pair<std::string_view, std::string_view> kCrowded{"server", "crowded"};
-// Below this many it is over: not at the first that ends, for the next one to begin it again.
-constexpr std::size_t kRoomAgain = EventBoard::kStanding * 3 / 4;
+// Subject and kind of the condition that reports that others have no place.
+constexpr std::pair<std::string_view, std::string_view> kOverflow{"server", "crowded"};
+// The overflow ends below this number of conditions; hysteresis.
+constexpr std::size_t kOverflowEnds = EventBoard::kStanding * 3 / 4;
 
+/// Severities are the levels above debug.
 log::Level level_of(Severity severity) {
-  switch (severity) {
-    case Severity::kInfo:
-      return log::Level::kInfo;
-    case Severity::kWarning:
-      return log::Level::kWarning;
-    case Severity::kError:
-      return log::Level::kError;
-  }
-  return log::Level::kError;
+  return static_cast<log::Level>(static_cast<int>(severity) + static_cast<int>(log::Level::kInfo));
+}
+
+std::vector<Event> copies_of(std::span<const std::shared_ptr<const Event>> events) {
+  std::vector<Event> all;
+  for (const auto& event : events) all.push_back(*event);
+  return all;
 }
 
 }  // namespace
@@ -36,27 +35,27 @@ std::string Event::sentence() const {
   return subject + ": " + text + (remedy.empty() ? "" : (ends ? " " : ". ") + remedy);
 }
 
-std::span<const std::shared_ptr<const Event>> EventSheet::after(std::uint64_t number) const {
+std::span<const std::shared_ptr<const Event>> EventSnapshot::after(std::uint64_t number) const {
   const auto first = std::find_if(happened.begin(), happened.end(),
                                   [&](const auto& event) { return event->number > number; });
   return {first, happened.end()};
 }
 
-/// One change: made and shown, then logged while nobody waits for it.
+/// Makes and publishes one change, then logs it without the lock.
 template <typename Work>
 void EventBoard::change(Work&& work) {
-  std::vector<Shared> news;
+  std::vector<Shared> unlogged;
   {
     const std::lock_guard lock(writing_);
     work();
-    if (has_changed_) show();
-    news.swap(unlogged_);
+    if (has_changed_) publish();
+    unlogged.swap(unlogged_);
   }
-  for (const Shared& event : news)
+  for (const Shared& event : unlogged)
     log::write(level_of(event->severity), "event", event->sentence(), event->subject);
 }
 
-void EventBoard::tell(Event event) {
+void EventBoard::report(Event event) {
   change([&] { keep(std::move(event)); });
 }
 
@@ -71,7 +70,7 @@ void EventBoard::begin(Event event) {
                std::tie(held.severity, held.text, held.remedy)) {
       event.number = held.number;
       event.utc_ms = held.utc_ms;
-      show_name(event);
+      apply_name(event);
       known->second = std::make_shared<const Event>(std::move(event));
       has_changed_ = true;
     }
@@ -81,8 +80,8 @@ void EventBoard::begin(Event event) {
 void EventBoard::end(std::string_view subject, std::string_view kind, std::string_view text) {
   change([&] {
     finish(subject, kind, text);
-    if (standing_.size() < kRoomAgain)
-      finish(kCrowded.first, kCrowded.second, "everything that is wrong is listed again");
+    if (standing_.size() < kOverflowEnds)
+      finish(kOverflow.first, kOverflow.second, "all conditions are listed again");
   });
 }
 
@@ -92,18 +91,17 @@ void EventBoard::set(bool holds, Event event, std::string_view text_when_over) {
 }
 
 void EventBoard::start(Event event) {
-  if (!has_room_for(event.severity)) return say_that_it_is_crowded();
+  if (!has_room_for(event.severity)) return report_overflow();
   Key key{event.subject, event.kind};
   standing_.emplace(std::move(key), keep(std::move(event)));
 }
 
-/// The last place is kept for saying that there is none. An error takes that of something less,
-/// which waits until there is room again.
+/// The last place is reserved for the overflow. An error displaces a condition of lower severity.
 bool EventBoard::has_room_for(Severity severity) {
   if (standing_.size() + 1 < kStanding) return true;
   if (severity != Severity::kError) return false;
   const auto less = std::find_if(standing_.begin(), standing_.end(), [](const auto& one) {
-    return one.second->severity < Severity::kError && Order::View(one.first) != kCrowded;
+    return one.second->severity < Severity::kError && Order::View(one.first) != kOverflow;
   });
   if (less == standing_.end()) return false;
   standing_.erase(less);
@@ -111,16 +109,16 @@ bool EventBoard::has_room_for(Severity severity) {
   return true;
 }
 
-void EventBoard::say_that_it_is_crowded() {
-  if (standing_.find(kCrowded) != standing_.end()) return;
-  const auto [subject, kind] = kCrowded;
+void EventBoard::report_overflow() {
+  if (standing_.find(kOverflow) != standing_.end()) return;
+  const auto [subject, kind] = kOverflow;
   standing_.emplace(Key{subject, kind},
                     keep({.severity = Severity::kWarning,
                           .subject = std::string(subject),
                           .kind = std::string(kind),
                           .text = "more than " + std::to_string(kStanding - 1) +
-                                  " things are wrong at once: the rest is not listed",
-                          .remedy = "See to those that are; then the others follow"}));
+                                  " conditions hold at once; the others are not listed",
+                          .remedy = "Resolve those that are listed; the others then follow"}));
 }
 
 void EventBoard::finish(std::string_view subject, std::string_view kind, std::string_view text) {
@@ -146,13 +144,13 @@ void EventBoard::rename(std::string_view subject, std::string_view name) {
   });
 }
 
-void EventBoard::show_name(Event& event) const {
+void EventBoard::apply_name(Event& event) const {
   const auto name = names_.find(event.subject);
   if (name != names_.end()) event.subject = name->second;
 }
 
 EventBoard::Shared EventBoard::keep(Event event) {
-  show_name(event);
+  apply_name(event);
   event.number = newest_ + 1;
   event.utc_ms = utc_ns_() / kNsPerMs;
   const auto kept = std::make_shared<const Event>(std::move(event));
@@ -160,53 +158,46 @@ EventBoard::Shared EventBoard::keep(Event event) {
   happened_.push_back(kept);
   if (happened_.size() > kKept) happened_.pop_front();
   ++newest_;
-  ++told_.at(static_cast<std::size_t>(kept->severity));
+  ++counts_.at(static_cast<std::size_t>(kept->severity));
   has_changed_ = true;
   return kept;
 }
 
-void EventBoard::show() {
-  auto sheet = std::make_shared<EventSheet>();
-  sheet->revision = revision_ + 1;
-  sheet->happened.assign(happened_.begin(), happened_.end());
-  sheet->standing.reserve(standing_.size());
-  for (const auto& [key, event] : standing_) sheet->standing.push_back(event);
-  sheet->told = told_;
-  std::shared_ptr<const EventSheet> old = std::move(sheet);  // let go of without the lock
-  const std::lock_guard lock(showing_);
-  sheet_.swap(old);
-  revision_ = sheet_->revision;
+void EventBoard::publish() {
+  auto next = std::make_shared<EventSnapshot>();
+  next->revision = revision_ + 1;
+  next->happened.assign(happened_.begin(), happened_.end());
+  next->standing.reserve(standing_.size());
+  for (const auto& [key, event] : standing_) next->standing.push_back(event);
+  next->counts = counts_;
+  std::shared_ptr<const EventSnapshot> old = std::move(next);  // destroyed without the lock
+  const std::lock_guard lock(publishing_);
+  snapshot_.swap(old);
+  revision_ = snapshot_->revision;
   has_changed_ = false;
 }
 
-std::shared_ptr<const EventSheet> EventBoard::sheet() const {
-  const std::lock_guard lock(showing_);
-  return sheet_;
+std::shared_ptr<const EventSnapshot> EventBoard::snapshot() const {
+  const std::lock_guard lock(publishing_);
+  return snapshot_;
 }
 
-void EventBoard::refresh(std::shared_ptr<const EventSheet>& sheet) const {
-  if (sheet && sheet->revision == revision_) return;
-  std::shared_ptr<const EventSheet> newest;
+void EventBoard::refresh(std::shared_ptr<const EventSnapshot>& snapshot) const {
+  if (snapshot && snapshot->revision == revision_) return;
+  std::shared_ptr<const EventSnapshot> newest;
   {
-    const std::unique_lock lock(showing_, std::try_to_lock);
+    const std::unique_lock lock(publishing_, std::try_to_lock);
     if (!lock) return;
-    newest = sheet_;
+    newest = snapshot_;
   }
-  sheet.swap(newest);
+  snapshot.swap(newest);
 }
 
-std::vector<Event> EventBoard::standing() const {
-  std::vector<Event> all;
-  const auto newest = sheet();
-  for (const Shared& event : newest->standing) all.push_back(*event);
-  return all;
-}
+std::vector<Event> EventBoard::standing() const { return copies_of(snapshot()->standing); }
 
 std::vector<Event> EventBoard::after(std::uint64_t number) const {
-  std::vector<Event> newer;
-  const auto newest = sheet();
-  for (const Shared& event : newest->after(number)) newer.push_back(*event);
-  return newer;
+  const auto newest = snapshot();
+  return copies_of(newest->after(number));
 }
 
 }  // namespace fiducap

@@ -20,10 +20,10 @@ enum class Severity { kInfo, kWarning, kError };
 
 [[nodiscard]] std::string_view name_of(Severity severity);
 
-/// Something that a person should know: whose, what, why, and what to do about it.
+/// Something that happened, for a user: subject, cause and remedy.
 struct Event {
-  std::uint64_t number{};  ///< Counts up from 1 for the life of the server; the board's.
-  std::int64_t utc_ms{};   ///< Wall clock, milliseconds since 1970; the board's.
+  std::uint64_t number{};  ///< Counts up from 1 for the life of the server; set by the board.
+  std::int64_t utc_ms{};   ///< Wall clock, milliseconds since 1970; set by the board.
   Severity severity{Severity::kInfo};
   std::string subject;   ///< A body's name, or a part: `map`, `recorder`, `clock`, `server`, …
   std::string kind;      ///< One word for programs: `lost`, `source_late`, `overload`, …
@@ -35,63 +35,64 @@ struct Event {
   [[nodiscard]] std::string sentence() const;
 };
 
-/// What the board says at one moment; never changes.
-struct EventSheet {
+/// Contents of the board at one moment; immutable.
+struct EventSnapshot {
   using Events = std::vector<std::shared_ptr<const Event>>;
-  std::uint64_t revision{};             ///< Counts every change of what follows.
-  Events happened;                      ///< The newest, oldest first.
-  Events standing;                      ///< What holds, in order of subject and kind.
-  std::array<std::uint64_t, 3> told{};  ///< Events since the start, by severity.
+  std::uint64_t revision{};               ///< Counts every change of the fields below.
+  Events happened;                        ///< The newest, oldest first.
+  Events standing;                        ///< Conditions that hold, by subject and kind.
+  std::array<std::uint64_t, 3> counts{};  ///< Events since the start, by severity.
 
   /// Those of `happened` after `number`.
   [[nodiscard]] std::span<const std::shared_ptr<const Event>> after(std::uint64_t number) const;
 };
 
-/// What happens, in one place: logged once, kept for the page, the SDK, ROS and the metrics.
+/// Events and lasting conditions of the whole server: logged once, kept for the page, the SDK, ROS
+/// and the metrics.
 ///
-/// A thing that happens is told; a condition that lasts is begun and ended, however often it is
-/// looked at. From any thread. Who writes waits for who writes; who reads never waits for that: he
-/// gets a sheet. Never write per frame unless nothing has changed (`end` of what did not hold costs
-/// one look-up).
+/// An event is reported; a condition begins and ends, and repeated calls change nothing.
+/// Thread-safe. Writers wait for each other; readers get immutable snapshots and never wait for a
+/// writer. Do not write per frame, except for calls that change nothing (`end` of a condition that
+/// does not hold costs one look-up).
 class EventBoard final {
  public:
   static constexpr std::size_t kKept = 256;  ///< Newest events.
-  /// Conditions at once. Of more than that one is `server crowded`, and errors go before the rest.
+  /// Conditions at once. The last place is for `server crowded`, which reports that there are more;
+  /// errors displace lower severities.
   static constexpr std::size_t kStanding = 256;
 
   /// @param utc_ns  wall clock, nanoseconds since 1970
   explicit EventBoard(std::function<std::int64_t()> utc_ns) : utc_ns_(std::move(utc_ns)) {}
 
-  /// It happened.
-  void tell(Event event);
-  /// It holds from now on: told once, until it is ended. Told again when its severity rises; any
-  /// other change only replaces text, remedy and severity, all of them.
+  /// Adds an event.
+  void report(Event event);
+  /// The condition holds: an event, unless it held before. A higher severity is another event; any
+  /// other change replaces text, remedy and severity only.
   void begin(Event event);
-  /// It holds no longer: told, as information, if it did.
+  /// The condition no longer holds: an event with severity info, if it held before.
   void end(std::string_view subject, std::string_view kind, std::string_view text);
-  /// `begin` or `end`, whichever `holds` says.
+  /// `begin` if `holds`, else `end`.
   void set(bool holds, Event event, std::string_view text_when_over);
 
-  /// Who is told of as `subject` is shown as `name` from now on, also in what stands; those who
-  /// tell go on with `subject`.
+  /// Shows `subject` as `name`, also in conditions that hold. Writers keep using `subject`.
   void rename(std::string_view subject, std::string_view name);
 
-  /// What holds now, in order of subject and kind.
+  /// Conditions that hold, by subject and kind.
   [[nodiscard]] std::vector<Event> standing() const;
   /// The newest events after `number`, oldest first.
   [[nodiscard]] std::vector<Event> after(std::uint64_t number) const;
-  /// How many events there were since the start, by severity.
-  [[nodiscard]] std::array<std::uint64_t, 3> told() const { return sheet()->told; }
-  /// Counts every change of what `standing` or `after` would say.
+  /// Number of events since the start, by severity.
+  [[nodiscard]] std::array<std::uint64_t, 3> counts() const { return snapshot()->counts; }
+  /// Counts every change of `standing` and `after`.
   [[nodiscard]] std::uint64_t revision() const { return revision_; }
-  [[nodiscard]] std::shared_ptr<const EventSheet> sheet() const;
-  /// For who may not wait at all: the newest sheet, unless somebody changes it at this moment; then
-  /// `sheet` stays, for the next look.
-  void refresh(std::shared_ptr<const EventSheet>& sheet) const;
+  [[nodiscard]] std::shared_ptr<const EventSnapshot> snapshot() const;
+  /// Replaces `snapshot` by the newest one, without ever waiting: while another thread swaps the
+  /// newest, `snapshot` stays as it is until the next call.
+  void refresh(std::shared_ptr<const EventSnapshot>& snapshot) const;
 
  private:
   using Shared = std::shared_ptr<const Event>;
-  using Key = std::pair<std::string, std::string>;  ///< Subject, kind; as they are told.
+  using Key = std::pair<std::string, std::string>;  ///< Subject, kind; as reported.
   struct Order {
     using is_transparent = void;
     using View = std::pair<std::string_view, std::string_view>;
@@ -100,25 +101,25 @@ class EventBoard final {
   template <typename Work>
   void change(Work&& work);
   Shared keep(Event event);
-  void show_name(Event& event) const;
+  void apply_name(Event& event) const;
   void start(Event event);
   [[nodiscard]] bool has_room_for(Severity severity);
-  void say_that_it_is_crowded();
+  void report_overflow();
   void finish(std::string_view subject, std::string_view kind, std::string_view text);
-  void show();
+  void publish();
 
   std::function<std::int64_t()> utc_ns_;
-  std::mutex writing_;  ///< For what follows.
+  std::mutex writing_;  ///< Protects the fields below, up to the next mutex.
   std::deque<Shared> happened_;
   std::map<Key, Shared, Order> standing_;
   std::vector<Shared> unlogged_;
-  std::map<std::string, std::string, std::less<>> names_;  ///< Of subjects that were renamed.
+  std::map<std::string, std::string, std::less<>> names_;  ///< Of renamed subjects.
   std::uint64_t newest_{0};
-  std::array<std::uint64_t, 3> told_{};
-  bool has_changed_{false};  ///< Since the sheet was written.
+  std::array<std::uint64_t, 3> counts_{};
+  bool has_changed_{false};  ///< Since the last snapshot.
 
-  mutable std::mutex showing_;  ///< For the two below; held for a pointer's copy.
-  std::shared_ptr<const EventSheet> sheet_{std::make_shared<const EventSheet>()};
+  mutable std::mutex publishing_;  ///< Held while a pointer is copied.
+  std::shared_ptr<const EventSnapshot> snapshot_{std::make_shared<const EventSnapshot>()};
   std::atomic<std::uint64_t> revision_{0};
 };
 

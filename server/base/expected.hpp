@@ -1,17 +1,29 @@
 #pragma once
 
+#include <cstdio>
+#include <cstdlib>
 #include <string>
 #include <tl/expected.hpp>
 #include <utility>
 
+/// Ends the process when a contract inside our own code is broken. Active in all builds.
+#define FIDUCAP_ASSERT(condition)                                                          \
+  do {                                                                                     \
+    if (!(condition)) {                                                                    \
+      std::fprintf(stderr, "fiducap bug: %s does not hold, %s:%d\n", #condition, __FILE__, \
+                   __LINE__);                                                              \
+      std::abort();                                                                        \
+    }                                                                                      \
+  } while (false)
+
 namespace fiducap {
 
-/// What kind of failure: decides what a caller can do about it.
+/// Kind of failure; decides what a caller can do about it.
 enum class ErrorCode {
   kNotFound,     ///< File, device or name is not there.
   kInvalid,      ///< Content breaks a rule of its format.
   kTruncated,    ///< Content ends too early.
-  kUnsupported,  ///< Well formed, but not something we do.
+  kUnsupported,  ///< Well formed, but not supported.
   kUnavailable,  ///< Device, port or disk cannot be used right now.
   kClosed,       ///< The other side ended.
 };

@@ -5,6 +5,7 @@
 #include <sched.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cerrno>
@@ -18,7 +19,8 @@
 #include <thread>
 
 #include "base/log_lines.hpp"
-#include "base/this_thread.hpp"
+#include "base/process.hpp"
+#include "base/text.hpp"
 
 namespace fiducap::log {
 
@@ -26,26 +28,17 @@ namespace {
 
 constexpr std::size_t kKeptLines = 500;
 constexpr std::chrono::seconds kTidyPeriod{1};
-// What the process still says at its end, if the terminal takes it.
-constexpr std::chrono::milliseconds kLastWords{500};
+// For the last lines at the end of the process.
+constexpr std::chrono::milliseconds kFlushAtExit{500};
 
 std::atomic<Level> g_level{Level::kInfo};
 
-std::string_view color_of(Level level) {
-  switch (level) {
-    case Level::kDebug:
-      return "\x1b[36m";
-    case Level::kInfo:
-      return "\x1b[32m";
-    case Level::kWarning:
-      return "\x1b[33m\x1b[1m";
-    case Level::kError:
-      return "\x1b[31m\x1b[1m";
-  }
-  return "";
-}
+// In order of Level.
+constexpr std::array<std::string_view, 4> kNames{"debug", "info", "warning", "error"};
+constexpr std::array<std::string_view, 4> kColors{"\x1b[36m", "\x1b[32m", "\x1b[33m\x1b[1m",
+                                                  "\x1b[31m\x1b[1m"};
 
-/// `12:34:56.789 warning natnet    text`, into `out`, whose memory is used again.
+/// `12:34:56.789 warning natnet    text`, into `out`, whose capacity is reused.
 void compose(const Line& line, bool colored, std::string& out) {
   const std::time_t seconds = line.utc_ms / 1000;
   std::tm local{};
@@ -59,34 +52,33 @@ void compose(const Line& line, bool colored, std::string& out) {
     if (word.size() < width) out.append(width - word.size(), ' ');
   };
   out = time.data();
-  if (colored) out += color_of(line.level);
+  if (colored) out += kColors.at(static_cast<std::size_t>(line.level));
   padded(name_of(line.level), 7);
   if (colored) out += "\x1b[m";
   out += ' ';
-  padded(line.room, 9);
+  padded(line.module, 9);
   out += ' ';
   out += line.text;
   out += '\n';
 }
 
-/// Not through stdio: the end of a process waits for its locks.
+/// Without stdio, for whose locks the end of a process waits.
 void write_whole(std::string_view bytes) {
   while (!bytes.empty()) {
     const ssize_t n = ::write(STDERR_FILENO, bytes.data(), bytes.size());
     if (n < 0 && errno == EINTR) continue;
-    if (n < 0 && errno == EAGAIN) {  // somebody made the terminal non-blocking
+    if (n < 0 && errno == EAGAIN) {  // the terminal was made non-blocking
       pollfd terminal{STDERR_FILENO, POLLOUT, 0};
       ::poll(&terminal, 1, -1);
       continue;
     }
-    if (n <= 0) return;  // nobody is there any more
+    if (n <= 0) return;  // the terminal is gone
     bytes.remove_prefix(static_cast<std::size_t>(n));
   }
 }
 
-/// Takes lines from all threads; one of its own hands them to stderr, which may block for ever (a
-/// pager that is paused, a full pipe) without anybody else noticing. Never destroyed: that thread
-/// may be blocked when the process ends.
+/// Accepts lines from all threads. A separate thread writes them to stderr, which may block forever
+/// (a paused pager, a full pipe). Never destroyed: the thread may be blocked at the end.
 class Log {
  public:
   static Log& get() {
@@ -94,13 +86,14 @@ class Log {
     return *log;
   }
 
-  void write(Level level, std::string_view room, std::string_view text, std::string_view subject) {
+  void write(Level level, std::string_view module, std::string_view text,
+             std::string_view subject) {
     const auto now = std::chrono::steady_clock::now();
     const std::lock_guard lock(mutex_);
     start();
-    say_left_out(now);
-    if (limiter_.allow({std::string(room), std::string(subject)}, level, now))
-      keep(level, room, printable(text));
+    report_dropped(now);
+    if (limiter_.allow({std::string(module), std::string(subject)}, level, now))
+      keep(level, module, escape_controls(text));
     changed_.notify_one();
   }
 
@@ -111,20 +104,18 @@ class Log {
 
   std::vector<Line> lines_after(std::uint64_t number) {
     const std::lock_guard lock(mutex_);
-    std::vector<Line> newer;
-    for (const auto& line : kept_) {
-      if (line.number > number) newer.push_back(line);
-    }
-    return newer;
+    const auto first =
+        std::find_if(kept_.begin(), kept_.end(), [&](const Line& l) { return l.number > number; });
+    return {first, kept_.end()};
   }
 
  private:
   Log() : is_colored_(::isatty(STDERR_FILENO) == 1) {
     composed_.reserve(4096);
-    std::atexit([] { log::flush(kLastWords); });
+    std::atexit([] { log::flush(kFlushAtExit); });
   }
 
-  /// Tried again with the next line where the system has no thread to give.
+  /// Called with every line: the system may have no thread to give at first.
   void start() {
     if (has_thread_) return;
     try {
@@ -137,40 +128,40 @@ class Log {
     }
   }
 
-  void keep(Level level, std::string_view room, std::string text) {
+  void keep(Level level, std::string_view module, std::string text) {
     const auto now = std::chrono::system_clock::now().time_since_epoch();
     const Line line{next_number_++,
                     std::chrono::duration_cast<std::chrono::milliseconds>(now).count(), level,
-                    std::string(room), std::move(text)};
+                    std::string(module), std::move(text)};
     kept_.push_back(line);
     if (kept_.size() > kKeptLines) kept_.pop_front();
     waiting_.push(line);
   }
 
-  void say_left_out(LineLimiter::Time now) {
+  void report_dropped(LineLimiter::Time now) {
     for (const auto& [source, level, lines] : limiter_.ended(now))
-      keep(level, source.room,
-           (source.subject.empty() ? "" : printable(source.subject) + ": ") +
-               std::to_string(lines) + " more lines of this kind were left out");
+      keep(level, source.module,
+           (source.subject.empty() ? "" : escape_controls(source.subject) + ": ") +
+               std::to_string(lines) + " more lines of this kind were dropped");
   }
 
   [[nodiscard]] bool is_idle() const { return waiting_.empty() && !is_writing_; }
 
   void run() {
-    const sched_param normal{};  // whoever logs first may run in real time
+    const sched_param normal{};  // the creating thread may run in real time
     pthread_setschedparam(pthread_self(), SCHED_OTHER, &normal);
     std::unique_lock lock(mutex_);
     for (;;) {
       if (!changed_.wait_for(lock, kTidyPeriod, [&] { return !waiting_.empty(); }))
-        say_left_out(std::chrono::steady_clock::now());
+        report_dropped(std::chrono::steady_clock::now());
       while (!waiting_.empty()) {
         const Line line = waiting_.pop();
-        const std::uint64_t left_out = waiting_.take_left_out();
+        const std::uint64_t dropped = waiting_.take_dropped();
         is_writing_ = true;
         lock.unlock();
         try {
-          show(line, left_out);
-        } catch (...) {  // out of memory
+          show(line, dropped);
+        } catch (...) {  // no memory: the line is dropped
         }
         lock.lock();
         is_writing_ = false;
@@ -179,18 +170,18 @@ class Log {
     }
   }
 
-  void show(const Line& line, std::uint64_t left_out) {
+  void show(const Line& line, std::uint64_t dropped) {
     compose(line, is_colored_, composed_);
     write_whole(composed_);
-    if (left_out == 0) return;
+    if (dropped == 0) return;
     compose({0, line.utc_ms, Level::kWarning, "log",
-             "the terminal did not take " + std::to_string(left_out) + " more lines"},
+             "the terminal did not accept " + std::to_string(dropped) + " more lines"},
             is_colored_, composed_);
     write_whole(composed_);
   }
 
   const bool is_colored_;
-  std::string composed_;  ///< Of the terminal's thread.
+  std::string composed_;  ///< Used by the writing thread only.
   std::mutex mutex_;
   std::condition_variable changed_, idle_;
   bool has_thread_{false};
@@ -203,12 +194,12 @@ class Log {
 
 }  // namespace
 
-void write(Level level, std::string_view room, std::string_view text,
+void write(Level level, std::string_view module, std::string_view text,
            std::string_view subject) noexcept {
   if (level < g_level.load(std::memory_order_relaxed)) return;
   try {
-    Log::get().write(level, room, text, subject);
-  } catch (...) {  // out of memory: a line less, nothing else
+    Log::get().write(level, module, text, subject);
+  } catch (...) {  // no memory: the line is dropped
   }
 }
 
@@ -218,18 +209,6 @@ bool flush(std::chrono::milliseconds limit) { return Log::get().flush(limit); }
 
 std::vector<Line> lines_after(std::uint64_t number) { return Log::get().lines_after(number); }
 
-std::string_view name_of(Level level) {
-  switch (level) {
-    case Level::kDebug:
-      return "debug";
-    case Level::kInfo:
-      return "info";
-    case Level::kWarning:
-      return "warning";
-    case Level::kError:
-      return "error";
-  }
-  return "info";
-}
+std::string_view name_of(Level level) { return kNames.at(static_cast<std::size_t>(level)); }
 
 }  // namespace fiducap::log

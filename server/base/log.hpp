@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <exception>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -10,41 +11,69 @@ namespace fiducap::log {
 
 enum class Level { kDebug, kInfo, kWarning, kError };
 
-/// One line, as the page shows it.
+/// One line of the log, as the page shows it.
 struct Line {
   std::uint64_t number{};  ///< Counts up from 1 for the life of the process.
   std::int64_t utc_ms{};   ///< Wall clock, milliseconds since 1970.
   Level level{Level::kInfo};
-  std::string room{};  ///< Who says it: `capture`, `vrpn`, …
+  std::string module{};  ///< That writes it: `capture`, `vrpn`, …
   std::string text{};
 };
 
-/// Thread-safe, never waits for the terminal, never throws. Rare events only: never call it per
-/// sample or per frame. Control characters are escaped; what a room says too often (about one
-/// subject) or the terminal does not take is counted, and the count is said.
-void write(Level level, std::string_view room, std::string_view text,
+/// Writes a line to stderr and to the list for the page. Thread-safe, never waits for the terminal,
+/// never throws. For rare events only, not per sample or frame. Control characters are escaped.
+/// Lines that a module writes too often (about one subject), or that the terminal does not accept,
+/// are dropped; their count is logged.
+void write(Level level, std::string_view module, std::string_view text,
            std::string_view subject = {}) noexcept;
-inline void debug(std::string_view room, std::string_view text) {
-  write(Level::kDebug, room, text);
+inline void debug(std::string_view module, std::string_view text) {
+  write(Level::kDebug, module, text);
 }
-inline void info(std::string_view room, std::string_view text) { write(Level::kInfo, room, text); }
-inline void warning(std::string_view room, std::string_view text) {
-  write(Level::kWarning, room, text);
+inline void info(std::string_view module, std::string_view text) {
+  write(Level::kInfo, module, text);
 }
-inline void error(std::string_view room, std::string_view text) {
-  write(Level::kError, room, text);
+inline void warning(std::string_view module, std::string_view text) {
+  write(Level::kWarning, module, text);
+}
+inline void error(std::string_view module, std::string_view text) {
+  write(Level::kError, module, text);
 }
 
-/// Lines below this level go nowhere. Default: info.
+/// Drops lines below this level. Default: info.
 void set_level(Level level);
 
-/// Waits until the terminal has all lines, at most `limit`; the end of the process does so, too.
-/// @return false when it did not take them
+/// Waits until the terminal has all lines, at most `limit`. The end of the process does so, too.
+/// @return false when the limit was reached
 bool flush(std::chrono::milliseconds limit);
 
-/// The newest lines after `number`, oldest first, at most 500 are kept.
+/// The newest lines after `number`, oldest first; at most 500 are kept.
 [[nodiscard]] std::vector<Line> lines_after(std::uint64_t number);
 
 [[nodiscard]] std::string_view name_of(Level level);
+
+/// Runs `work`. An exception ends here: it is logged and costs no more than the session, datagram
+/// or round that `work` is.
+/// @param whose  called only after a failure, returns the subject of the log line, e.g. a peer;
+///               empty: nothing is logged
+/// @return false: `work` has thrown
+template <typename Whose, typename Work>
+bool guarded(std::string_view module, Whose&& whose, Work&& work) noexcept {
+  const auto report = [&](std::string_view what) noexcept {
+    try {
+      const std::string subject = whose();
+      if (!subject.empty()) error(module, subject + ": " + std::string(what));
+    } catch (...) {  // no memory for the line
+    }
+  };
+  try {
+    work();
+    return true;
+  } catch (const std::exception& failure) {
+    report(failure.what());
+  } catch (...) {
+    report("unknown failure");
+  }
+  return false;
+}
 
 }  // namespace fiducap::log

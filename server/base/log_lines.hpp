@@ -5,44 +5,55 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <iterator>
 #include <map>
 #include <string>
-#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "base/log.hpp"
 
-/// What keeps a log from hurting the process that writes it. No threads, no clock.
+/// Bounds of the log: lines per time, and lines that wait. No threads, no clock.
 namespace fiducap::log {
 
-/// Text from outside may not move the cursor or fake a second line: control characters and DEL
-/// become `\x1b`, everything else stays, so that UTF-8 does.
-[[nodiscard]] std::string printable(std::string_view text);
-
-/// Who says a line, and about whom.
+/// Module that writes a line, and its subject.
 struct LineSource {
-  std::string room;
+  std::string module;
   std::string subject{};
   auto operator<=>(const LineSource&) const = default;
 };
 
-/// One source may say `kMost` lines of one level in a window; the rest is counted and said once.
+/// Allows one source `kMost` lines of one level per window and counts the dropped ones.
 class LineLimiter final {
  public:
   static constexpr std::uint64_t kMost = 50;
   static constexpr std::chrono::seconds kWindow{10};
   using Time = std::chrono::steady_clock::time_point;
 
-  [[nodiscard]] bool allow(const LineSource& source, Level level, Time now);
+  [[nodiscard]] bool allow(const LineSource& source, Level level, Time now) {
+    Window& window = windows_.try_emplace({source, level}, Window{now, 0}).first->second;
+    // A window with dropped lines stays until `ended` reports it.
+    if (now - window.since >= kWindow && window.lines <= kMost) window = {now, 0};
+    return ++window.lines <= kMost;
+  }
 
-  struct LeftOut {
+  struct Dropped {
     LineSource source;
     Level level{};
     std::uint64_t lines{};
   };
-  /// Whose window has ended with lines left out; each is given once. Who is quiet is forgotten.
-  [[nodiscard]] std::vector<LeftOut> ended(Time now);
+  /// Sources whose window has ended with dropped lines, each once. Removes windows that have ended.
+  [[nodiscard]] std::vector<Dropped> ended(Time now) {
+    std::vector<Dropped> out;
+    for (auto one = windows_.begin(); one != windows_.end();) {
+      const auto& [key, window] = *one;
+      const bool is_over = now - window.since >= kWindow;
+      if (is_over && window.lines > kMost)
+        out.push_back({key.first, key.second, window.lines - kMost});
+      one = is_over ? windows_.erase(one) : std::next(one);
+    }
+    return out;
+  }
   [[nodiscard]] std::size_t remembered() const { return windows_.size(); }
 
  private:
@@ -50,26 +61,36 @@ class LineLimiter final {
     Time since{};
     std::uint64_t lines{};
   };
-  // Rooms are names in our own code, subjects are bodies and parts of the server: there are few.
+  // Bounded: modules are names in our own code, subjects are bodies and parts of the server.
   std::map<std::pair<LineSource, Level>, Window> windows_;
 };
 
-/// Lines on their way to a terminal that may not take them. When it is full the newest is left out:
-/// the first lines of a trouble tell its cause.
+/// Bounded queue of lines for the terminal. When it is full the newest line is dropped: the first
+/// lines of a failure show its cause.
 class LineQueue final {
  public:
   static constexpr std::size_t kMost = 1000;
 
-  void push(Line line);
-  /// The oldest. @pre !empty()
-  [[nodiscard]] Line pop();
+  void push(Line line) {
+    if (lines_.size() < kMost) {
+      lines_.push_back(std::move(line));
+    } else {
+      ++dropped_;
+    }
+  }
+  /// Removes the oldest. @pre !empty()
+  [[nodiscard]] Line pop() {
+    Line line = std::move(lines_.front());
+    lines_.pop_front();
+    return line;
+  }
   [[nodiscard]] bool empty() const { return lines_.empty(); }
-  /// How many were left out since the last call.
-  [[nodiscard]] std::uint64_t take_left_out() { return std::exchange(left_out_, 0); }
+  /// Number of lines dropped since the last call.
+  [[nodiscard]] std::uint64_t take_dropped() { return std::exchange(dropped_, 0); }
 
  private:
   std::deque<Line> lines_;
-  std::uint64_t left_out_{0};
+  std::uint64_t dropped_{0};
 };
 
 }  // namespace fiducap::log

@@ -2,14 +2,14 @@
 
 #include <chrono>
 #include <cstdint>
+#include <stop_token>
 
 namespace fiducap {
 
 /// A span of time, int64 nanoseconds. Never a double.
 using Duration = std::chrono::nanoseconds;
 
-/// The server's monotonic time line. Live sensors are stamped on it; recordings bring their own
-/// epoch.
+/// Monotonic time line of the server and its live sensors; a recording has its own epoch.
 struct ServerTimeline {
   using rep = std::int64_t;
   using period = std::nano;
@@ -32,5 +32,15 @@ using Instant = ServerTimeline::time_point;
 [[nodiscard]] constexpr Duration from_seconds(double s) {
   return Duration{static_cast<std::int64_t>(s * 1e9 + (s < 0 ? -0.5 : 0.5))};
 }
+
+/// The only source of the current time. The daemon has the real one; tests use a `FakeClock`.
+class Clock {
+ public:
+  virtual ~Clock() = default;
+  [[nodiscard]] virtual Instant now() const = 0;
+  /// Sleeps until `at`; returns at once when it has passed.
+  /// @return false when `stop` came first
+  [[nodiscard]] virtual bool wait_until(Instant at, std::stop_token stop) const = 0;
+};
 
 }  // namespace fiducap

@@ -22,17 +22,18 @@ struct CloseFile {
   void operator()(std::FILE* file) const { std::fclose(file); }
 };
 
-tl::unexpected<Error> disk_failure(const std::string& doing, int error, const std::string& path) {
+tl::unexpected<Error> disk_failure(const std::string& action, int error, const std::string& path) {
   return fail(
       ErrorCode::kUnavailable,
-      "cannot " + doing + ": " + std::strerror(error) + "; check free space and permissions", path);
+      "cannot " + action + ": " + std::strerror(error) + "; check free space and permissions",
+      path);
 }
 
-/// In a folder that others may write to, they cannot guess it.
-Expected<std::string> name_of_part(const std::string& path) {
+/// Random, so that others with access to the folder cannot guess it.
+Expected<std::string> temporary_name(const std::string& path) {
   std::uint64_t word{};
   if (::getrandom(&word, sizeof word, 0) != sizeof word)
-    return disk_failure("choose a name for a part", errno, path);
+    return disk_failure("choose a name for a temporary file", errno, path);
   return path + ".part" + std::to_string(word);
 }
 
@@ -44,7 +45,7 @@ Expected<void> write_whole_file(const std::string& path, std::string_view conten
   if (target.has_parent_path()) fs::create_directories(target.parent_path(), error);
   if (error) return disk_failure("make the folder", error.value(), target.parent_path().string());
 
-  const auto part = name_of_part(path);
+  const auto part = temporary_name(path);
   if (!part) return tl::unexpected(part.error());
   const int number =
       ::open(part->c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, mode);

@@ -10,14 +10,13 @@ namespace fiducap {
 
 inline constexpr std::size_t kMaxTextFileBytes = std::size_t{256} << 20;
 
-/// Writes `content` beside `path` and renames it over: a reader sees the old file or the whole new
-/// one, never a part. Folders on the way are made. What others may have put beside `path` is
-/// neither followed nor filled.
+/// Replaces a file atomically: writes `content` beside `path`, then renames. Makes missing folders.
+/// Neither follows links nor reuses files that others have put beside `path`.
 /// @param mode  of the file, less the umask
 [[nodiscard]] Expected<void> write_whole_file(const std::string& path, std::string_view content,
                                               unsigned mode = 0666);
 
-/// @return Error when the file is missing, unreadable or larger than `max_bytes`.
+/// @return Error when the file is missing, unreadable or larger than `max_bytes`
 [[nodiscard]] Expected<std::string> read_whole_file(const std::string& path,
                                                     std::size_t max_bytes = kMaxTextFileBytes);
 

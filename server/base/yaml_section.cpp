@@ -2,22 +2,22 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 
 #include <Eigen/LU>
 
-#include "base/closest_word.hpp"
-#include "base/yaml_text.hpp"
+#include "base/text.hpp"
+#include "base/whole_file.hpp"
+#include "base/yaml.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr std::uintmax_t kMaxCalibrationFile_bytes = 16 << 20;
-// Written with few digits a rotation is a little off; more than this is a different matrix.
+constexpr std::size_t kMaxCalibrationFile_bytes = 16 << 20;
+// For rotations that are written with few digits.
 constexpr double kRotationTolerance = 1e-2;
 constexpr std::size_t kLongestValue = 80;
 
-/// A value as it stands in a message: one line, not endless.
+/// A value for a message: one short line.
 std::string shown(const YAML::Node& node) {
   if (node.IsMap() && node.size() > 0) return "{…}";
   if (node.IsSequence() && node.size() > 6) return "[…]";
@@ -28,26 +28,7 @@ std::string shown(const YAML::Node& node) {
   return text.size() <= kLongestValue ? text : text.substr(0, kLongestValue) + "…";
 }
 
-}  // namespace
-
-Expected<std::string> read_calibration_text(const std::filesystem::path& path) {
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(path, error)) {
-    return fail(ErrorCode::kNotFound, "no such file", path.string());
-  }
-  const std::uintmax_t size = std::filesystem::file_size(path, error);
-  if (error || size > kMaxCalibrationFile_bytes) {
-    return fail(ErrorCode::kInvalid, "is larger than a calibration file can be (16 MiB)",
-                path.string());
-  }
-  std::ifstream file(path, std::ios::binary);
-  std::string text(static_cast<std::size_t>(size), '\0');
-  if (!file.read(text.data(), static_cast<std::streamsize>(size))) {
-    return fail(ErrorCode::kUnavailable, "cannot be read", path.string());
-  }
-  return text;
-}
-
+/// The pose of a row-major 4 x 4 matrix; Error when the matrix is not rigid.
 Expected<Pose> pose_of_matrix(const std::vector<double>& m) {
   if (m.size() != 16) {
     return fail(ErrorCode::kInvalid,
@@ -64,6 +45,8 @@ Expected<Pose> pose_of_matrix(const std::vector<double>& m) {
   }
   return Pose{Eigen::Quaterniond(R).normalized(), X.topRightCorner<3, 1>()};
 }
+
+}  // namespace
 
 bool YamlReading::is_overridden(const std::string& path) const {
   return std::any_of(overridden.begin(), overridden.end(), [&](const std::string& set) {
@@ -92,7 +75,7 @@ YamlSection::YamlSection(const YAML::Node& node, std::string path,
 }
 
 Expected<YamlSection> YamlSection::load(const std::filesystem::path& path) {
-  Expected<std::string> text = read_calibration_text(path);
+  Expected<std::string> text = read_whole_file(path.string(), kMaxCalibrationFile_bytes);
   if (!text) return tl::unexpected(text.error());
   if (text->starts_with("%YAML")) text->erase(0, text->find('\n'));
   // YAML forbids the tabs with which some programs indent their JSON.
@@ -200,34 +183,34 @@ std::optional<Pose> YamlSection::pose(const std::string& key) const {
   if (!has(key)) return std::nullopt;
   const Expected<Pose> X = pose_of_matrix(numbers(key));
   if (X) return *X;
-  complain(key, X.error().what);
+  add_fault(key, X.error().what);
   return std::nullopt;
 }
 
 double YamlSection::required_number(const std::string& key) const {
-  if (!has(key)) complain(key, "is missing");
+  if (!has(key)) add_fault(key, "is missing");
   return number(key).value_or(0);
 }
 
 int YamlSection::required_integer(const std::string& key) const {
-  if (!has(key)) complain(key, "is missing");
+  if (!has(key)) add_fault(key, "is missing");
   return integer(key).value_or(0);
 }
 
 std::vector<double> YamlSection::required_numbers(const std::string& key, std::size_t count) const {
   std::vector<double> values = numbers(key);
   if (!has(key)) {
-    complain(key, "is missing");
+    add_fault(key, "is missing");
   } else if (values.size() != count) {
-    complain(key,
-             "needs " + std::to_string(count) + " numbers, has " + std::to_string(values.size()));
+    add_fault(key,
+              "needs " + std::to_string(count) + " numbers, has " + std::to_string(values.size()));
   }
   values.resize(count);
   return values;
 }
 
 Pose YamlSection::required_pose(const std::string& key) const {
-  if (!has(key)) complain(key, "is missing");
+  if (!has(key)) add_fault(key, "is missing");
   return pose(key).value_or(Pose{});
 }
 
@@ -238,7 +221,7 @@ void YamlSection::report(const std::string& key, const YAML::Node& node,
   reading_->faults.push_back({{path, shown(node), *broken}, reading_->where(path)});
 }
 
-void YamlSection::complain(const std::string& key, const std::string& rule) const {
+void YamlSection::add_fault(const std::string& key, const std::string& rule) const {
   const std::string path = path_of(key);
   reading_->faults.push_back({{path, "", rule}, reading_->where(path)});
 }

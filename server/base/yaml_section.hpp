@@ -14,45 +14,44 @@
 #include "base/config_check.hpp"
 #include "base/expected.hpp"
 #include "base/pose.hpp"
-#include "base/yaml_values.hpp"
+#include "base/yaml.hpp"
 
 namespace fiducap {
 
-/// What all sections of one file share: where things were written, and what is wrong with them.
+/// Shared by all sections of one file: where values were written, and the faults so far.
 struct YamlReading {
-  std::string file;                             ///< As the user wrote it; stands in messages.
+  std::string file;                             ///< As the user wrote it; used in messages.
   std::string folder{};                         ///< Base of relative paths in the file.
-  std::set<std::string> overridden{};           ///< Paths that were not given by the file.
-  std::map<std::string, std::string> places{};  ///< Path → `file:line` of everything given.
+  std::set<std::string> overridden{};           ///< Paths that `--set` has replaced.
+  std::map<std::string, std::string> places{};  ///< Path → `file:line` of all values.
   std::vector<ConfigFault> faults{};
 
   [[nodiscard]] bool is_overridden(const std::string& path) const;
-  /// Where `path` was written, or the nearest section around it.
+  /// Place of `path`, or of the nearest section around it.
   [[nodiscard]] std::string where(const std::string& path) const;
 };
 
-/// One map of a YAML file: a configuration or a calibration. Nothing throws: what is broken or
-/// missing is collected, with path, value and rule, so that a user sees all of it at once.
+/// One map of a YAML file: a configuration or a calibration. Does not throw: collects all faults
+/// with path, value and rule, so that a user sees them at once.
 class YamlSection final {
  public:
-  /// A calibration file. Accepts OpenCV's `%YAML:1.0` first line, and JSON, which is a kind of
-  /// YAML.
+  /// A calibration file of at most 16 MiB. Accepts JSON and OpenCV's first line `%YAML:1.0`.
   [[nodiscard]] static Expected<YamlSection> load(const std::filesystem::path& path);
   /// @param path  of the section, e.g. `bodies.0`; empty: the whole file
   YamlSection(const YAML::Node& node, std::string path, std::shared_ptr<YamlReading> reading);
 
   [[nodiscard]] bool has(const std::string& key) const;
   [[nodiscard]] bool is_map(const std::string& key) const;
-  /// What stands at `key`; undefined when nothing does. From now on a known key.
+  /// The node at `key`, or an undefined one. The key is known from now on.
   [[nodiscard]] YAML::Node take(const std::string& key) const;
   [[nodiscard]] std::string path_of(const std::string& key) const;
-  /// `node`, which was found at `key` or below it, as a section; not a map: a fault.
+  /// `node`, found at or below `key`, as a section; a fault when it is not a map.
   [[nodiscard]] YamlSection below(const YAML::Node& node, const std::string& key) const {
     return {node, path_of(key), reading_};
   }
   [[nodiscard]] YamlReading& reading() const { return *reading_; }
 
-  /// Absent: `out` stays. Not what it must be: a fault, and `out` stays.
+  /// Absent: `out` stays. Invalid: a fault, and `out` stays.
   template <typename T>
   void read(const std::string& key, T& out) const {
     const YAML::Node node = take(key);
@@ -79,7 +78,7 @@ class YamlSection final {
   [[nodiscard]] Pose required_pose(const std::string& key) const;
 
   void report(const std::string& key, const YAML::Node& node, const Broken& broken) const;
-  void complain(const std::string& key, const std::string& rule) const;
+  void add_fault(const std::string& key, const std::string& rule) const;
   /// Keys that were not read, and keys given twice, are faults.
   void refuse_unknown_keys() const;
   /// Error with all faults of the file so far, this section's parents and children included.
@@ -97,11 +96,5 @@ class YamlSection final {
   std::shared_ptr<YamlReading> reading_;
   mutable std::vector<std::string> known_;
 };
-
-/// A rigid pose of a row-major 4 × 4 matrix. Error says in what way it is not rigid.
-[[nodiscard]] Expected<Pose> pose_of_matrix(const std::vector<double>& row_major);
-
-/// Reads a text file of at most `kMaxCalibrationFile_bytes`.
-[[nodiscard]] Expected<std::string> read_calibration_text(const std::filesystem::path& path);
 
 }  // namespace fiducap

@@ -1,13 +1,12 @@
 #include "capture/camera_device.hpp"
 
+#include <algorithm>
+#include <charconv>
 #include <utility>
 
-#include "capture/control_wish.hpp"
+#include "capture/v4l2/device.hpp"
 #include "capture/v4l2/pixel_format.hpp"
-#include "capture/v4l2/v4l2_camera.hpp"
-#include "capture/video/live_video.hpp"
-#include "capture/video/opencv_video.hpp"
-#include "capture/video/video_file.hpp"
+#include "capture/video/video_source.hpp"
 
 namespace fiducap {
 namespace {
@@ -29,12 +28,12 @@ Kind kind_of(const std::string& open) {
   return Kind::kFile;
 }
 
-/// What GStreamer is to do for `libcamera:NAME`. Of images that wait only the newest is of use.
+/// GStreamer pipeline of `libcamera:NAME`; drops all but the newest image.
 std::string libcamera_pipeline(const CameraDeviceConfig& config, const CameraModel& camera) {
   const std::string name = config.open.substr(kLibcameraPrefix.size());
-  const bool asks = config.width > 0;
-  const int width = asks ? config.width : camera.width;
-  const int height = asks ? config.height : camera.height;
+  const bool is_configured = config.width > 0;
+  const int width = is_configured ? config.width : camera.width;
+  const int height = is_configured ? config.height : camera.height;
   std::string caps = "video/x-raw,format=NV12";
   if (width > 0) caps += ",width=" + std::to_string(width) + ",height=" + std::to_string(height);
   if (config.rate_hz > 0)
@@ -59,13 +58,14 @@ std::string all_format_names() {
   return all;
 }
 
-using WishKind = ControlWish::Kind;
+using SettingKind = ControlSetting::Kind;
 
-void require_wish(Checker& checker, const char* key, const std::string& text,
-                  std::initializer_list<WishKind> allowed, const char* rule) {
-  const auto wish = control_wish(text);
-  bool holds = wish && wish->kind == WishKind::kAsIs;
-  for (const WishKind kind : allowed) holds = holds || (wish && wish->kind == kind);
+void require_setting(Checker& checker, const char* key, const std::string& text,
+                     std::initializer_list<SettingKind> allowed, const char* rule) {
+  const auto setting = parse_control_setting(text);
+  const bool holds =
+      setting && (setting->kind == SettingKind::kAsIs ||
+                  std::find(allowed.begin(), allowed.end(), setting->kind) != allowed.end());
   checker.require(holds, key, text, rule);
 }
 
@@ -75,7 +75,7 @@ bool is_file(const CameraDeviceConfig& config) { return kind_of(config.open) == 
 
 std::vector<ConfigError> CameraDeviceConfig::check(const std::string& prefix) const {
   Checker checker{prefix};
-  checker.require(!open.empty(), "open", open, "must name a device, a file or a pipeline")
+  checker.require(!open.empty(), "open", open, "must be a device, a file or a pipeline")
       .within("width", width, 0, 65535)
       .within("height", height, 0, 65535)
       .require((width == 0) == (height == 0), "height", height, "must be given together with width")
@@ -87,13 +87,14 @@ std::vector<ConfigError> CameraDeviceConfig::check(const std::string& prefix) co
       .require(power_line == "as_is" || power_line == "off" || power_line == "auto" ||
                    power_line == "50" || power_line == "60",
                "power_line", power_line, "must be as_is, off, auto, 50 or 60");
-  const auto automatic = {WishKind::kAuto, WishKind::kNumber};
-  require_wish(checker, "gain", gain, automatic, "must be as_is, auto or a whole number");
-  require_wish(checker, "white_balance", white_balance, automatic,
-               "must be as_is, auto or a whole number (kelvin)");
-  require_wish(checker, "focus", focus, automatic, "must be as_is, auto or a whole number");
-  require_wish(checker, "trigger", trigger, {WishKind::kOff, WishKind::kOn, WishKind::kNumber},
-               "must be as_is, off, on or a whole number");
+  const auto automatic = {SettingKind::kAuto, SettingKind::kNumber};
+  require_setting(checker, "gain", gain, automatic, "must be as_is, auto or a whole number");
+  require_setting(checker, "white_balance", white_balance, automatic,
+                  "must be as_is, auto or a whole number (kelvin)");
+  require_setting(checker, "focus", focus, automatic, "must be as_is, auto or a whole number");
+  require_setting(checker, "trigger", trigger,
+                  {SettingKind::kOff, SettingKind::kOn, SettingKind::kNumber},
+                  "must be as_is, off, on or a whole number");
   return checker.errors;
 }
 
@@ -109,10 +110,20 @@ Expected<std::unique_ptr<SensorSource>> open_camera_device(const CameraDeviceCon
                                                                : video::VideoKind::kPipeline;
   auto opened = video::open_video(video_kind, config.open, what, camera);
   if (!opened) return tl::unexpected(opened.error());
-  if (kind != Kind::kFile)
-    return std::make_unique<video::LiveVideo>(std::move(opened->stream), config, clock);
+  if (kind != Kind::kFile) return video::make_live_source(std::move(opened->stream), config, clock);
   return std::make_unique<video::VideoFile>(std::move(opened->stream), opened->rate_hz, config,
                                             clock);
+}
+
+Expected<void> fits_calibration(PixelSize size, const CameraModel& camera,
+                                const std::string& name) {
+  const PixelSize calibrated{camera.width, camera.height};
+  if (camera.width == 0 || size == calibrated) return {};
+  return fail(ErrorCode::kInvalid,
+              "gives images of " + size_text(size) + ", the calibration is for " +
+                  size_text(calibrated) +
+                  ": use the calibration of this mode, or request the calibrated size",
+              name);
 }
 
 std::vector<ConfigError> check_source(const CameraDeviceConfig& config,
@@ -124,8 +135,21 @@ std::vector<ConfigError> check_source(const CameraDeviceConfig& config,
                std::to_string(around.cameras.size()) + " entries",
                "a camera source has exactly one camera")
       .require(!around.has_imu || around.has_imu_source, "imu", "{…}",
-               "a camera has no IMU: say in `imu_source` where its readings come from");
+               "a camera has no IMU: configure its source in `imu_source`");
   return rules.errors;
+}
+
+std::optional<ControlSetting> parse_control_setting(std::string_view text) {
+  using Kind = ControlSetting::Kind;
+  if (text == "as_is") return ControlSetting{Kind::kAsIs};
+  if (text == "auto") return ControlSetting{Kind::kAuto};
+  if (text == "off") return ControlSetting{Kind::kOff};
+  if (text == "on") return ControlSetting{Kind::kOn};
+  ControlSetting setting{Kind::kNumber};
+  const char* end = text.data() + text.size();
+  const auto read = std::from_chars(text.data(), end, setting.number);
+  if (read.ec != std::errc() || read.ptr != end) return std::nullopt;
+  return setting;
 }
 
 }  // namespace fiducap

@@ -1,24 +1,26 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "base/clock.hpp"
 #include "base/config_check.hpp"
 #include "base/expected.hpp"
+#include "base/time.hpp"
 #include "capture/lens/camera_model.hpp"
 #include "capture/sensor_source.hpp"
-#include "capture/source_surroundings.hpp"
 
 namespace fiducap {
 
-/// Who decides how long a V4L2 device exposes.
+/// How the exposure time of a V4L2 device is chosen.
 enum class ExposureMode {
-  kManual,  ///< We do: `exposure_s`. 0: it is left as it is.
-  kAuto,    ///< The device does, and keeps its rate in the dark.
-  kAsIs,    ///< Whoever set it before; it is not touched.
+  kManual,  ///< `exposure_s`; 0: not changed.
+  kAuto,    ///< By the device, which keeps its rate in the dark.
+  kAsIs,    ///< Not changed.
 };
 
 namespace words {
@@ -27,26 +29,26 @@ inline constexpr std::array<Word<ExposureMode>, 3> kExposureMode{{{"manual", Exp
                                                                   {"as_is", ExposureMode::kAsIs}}};
 }  // namespace words
 
-/// A camera by itself: a V4L2 device, a GStreamer pipeline, libcamera, RTSP or a video file. No
-/// IMU.
+/// A single camera without IMU: a V4L2 device, a GStreamer pipeline, libcamera, RTSP or a video
+/// file.
 ///
-/// The settings from `format` to `power_line` are those of V4L2 devices: set, read back, and what
-/// the device made of them is said. Each is `as_is` (not touched) or what stands beside it.
+/// The settings from `format` to `power_line` are those of V4L2 devices: they are set and read
+/// back, and the result is logged. `as_is` leaves a setting unchanged.
 struct CameraDeviceConfig {
   /// `/dev/video0`, `0` or `/dev/v4l/by-id/…`; `libcamera:` or `libcamera:NAME`; `rtsp://…`; a
   /// GStreamer pipeline ending in appsink; or a video file.
   std::string open;
-  int width{
-      0};  ///< Asked of a device; 0: as calibrated, or as it comes. Must match the calibration.
+  /// Requested of a device; 0: as calibrated, or as it is. Must match the calibration.
+  int width{0};
   int height{0};
-  double rate_hz{0};       ///< Asked of a device (0: the highest), or overrides the rate of a file.
-  double exposure_s{0.0};  ///< Set on a V4L2 device (`exposure`), else what it is known to be.
-  double latency_s{0.0};   ///< End of exposure → stamp. Without a kernel's stamp: → arrival.
+  double rate_hz{0};  ///< Requested of a device (0: the highest); overrides the rate of a file.
+  double exposure_s{0.0};  ///< Set on a V4L2 device (`exposure`), else the known value.
+  double latency_s{0.0};   ///< From the end of exposure to the stamp, or to arrival without one.
   bool paced{true};        ///< File: deliver at its own rate (false: as fast as it is read).
   bool loop{false};        ///< File: start again at the end.
   Duration time_shift{0};  ///< Added to the stamp (CameraMount::time_shift).
 
-  std::string format{"auto"};  ///< GREY, MJPEG, YUYV, Y10, …; `auto`: the quickest, as measured.
+  std::string format{"auto"};  ///< GREY, MJPEG, YUYV, Y10, …; `auto`: the fastest measured.
   ExposureMode exposure{ExposureMode::kManual};
   std::string gain{"as_is"};           ///< `auto`, or a number of the device.
   std::string white_balance{"as_is"};  ///< `auto`, or kelvin.
@@ -76,19 +78,49 @@ void describe(V& v, CameraDeviceConfig& c) {
   v.value("loop", c.loop);
 }
 
-/// Rules about the rest of the body.
+/// @return broken rules of the source and of the body around it
 [[nodiscard]] std::vector<ConfigError> check_source(const CameraDeviceConfig& config,
                                                     const SourceSurroundings& around,
                                                     const std::string& body_prefix);
 
-/// A video file: it ends, and does not come back.
+/// A video file: it ends, and is not reopened.
 [[nodiscard]] bool is_file(const CameraDeviceConfig& config);
 
-/// A file ends with nullopt, everything else that gives nothing more with an Error. A V4L2 device
-/// sees a stop within a tenth of a second, the others between two images.
-/// @param camera  width 0: not calibrated yet, any size will do
-/// @return Error naming device, wanted and given size when it cannot be opened.
+/// At its end a file gives nullopt, all others an Error. A V4L2 device reacts to a stop within 0.1
+/// s, the others between two images.
+/// @param camera  width 0: not calibrated yet, any size
+/// @return Error with device, wanted and given size when it cannot be opened.
 [[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_camera_device(
     const CameraDeviceConfig& config, const CameraModel& camera, const Clock& clock);
+
+/// @param camera  width 0: not calibrated, any size   @param name  for messages
+[[nodiscard]] Expected<void> fits_calibration(PixelSize size, const CameraModel& camera,
+                                              const std::string& name);
+
+namespace v4l2 {
+class Port;
+
+/// The same for a V4L2 device behind `port`: configured, in its fastest mode, stamped by the
+/// kernel; logs once what it is and which settings were not accepted.
+///
+/// Ends with an Error when images stop. Copies the gray pixels (a JPEG is decoded) and allocates
+/// nothing after the first images, except in libjpeg.
+/// @param device  for messages
+[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_v4l2_camera(
+    std::unique_ptr<Port> port, const std::string& device, const CameraDeviceConfig& config,
+    const CameraModel& camera, const Clock& clock);
+}  // namespace v4l2
+
+/// The configured value of a control of a camera.
+struct ControlSetting {
+  enum class Kind { kAsIs, kAuto, kOff, kOn, kNumber };
+  Kind kind{Kind::kAsIs};  ///< kAsIs: not changed.
+  std::int32_t number{};
+
+  bool operator==(const ControlSetting&) const = default;
+};
+
+/// `as_is`, `auto`, `off`, `on` or a whole number; nullopt: none of them.
+[[nodiscard]] std::optional<ControlSetting> parse_control_setting(std::string_view text);
 
 }  // namespace fiducap

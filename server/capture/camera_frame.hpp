@@ -12,64 +12,60 @@
 
 namespace fiducap {
 
+constexpr int kMostCameras = 16;  ///< Of one body.
+
 /// One image of one camera of a body.
 struct CameraFrame {
   int camera{};          ///< Index among the body's cameras.
   Instant exposed_at{};  ///< Middle of the exposure, camera–IMU time shift already applied.
   std::shared_ptr<const GrayImage> image;
-  /// So much of `exposed_at` is what the body's filter learned about the clock
+  /// Part of `exposed_at`: the clock offset that the body's filter estimates
   /// (SampleMerger::set_clock_shift).
   Duration clock_shift{0};
-  /// Images since the one before this that were taken and did not come, or came damaged; as far as
-  /// the source can tell.
+  /// Images lost or damaged since the one before this, as far as the source knows.
   std::uint32_t lost_before{0};
 };
 
-/// How one side of a tag showed.
+/// Sharpness of one side of a tag.
 struct TagSide {
-  /// As TagSighting's. 0 when it was smeared and could not be fitted, or, of all four, when the
-  /// source does not say.
+  /// As TagSighting's. 0: blurred and not fitted; of all four: not known.
   double sharpness{};
-  double clipped{};  ///< Share of white beside it (or beyond, if narrow) at the sensor's end.
+  double clipped{};  ///< Share of white beside it (or beyond, if narrow) that is saturated.
 };
 
-/// One tag found in one image, before the lens is taken out.
+/// One tag found in one image, distorted.
 struct TagSighting {
   int tag_id{};
   int hamming{};             ///< Corrected bits.
-  double decision_margin{};  ///< Contrast of the decoded bits, 0..255; higher is safer. 0 when the
-                             ///< source has none.
+  double decision_margin{};  ///< Contrast of the decoded bits, 0..255; higher is safer. 0: none.
   /// Raw (distorted) pixels, (0, 0) = *centre* of the upper-left pixel.
   /// Bottom-left, bottom-right, top-right, top-left of the printed tag.
   std::array<Eigen::Vector2d, 4> corners_px{};
-  /// How much of the step from black to white at the blurriest side falls within two pixels: 1 is
-  /// sharp, 0 when the source does not say.
+  /// Share of the step from black to white, at the blurriest side, that falls within two pixels: 1
+  /// is sharp, 0: not known.
   double sharpness{};
   std::array<TagSide, 4> sides{};  ///< From each corner to the next.
 };
 
-/// One followed image point in one image, before the lens is taken out. What it shows is
-/// unknown.
+/// One tracked image point in one image, distorted.
 struct PointSighting {
-  std::uint32_t track{};  ///< The same in every image that shows the point; never used again.
-  int age{};              ///< Reports of this track before this one.
+  std::uint32_t track{};                        ///< Id of the point in all images; never reused.
+  int age{};                                    ///< Reports of this track before this one.
   Eigen::Vector2d px{Eigen::Vector2d::Zero()};  ///< Raw (distorted) pixel.
 };
 
-/// The tags of one image: what a detector makes of a CameraFrame, or what a recording or a robot
-/// with a detector of its own delivers instead of images. `tags` may be empty: the image was there,
-/// no tag was.
+/// The tags of one image, from our detector or from a recording or robot that detects tags itself.
+/// `tags` may be empty: an image without tags.
 struct CornerFrame {
   int camera{};
   Instant exposed_at{};
   std::vector<TagSighting> tags;
-  /// The corners are where straight lines fitted to the tag's sides meet (libapriltag). A lens
-  /// bends the sides, so such corners are off in a way that the lens model tells; `observe` takes
-  /// it out.
+  /// Corners are intersections of straight lines fitted to the tag's sides (libapriltag). The lens
+  /// bends the sides, so such corners are biased; `observe` corrects that by the lens model.
   bool fitted_straight_sides{false};
-  double pixel_noise{};  ///< 1-sigma of the image's pixels, of 255; 0 when the source does not say.
+  double pixel_noise{};     ///< 1-sigma of the image's pixels, of 255; 0: not known.
   Duration clock_shift{0};  ///< As in CameraFrame.
-  /// Sorted by track; empty when points are not followed, and in images between their reports.
+  /// Sorted by track; empty when points are not tracked, and in images between their reports.
   std::vector<PointSighting> points{};
 };
 

@@ -2,62 +2,165 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 
 #include "base/text.hpp"
 
 namespace fiducap {
 namespace {
 
-// A tag needs a difference between white and black that noise does not reach.
+using Histogram = std::array<std::uint32_t, 256>;
+
+constexpr int kPixelStep = 8;  // of both axes, for the histogram and hashes
+constexpr int kEdgeRows = 12;  // between rows searched for edges
+constexpr int kEdgeColumns = 4;
+constexpr int kReach = 8;   // pixels, over which a clear edge …
+constexpr int kClear = 60;  // … rises by this much: more than noise
+constexpr int kWithin = 2;
+
+const std::uint8_t* row_of(const GrayImage& image, int v) {
+  return image.pixels.data() + static_cast<std::size_t>(v) * static_cast<std::size_t>(image.width);
+}
+
+int quantile_of(const Histogram& histogram, double share) {
+  std::uint64_t all = 0;
+  for (const std::uint32_t count : histogram) all += count;
+  double left = share * static_cast<double>(all);
+  for (std::size_t value = 0; value < histogram.size(); ++value) {
+    left -= histogram[value];
+    if (left <= 0 && histogram[value] > 0) return static_cast<int>(value);
+  }
+  return 255;
+}
+
+/// Histogram; hash and contrast of each band go to `out`.
+Histogram scan_pixels(const GrayImage& image, ImageTraits& out) {
+  Histogram histogram{};
+  std::array<int, ImageTraits::kBands> least{}, most{};
+  least.fill(255);
+  for (int v = 0; v < image.height; v += kPixelStep) {
+    const auto band =
+        static_cast<std::size_t>(v) * ImageTraits::kBands / static_cast<std::size_t>(image.height);
+    const std::uint8_t* row = row_of(image, v);
+    std::uint64_t hash = out.bands[band];
+    for (int u = 0; u < image.width; u += kPixelStep) {
+      ++histogram[row[u]];
+      hash = (hash ^ row[u]) * 0x100000001b3;  // FNV-1a
+      least[band] = std::min<int>(least[band], row[u]);
+      most[band] = std::max<int>(most[band], row[u]);
+    }
+    out.bands[band] = hash;
+  }
+  constexpr int kHardly = 8;
+  for (std::size_t band = 0; band < ImageTraits::kBands; ++band)
+    out.is_plain[band] = most[band] - least[band] < kHardly;
+  return histogram;
+}
+
+/// Histogram of the largest two-pixel step of each edge, in hundredths of the edge's rise.
+class EdgeSteps final {
+ public:
+  /// @param stride  between two pixels across the edge
+  void add(const std::uint8_t* pixel, std::ptrdiff_t stride) {
+    const int rise = pixel[kReach * stride] - pixel[0];
+    if (std::abs(rise) < kClear) return;
+    int largest = 0;
+    for (int i = 0; i + kWithin <= kReach; ++i) {
+      const int step = pixel[(i + kWithin) * stride] - pixel[i * stride];
+      largest = std::max(largest, rise > 0 ? step : -step);
+    }
+    const int hundredths = std::clamp(100 * largest / std::abs(rise), 0, 100);
+    ++steps_[static_cast<std::size_t>(hundredths)];
+    ++edges_;
+  }
+  /// The sharper ones count: some edges are always out of focus.
+  [[nodiscard]] double sharpness() const {
+    constexpr std::uint32_t kLeast = 40;
+    if (edges_ < kLeast) return 0;
+    std::uint32_t left = edges_ / 5;
+    for (std::size_t i = steps_.size(); i-- > 0;) {
+      if (steps_[i] >= left) return static_cast<double>(i) / 100;
+      left -= steps_[i];
+    }
+    return 0;
+  }
+
+ private:
+  std::array<std::uint32_t, 101> steps_{};
+  std::uint32_t edges_{0};
+};
+
+void scan_edges(const GrayImage& image, ImageTraits& out) {
+  EdgeSteps across, down;
+  for (int v = 0; v + kReach < image.height; v += kEdgeRows) {
+    const std::uint8_t* row = row_of(image, v);
+    for (int u = 0; u + kReach < image.width; u += kEdgeColumns) across.add(row + u, 1);
+    for (int u = 0; u < image.width; u += kEdgeColumns) down.add(row + u, image.width);
+  }
+  out.across = across.sharpness();
+  out.down = down.sharpness();
+}
+
+/// Share of the pixels of a row.
+double share_of_value(const GrayImage& image, int v, std::uint8_t value) {
+  const std::uint8_t* row = row_of(image, v);
+  return static_cast<double>(std::count(row, row + image.width, value)) / image.width;
+}
+
+/// Rows of a single value at one end. @param step  1: at the upper end, -1: at the lower
+int rows_of_one_value(const GrayImage& image, int step) {
+  int v = step > 0 ? 0 : image.height - 1;
+  const std::uint8_t value = *row_of(image, v);
+  int rows = 0;
+  while (rows < image.height && share_of_value(image, v, value) == 1) {
+    ++rows;
+    v += step;
+  }
+  if (rows == 0 || rows == image.height) return 0;
+  // A dark or white part of the scene ends raggedly; memory that was never filled ends in one row.
+  // The missing part of a JPEG is gray, and ends within a block of 16 rows.
+  const bool is_at_end = value <= 2 || value >= 253;
+  const double ragged = is_at_end ? 0.2 : 0.5;
+  const int beyond = v + step * (is_at_end ? 1 : 16);
+  if (beyond < 0 || beyond >= image.height) return 0;
+  return share_of_value(image, beyond, value) < ragged ? rows : 0;
+}
+
+// The contrast of a tag must exceed noise.
 constexpr int kTooDark = 30;
 constexpr double kTooWhite = 0.5;
 constexpr double kMissingPart = 0.08;
-// Of a step seen over eight pixels, within two: a blur of 2.5 px (1-sigma) or a smear of 8 px.
-constexpr double kSmeared = 0.5;
+// Share of a step within two of eight pixels: a blur of 2.5 px (1-sigma) or a smear of 8 px.
+constexpr double kBlurred = 0.5;
 constexpr double kRateTolerance = 0.25;
 
-using Limits = LastingShare::Limits;
-
-/// In the order of ImageFault. How much of the time begins it, ends it, and over which time.
-constexpr std::array<Limits, kImageFaults> kLimits{{
-    {0.9, 0.5, 1.0},     // dark
-    {0.9, 0.5, 1.0},     // overexposed
-    {0.95, 0.3, 0.3},    // frozen
-    {0.15, 0.05, 3.0},   // duplicated
-    {0.03, 0.005, 5.0},  // half
-    {0.5, 0.1, 0.1},     // size
-    {0.9, 0.3, 2.0},     // rate
-    {0.05, 0.01, 5.0},   // lost
-    {0.9, 0.6, 3.0},     // unfocused
-    {0.35, 0.15, 5.0},   // motion blur
-}};
-
-struct Words {
-  std::string_view name;
-  std::string_view over;
-  std::string_view remedy;
+struct FaultRule {
+  double begins, ends;  ///< Share of time.
+  double memory_s;
+  std::string_view name, over, remedy;
 };
 
-constexpr std::array<Words, kImageFaults> kWords{{
-    {"image_dark", "its images are bright enough again",
+/// In the order of ImageFault.
+constexpr std::array<FaultRule, kImageFaults> kRules{{
+    {0.9, 0.5, 1.0, "image_dark", "its images are bright enough again",
      "More light, or a longer exposure or more gain (exposure_s, gain)"},
-    {"image_overexposed", "its images are no longer white", "A shorter exposure or less gain"},
-    {"image_frozen", "its images change again",
-     "Unplug it and plug it in again; if it comes back, change cable, hub or camera"},
-    {"image_duplicated", "its images are no longer repeated",
-     "Ask for a rate that it can do (rate_hz), or for a shorter exposure"},
-    {"image_half", "its images are whole again",
-     "Change the cable or the USB port, use no hub, or ask for a smaller size or rate"},
-    {"image_size", "its images have the calibrated size again",
+    {0.9, 0.5, 1.0, "image_overexposed", "its images are no longer white",
+     "A shorter exposure or less gain"},
+    {0.95, 0.3, 0.3, "image_frozen", "its images change again",
+     "Unplug it and plug it in again; if that does not help, change cable, hub or camera"},
+    {0.15, 0.05, 3.0, "image_duplicated", "its images are no longer repeated",
+     "Request a rate that it supports (rate_hz), or a shorter exposure"},
+    {0.03, 0.005, 5.0, "image_half", "its images are complete again",
+     "Change the cable or the USB port, use no hub, or request a smaller size or rate"},
+    {0.5, 0.1, 0.1, "image_size", "its images have the calibrated size again",
      "Set width and height to those of the calibration, or calibrate this size"},
-    {"image_rate", "its rate is as configured again",
-     "Set rate_hz to what it gives; exposure: manual, if it is slow in the dark"},
-    {"image_lost", "its images come again without gaps",
+    {0.9, 0.3, 2.0, "image_rate", "its rate is as configured again",
+     "Set rate_hz to the actual rate; exposure: manual, if it is slow in the dark"},
+    {0.05, 0.01, 5.0, "image_lost", "its images arrive without gaps again",
      "Another USB bus, a smaller size or rate, or a less busy computer"},
-    {"image_unfocused", "its images are sharp again",
-     "Turn the lens until edges are sharp, clean "
-     "it; focus: a number instead of auto"},
-    {"image_motion_blur", "its images are sharp again",
+    {0.9, 0.6, 3.0, "image_unfocused", "its images are sharp again",
+     "Turn the lens until edges are sharp, clean it; focus: a number instead of auto"},
+    {0.35, 0.15, 5.0, "image_motion_blur", "its images are sharp again",
      "A shorter exposure with more light or gain, or slower motion"},
 }};
 
@@ -67,7 +170,26 @@ std::size_t index_of(ImageFault fault) { return static_cast<std::size_t>(fault);
 
 }  // namespace
 
-std::string_view name_of(ImageFault fault) { return kWords[index_of(fault)].name; }
+ImageTraits traits_of(const GrayImage& image) {
+  ImageTraits out;
+  const Histogram histogram = scan_pixels(image, out);
+  constexpr double kTwentieth = 0.05;
+  out.dark = quantile_of(histogram, kTwentieth);
+  out.bright = quantile_of(histogram, 1 - kTwentieth);
+  constexpr std::size_t kWhite = 250;
+  std::uint64_t all = 0, white = 0;
+  for (std::size_t value = 0; value < histogram.size(); ++value) {
+    all += histogram[value];
+    if (value >= kWhite) white += histogram[value];
+  }
+  out.white = static_cast<double>(white) / static_cast<double>(all);
+  const int rows = std::max(rows_of_one_value(image, 1), rows_of_one_value(image, -1));
+  out.missing = static_cast<double>(rows) / image.height;
+  scan_edges(image, out);
+  return out;
+}
+
+std::string_view name_of(ImageFault fault) { return kRules[index_of(fault)].name; }
 
 void LastingShare::add(bool is_so, double since_last_s) {
   const double weight = 1 - std::exp(-since_last_s / limits_.memory_s);
@@ -75,103 +197,104 @@ void LastingShare::add(bool is_so, double since_last_s) {
   holds_ = holds_ ? share_ > limits_.ends : share_ >= limits_.begins;
 }
 
-ImageWatch::ImageWatch(Promise promise) : promise_(promise) {
-  for (const Limits& limits : kLimits) shares_.emplace_back(limits);
-  doubts_.reserve(kImageFaults);
+ImageWatch::ImageWatch(Nominal nominal) : nominal_(nominal) {
+  for (const FaultRule& rule : kRules)
+    shares_.emplace_back(LastingShare::Limits{rule.begins, rule.ends, rule.memory_s});
+  changes_.reserve(kImageFaults);
 }
 
-bool ImageWatch::holds(ImageFault fault) const { return said_[index_of(fault)]; }
+bool ImageWatch::holds(ImageFault fault) const { return reported_[index_of(fault)]; }
 
-std::span<const ImageDoubt> ImageWatch::take(const CameraFrame& frame) {
-  doubts_.clear();
-  if (!frame.image || frame.image->pixels.empty()) return doubts_;
+std::span<const ImageCondition> ImageWatch::take(const CameraFrame& frame) {
+  changes_.clear();
+  if (!frame.image || frame.image->pixels.empty()) return changes_;
   const ImageTraits now = traits_of(*frame.image);
-  // After so long the device was away and was opened anew, which others say: no gap to be judged.
+  // After a longer gap the device was reopened, which is reported elsewhere.
   constexpr double kAway_s = 5;
   constexpr double kLongestGap_s = 1;
   const double gap_s = last_at_ ? to_seconds(frame.exposed_at - *last_at_) : 0;
   if (gap_s > 0 && gap_s < kAway_s) {
     seen_s_ += gap_s;
-    mean_gap_s_ += (1 - std::exp(-gap_s / kLimits[index_of(ImageFault::kRate)].memory_s)) *
+    mean_gap_s_ += (1 - std::exp(-gap_s / kRules[index_of(ImageFault::kRate)].memory_s)) *
                    (gap_s - mean_gap_s_);
     if (seen_s_ == gap_s) mean_gap_s_ = gap_s;
-    judge(frame, now, std::min(gap_s, kLongestGap_s));
-    say_changes(frame);
+    check(frame, now, std::min(gap_s, kLongestGap_s));
+    report_changes(frame);
   }
   last_at_ = frame.exposed_at;
   last_ = now;
-  return doubts_;
+  return changes_;
 }
 
 void ImageWatch::add(ImageFault fault, bool is_so, double since_last_s) {
   shares_[index_of(fault)].add(is_so, since_last_s);
 }
 
-void ImageWatch::judge(const CameraFrame& frame, const ImageTraits& now, double since_last_s) {
+void ImageWatch::check(const CameraFrame& frame, const ImageTraits& now, double since_last_s) {
   add(ImageFault::kDark, now.bright < kTooDark, since_last_s);
   add(ImageFault::kOverexposed, now.white > kTooWhite, since_last_s);
   const PixelSize size{frame.image->width, frame.image->height};
-  add(ImageFault::kSize, promise_.size.width != 0 && size != promise_.size, since_last_s);
-  judge_repetition(now, since_last_s);
-  judge_sharpness(now, since_last_s);
-  judge_flow(frame, since_last_s);
+  add(ImageFault::kSize, nominal_.size.width != 0 && size != nominal_.size, since_last_s);
+  check_repetition(now, since_last_s);
+  check_sharpness(now, since_last_s);
+  check_flow(frame, since_last_s);
 }
 
-/// Pixels that are all the same as those of the image before, or from some row on.
-void ImageWatch::judge_repetition(const ImageTraits& now, double since_last_s) {
-  std::size_t telling = 0, equal = 0;
+/// All pixels equal those of the image before, or those below some row.
+void ImageWatch::check_repetition(const ImageTraits& now, double since_last_s) {
+  std::size_t usable = 0, equal = 0;
   bool upper_differs = false, lower_equal = false;
   for (std::size_t band = 0; band < ImageTraits::kBands; ++band) {
     if (now.is_plain[band]) continue;
-    ++telling;
+    ++usable;
     const bool same = now.bands[band] == last_->bands[band];
     equal += same;
     lower_equal = same;
     if (!same) upper_differs = true;
   }
-  const bool is_same = telling > 0 && equal == telling;
+  const bool is_same = usable > 0 && equal == usable;
   const bool is_torn = equal > 0 && upper_differs && lower_equal;
   add(ImageFault::kFrozen, is_same, since_last_s);
-  // One that repeats a repetition is on its way to be frozen.
+  // A second repetition in a row counts as frozen only.
   add(ImageFault::kDuplicated, is_same && !was_same_, since_last_s);
   was_same_ = is_same;
   add(ImageFault::kHalf, is_torn || now.missing > kMissingPart, since_last_s);
 }
 
-/// What is too dark or has no edges says nothing about the lens.
-void ImageWatch::judge_sharpness(const ImageTraits& now, double since_last_s) {
+/// Images without clear edges are not used.
+void ImageWatch::check_sharpness(const ImageTraits& now, double since_last_s) {
   if (now.across == 0 || now.down == 0) return;
-  const bool across = now.across < kSmeared, down = now.down < kSmeared;
+  const bool across = now.across < kBlurred, down = now.down < kBlurred;
   add(ImageFault::kUnfocused, across && down, since_last_s);
   add(ImageFault::kMotionBlur, across || down, since_last_s);
 }
 
-void ImageWatch::judge_flow(const CameraFrame& frame, double since_last_s) {
+void ImageWatch::check_flow(const CameraFrame& frame, double since_last_s) {
   constexpr double kSettled_s = 2;
-  const double ratio = promise_.rate_hz * mean_gap_s_;  // above 1: too slow
+  const double ratio = nominal_.rate_hz * mean_gap_s_;  // above 1: too slow
   add(ImageFault::kRate,
-      promise_.rate_hz > 0 && seen_s_ > kSettled_s &&
+      nominal_.rate_hz > 0 && seen_s_ > kSettled_s &&
           (ratio > 1 / (1 - kRateTolerance) || ratio < 1 / (1 + kRateTolerance)),
       since_last_s);
-  // Each lost image counts as one that came to nothing, over its share of the gap.
+  // Each lost image counts for its share of the gap.
   const double shares = frame.lost_before + 1.0;
   add(ImageFault::kLost, false, since_last_s / shares);
   if (frame.lost_before > 0)
     add(ImageFault::kLost, true, since_last_s * frame.lost_before / shares);
 }
 
-void ImageWatch::say_changes(const CameraFrame& frame) {
-  const auto stands = [this](ImageFault fault) { return shares_[index_of(fault)].holds(); };
+void ImageWatch::report_changes(const CameraFrame& frame) {
+  const auto is_on = [this](ImageFault fault) { return shares_[index_of(fault)].holds(); };
   for (std::size_t i = 0; i < kImageFaults; ++i) {
     const auto fault = static_cast<ImageFault>(i);
     bool holds = shares_[i].holds();
-    // Of two that have the same cause only the worse one is said.
-    if (fault == ImageFault::kDuplicated) holds = holds && !stands(ImageFault::kFrozen);
-    if (fault == ImageFault::kMotionBlur) holds = holds && !stands(ImageFault::kUnfocused);
-    if (holds == said_[i]) continue;
-    said_[i] = holds;
-    doubts_.push_back({fault, holds, holds ? text_of(fault, frame) : std::string(kWords[i].over),
-                       holds ? std::string(kWords[i].remedy) : std::string()});
+    // Of two with the same cause only the worse one is reported.
+    if (fault == ImageFault::kDuplicated) holds = holds && !is_on(ImageFault::kFrozen);
+    if (fault == ImageFault::kMotionBlur) holds = holds && !is_on(ImageFault::kUnfocused);
+    if (holds == reported_[i]) continue;
+    reported_[i] = holds;
+    changes_.push_back({fault, holds, holds ? text_of(fault, frame) : std::string(kRules[i].over),
+                        holds ? std::string(kRules[i].remedy) : std::string()});
   }
 }
 
@@ -181,36 +304,37 @@ std::string ImageWatch::text_of(ImageFault fault, const CameraFrame& frame) cons
     case ImageFault::kDark:
       return "its images are too dark to see tags (night, a lens cap, a very short exposure)";
     case ImageFault::kOverexposed:
-      return "more than half of its images is white (exposure or gain too high, a lamp or the sun "
-             "in view)";
+      return "more than half of its image is white (exposure or gain too high, a lamp or the sun "
+             "in "
+             "view)";
     case ImageFault::kFrozen:
       return "gives the same image again and again with new stamps: it, or its driver, hangs";
     case ImageFault::kDuplicated:
       return percent(share) +
-             " of its images are the one before with a new stamp (it cannot do this rate, or "
-             "exposes longer than the rate allows)";
+             " of its images repeat the one before with a new stamp (it does not support this "
+             "rate, "
+             "or exposes too long for it)";
     case ImageFault::kHalf:
       return percent(share) +
-             " of its images lack a part, or end with the one before (cable, hub, power, a full "
+             " of its images are incomplete, or end with the one before (cable, hub, power, a full "
              "USB bus)";
     case ImageFault::kSize:
-      return "gives images of " + std::to_string(frame.image->width) + " x " +
-             std::to_string(frame.image->height) + ", expected are " +
-             std::to_string(promise_.size.width) + " x " + std::to_string(promise_.size.height);
+      return "gives images of " + size_text(frame.image->width, frame.image->height) +
+             ", expected are " + size_text(nominal_.size);
     case ImageFault::kRate:
       return "gives " + fixed(1 / mean_gap_s_, 1) + " images a second instead of " +
-             fixed(promise_.rate_hz, 1) +
-             (promise_.rate_hz * mean_gap_s_ > 1
+             fixed(nominal_.rate_hz, 1) +
+             (nominal_.rate_hz * mean_gap_s_ > 1
                   ? " (an automatic exposure in the dark, a full USB bus, a busy computer)"
                   : " (another mode than was configured)");
     case ImageFault::kLost:
       return percent(share) + " of its images are missing (a full USB bus, a busy computer)";
     case ImageFault::kUnfocused:
-      return "all edges in its images are smeared (out of focus, or the lens is dirty or fogged)";
+      return "all edges in its images are blurred (out of focus, or the lens is dirty or fogged)";
     case ImageFault::kMotionBlur:
       break;
   }
-  return "edges are smeared in " + percent(share) +
+  return "edges are blurred in " + percent(share) +
          " of its images (motion during a long exposure)";
 }
 

@@ -1,22 +1,19 @@
 #include "capture/ros_image.hpp"
 
-#include <array>
+#include <algorithm>
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
-#include <string>
-
-#include "capture/encoded_size.hpp"
+#include <tuple>
 
 namespace fiducap::ros {
-
 namespace {
 
 constexpr std::string_view kCompressed = "/compressed";
 constexpr int kCopy = -1;
 constexpr int kHalve16 = -2;
 
-/// How an encoding of sensor_msgs becomes gray.
+/// Conversion of an encoding of sensor_msgs to gray.
 struct Encoding {
   std::string_view name;
   int bytes_per_pixel;
@@ -47,10 +44,9 @@ constexpr std::array<Encoding, 18> kEncodings{{
 }};
 
 const Encoding* find(std::string_view name) {
-  for (const auto& encoding : kEncodings) {
-    if (encoding.name == name) return &encoding;
-  }
-  return nullptr;
+  const auto* found = std::find_if(kEncodings.begin(), kEncodings.end(),
+                                   [name](const Encoding& one) { return one.name == name; });
+  return found == kEncodings.end() ? nullptr : found;
 }
 
 std::string printable(std::string_view text) {
@@ -61,10 +57,33 @@ std::string printable(std::string_view text) {
 
 Expected<void> check_size(std::int64_t width, std::int64_t height, const CameraModel& camera) {
   if (width == camera.width && height == camera.height) return {};
-  return fail(ErrorCode::kInvalid, "images are " + std::to_string(width) + " x " +
-                                       std::to_string(height) + ", the calibration is for " +
-                                       std::to_string(camera.width) + " x " +
-                                       std::to_string(camera.height));
+  return fail(ErrorCode::kInvalid, "images are " + size_text(width, height) +
+                                       ", the calibration is for " +
+                                       size_text(camera.width, camera.height));
+}
+
+std::string without_compressed(const std::string& image_topic) {
+  return is_compressed(image_topic) ? image_topic.substr(0, image_topic.size() - kCompressed.size())
+                                    : image_topic;
+}
+
+bool has_rectified_lens(const CameraInfo& info) { return info.P[0] > 0 && info.P[5] > 0; }
+
+Expected<void> read_distortion(const CameraInfo& info, CameraModel& model) {
+  const std::string_view name = info.distortion_model;
+  const std::size_t count = info.coefficients.size();
+  const bool is_fisheye = name == "equidistant" || name == "fisheye";
+  if (name == "plumb_bob" && (count == 4 || count == 5)) {
+    model.distortion = Distortion::kRadialTangential;
+  } else if (is_fisheye && (count == 4 || count == 0)) {
+    model.distortion = Distortion::kEquidistant;
+  } else if (count != 0) {
+    return fail(ErrorCode::kUnsupported,
+                "lens model \"" + printable(name) + "\" with " + std::to_string(count) +
+                    " coefficients is not supported (plumb_bob, equidistant)");
+  }
+  for (std::size_t i = 0; i < count; ++i) model.coefficients[i] = info.coefficients[i];
+  return {};
 }
 
 }  // namespace
@@ -72,19 +91,17 @@ Expected<void> check_size(std::int64_t width, std::int64_t height, const CameraM
 Expected<void> to_gray(const RawImage& image, const CameraModel& camera, GrayImage& out) {
   if (const auto fits = check_size(image.width, image.height, camera); !fits) return fits;
   const Encoding* encoding = find(image.encoding);
-  if (encoding == nullptr) {
+  if (encoding == nullptr)
     return fail(ErrorCode::kUnsupported,
-                "encoding \"" + printable(image.encoding) + "\" is not known here");
-  }
+                "encoding \"" + printable(image.encoding) + "\" is not supported");
   const std::uint64_t row =
       std::uint64_t{image.width} * static_cast<std::uint64_t>(encoding->bytes_per_pixel);
   const std::uint64_t needed = std::uint64_t{image.step} * (std::uint64_t{image.height} - 1) + row;
-  if (image.step < row || image.data.size() < needed) {
+  if (image.step < row || image.data.size() < needed)
     return fail(ErrorCode::kTruncated, "needs " + std::to_string(needed) +
                                            " bytes in rows of at least " + std::to_string(row) +
-                                           ", came " + std::to_string(image.data.size()) +
+                                           ", received " + std::to_string(image.data.size()) +
                                            " in rows of " + std::to_string(image.step));
-  }
   out.resize(camera.width, camera.height);
   cv::Mat gray(camera.height, camera.width, CV_8UC1, out.pixels.data());
   if (encoding->conversion == kHalve16) {
@@ -98,7 +115,6 @@ Expected<void> to_gray(const RawImage& image, const CameraModel& camera, GrayIma
     }
     return {};
   }
-  // OpenCV only reads; its view of foreign memory knows no const.
   const cv::Mat view(camera.height, camera.width, encoding->type,
                      const_cast<std::uint8_t*>(image.data.data()), image.step);
   if (encoding->conversion == kCopy) {
@@ -114,12 +130,12 @@ Expected<void> decode_gray(std::span<const std::uint8_t> encoded, const CameraMo
   const auto size = encoded_size(std::as_bytes(encoded));
   if (!size) return tl::unexpected(size.error());
   if (const auto fits = check_size(size->width, size->height, camera); !fits) return fits;
-  // No picture is larger than its pixels in 16-bit colour; more bytes only cost time.
+  // An image is at most as large as its pixels in 16-bit colour.
   const auto most =
       static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height) * 8 + 65536;
   if (encoded.size() > most) return fail(ErrorCode::kInvalid, "is larger than its pixels");
-  cv::Mat decoded;  // not our pixels: OpenCV leaves what is there when the header is broken, and
-                    // calls it decoded
+  // Not into `out`: OpenCV leaves its target unchanged without an error when the header is broken.
+  cv::Mat decoded;
   try {
     const cv::Mat bytes(1, static_cast<int>(encoded.size()), CV_8UC1,
                         const_cast<std::uint8_t*>(encoded.data()));
@@ -135,64 +151,29 @@ Expected<void> decode_gray(std::span<const std::uint8_t> encoded, const CameraMo
   return {};
 }
 
-namespace {
-
-std::string without_compressed(const std::string& image_topic) {
-  return is_compressed(image_topic) ? image_topic.substr(0, image_topic.size() - kCompressed.size())
-                                    : image_topic;
-}
-
-bool tells_rectified(const CameraInfo& info) { return info.P[0] > 0 && info.P[5] > 0; }
-
-Expected<void> read_distortion(const CameraInfo& info, CameraModel& model) {
-  const std::string_view name = info.distortion_model;
-  const std::size_t count = info.coefficients.size();
-  const bool is_fisheye = name == "equidistant" || name == "fisheye";
-  if (name == "plumb_bob" && (count == 4 || count == 5)) {
-    model.distortion = Distortion::kRadialTangential;
-  } else if (is_fisheye && (count == 4 || count == 0)) {
-    model.distortion = Distortion::kEquidistant;
-  } else if (count != 0) {
-    return fail(ErrorCode::kUnsupported,
-                "lens model \"" + printable(name) + "\" with " + std::to_string(count) +
-                    " coefficients is not known here (plumb_bob, equidistant)");
-  }
-  for (std::size_t i = 0; i < count; ++i) model.coefficients[i] = info.coefficients[i];
-  return {};
-}
-
-}  // namespace
-
 Expected<CameraModel> camera_model(const CameraInfo& info, bool of_rectified) {
   constexpr std::uint32_t kLargest = 65535;
-  if (info.width == 0 || info.height == 0 || info.width > kLargest || info.height > kLargest) {
+  if (info.width == 0 || info.height == 0 || info.width > kLargest || info.height > kLargest)
     return fail(ErrorCode::kInvalid, "camera_info has no usable size");
-  }
-  if (info.binning_x > 1 || info.binning_y > 1 || info.roi_x != 0 || info.roi_y != 0) {
+  if (info.binning_x > 1 || info.binning_y > 1 || info.roi_x != 0 || info.roi_y != 0)
     return fail(ErrorCode::kUnsupported,
-                "camera_info tells of binned or cut images: describe the camera in the "
+                "camera_info is for binned or cropped images: describe the camera in the "
                 "configuration");
-  }
   CameraModel model;
   model.width = static_cast<int>(info.width);
   model.height = static_cast<int>(info.height);
-  if (of_rectified && tells_rectified(info)) {
-    model.fu = info.P[0];
-    model.fv = info.P[5];
-    model.cu = info.P[2];
-    model.cv = info.P[6];
+  if (of_rectified && has_rectified_lens(info)) {
+    std::tie(model.fu, model.fv, model.cu, model.cv) =
+        std::tie(info.P[0], info.P[5], info.P[2], info.P[6]);
   } else {
-    model.fu = info.K[0];
-    model.fv = info.K[4];
-    model.cu = info.K[2];
-    model.cv = info.K[5];
+    std::tie(model.fu, model.fv, model.cu, model.cv) =
+        std::tie(info.K[0], info.K[4], info.K[2], info.K[5]);
     if (const auto read = read_distortion(info, model); !read) return tl::unexpected(read.error());
     const auto is_zero = [](double k) { return k == 0; };
     if (of_rectified && !std::all_of(info.coefficients.begin(), info.coefficients.end(), is_zero))
       return fail(ErrorCode::kUnsupported,
-                  "the images are rectified, but camera_info tells only the lens of those before "
-                  "(P is empty): use the images that are not, or describe the camera in the "
-                  "configuration");
+                  "the images are rectified, but camera_info has only the lens of the unrectified "
+                  "ones (P is empty): use those, or describe the camera in the configuration");
   }
   if (const auto errors = model.check(); !errors.empty())
     return fail(ErrorCode::kInvalid, errors.front().text());

@@ -11,10 +11,10 @@
 #include "capture/gray_image.hpp"
 #include "capture/lens/camera_model.hpp"
 
-/// What messages of ROS mean, whichever way they came: by DDS or in a file.
+/// Images and lenses of ROS messages, received by DDS or read from a file.
 namespace fiducap::ros {
 
-/// sensor_msgs/Image as it came; nothing in it is to be believed.
+/// sensor_msgs/Image as received, not validated.
 struct RawImage {
   std::uint32_t width{};
   std::uint32_t height{};
@@ -24,36 +24,35 @@ struct RawImage {
   std::span<const std::uint8_t> data;
 };
 
-/// sensor_msgs/CameraInfo, as far as it tells of a lens.
+/// The lens in a sensor_msgs/CameraInfo.
 struct CameraInfo {
   std::uint32_t width{};
   std::uint32_t height{};
   std::string_view distortion_model;
   std::span<const double> coefficients;
   std::array<double, 9> K{};   ///< Row by row.
-  std::array<double, 12> P{};  ///< The same, of rectified images; all 0: not told.
+  std::array<double, 12> P{};  ///< Of rectified images; all 0: not given.
   std::uint32_t binning_x{};
   std::uint32_t binning_y{};
   std::uint32_t roi_x{};
   std::uint32_t roi_y{};
 };
 
-/// @return Error when the size is not the calibration's, the encoding is unknown or the bytes do
-/// not fit the size
+/// @return Error when the size is not the calibrated one, the encoding is unknown or bytes are
+/// missing
 [[nodiscard]] Expected<void> to_gray(const RawImage& image, const CameraModel& camera,
                                      GrayImage& out);
-/// JPEG or PNG. The size is judged before anything is decoded.
+/// JPEG or PNG. The size is checked before decoding.
 [[nodiscard]] Expected<void> decode_gray(std::span<const std::uint8_t> encoded,
                                          const CameraModel& camera, GrayImage& out);
-/// @return Error for a model that we do not have, for binned or cut images, and for numbers that
-/// are none
+/// @return Error for an unknown lens model, for binned or cropped images, and for invalid numbers
 [[nodiscard]] Expected<CameraModel> camera_model(const CameraInfo& info, bool of_rectified = false);
 
 /// `/cam0/image_raw` → `/cam0/camera_info`, also of `/cam0/image_raw/compressed`.
 [[nodiscard]] std::string camera_info_topic(const std::string& image_topic);
 [[nodiscard]] bool is_compressed(const std::string& image_topic);
-/// By its name, as image_proc and drivers call them (`image_rect`, `image_rect_raw`): the lens was
-/// taken out, and P holds instead of K and the coefficients.
+/// By its name, as image_proc and drivers use it (`image_rect`, `image_rect_raw`): undistorted, so
+/// P holds instead of K and the coefficients.
 [[nodiscard]] bool is_rectified(const std::string& image_topic);
 
 }  // namespace fiducap::ros

@@ -3,10 +3,20 @@
 #include <algorithm>
 #include <utility>
 
-#include "base/assert.hpp"
+#include "base/expected.hpp"
 
 namespace fiducap {
 namespace {
+
+// Images of a slow camera may be minutes apart; a stamp of another epoch is years away.
+constexpr Duration kForeign = std::chrono::hours(1);
+
+std::size_t sensor_of(const SensorSample& sample) {
+  if (std::holds_alternative<ImuSample>(sample)) return 0;
+  const int camera = camera_of(sample);
+  FIDUCAP_ASSERT(camera >= 0 && camera < kMostCameras);
+  return static_cast<std::size_t>(camera) + 1;
+}
 
 bool is_sound(const CameraFrame& frame) {
   return frame.image && frame.image->width > 0 && frame.image->height > 0 &&
@@ -19,7 +29,7 @@ bool is_sound(const SensorSample& image) {
   return has_finite_corners(std::get<CornerFrame>(image));
 }
 
-/// Replaces what was added before.
+/// Replaces the former shift.
 void apply_shift(SensorSample& image, Duration shift) {
   const auto apply = [&](auto& frame) {
     frame.exposed_at += shift - frame.clock_shift;
@@ -34,6 +44,76 @@ bool comes_before(const SensorSample& a, const SensorSample& b) {
 }
 
 }  // namespace
+
+JumpGate::JumpGate(Duration jump) : jump_(jump) { out_.reserve(held_.size() + 1); }
+
+std::vector<SensorSample>& JumpGate::take(SensorSample sample) {
+  out_.clear();
+  const Instant at = time_of(sample);
+  Held& own = held_[sensor_of(sample)];
+  bool is_sure = !is_far_ahead(at);
+  if (waiting_ > 0) {
+    decide(own, at);
+    for (Held& held : held_) {
+      if (!held || !is_confirmed_by(held, at)) continue;
+      pass_held(held);
+      is_sure = true;
+    }
+  }
+  if (is_sure || !is_far_ahead(at)) {
+    pass(std::move(sample));
+  } else {
+    own = std::move(sample);
+    ++waiting_;
+  }
+  return out_;
+}
+
+/// The next sample of a sensor confirms or drops the one that waits.
+void JumpGate::decide(Held& held, Instant at) {
+  if (!held) return;
+  const Duration ahead = at - time_of(*held);
+  if (ahead >= -jump_ && ahead <= kForeign) return pass_held(held);
+  drop(held);
+}
+
+void JumpGate::drop(Held& held) {
+  held.reset();
+  --waiting_;
+  ++dropped_;
+}
+
+bool JumpGate::is_confirmed_by(const Held& held, Instant at) const {
+  const Duration apart = at - time_of(*held);
+  return apart >= -jump_ && apart <= jump_;
+}
+
+bool JumpGate::is_far_ahead(Instant at) const { return !newest_ || at - *newest_ > jump_; }
+
+std::vector<SensorSample>& JumpGate::finish() {
+  out_.clear();
+  const bool nothing_seen = !newest_;
+  for (Held& held : held_) {
+    if (!held) continue;
+    if (nothing_seen || !is_far_ahead(time_of(*held)))
+      pass_held(held);
+    else
+      drop(held);
+  }
+  return out_;
+}
+
+void JumpGate::pass(SensorSample sample) {
+  const Instant at = time_of(sample);
+  newest_ = newest_ ? std::max(*newest_, at) : at;
+  out_.push_back(std::move(sample));
+}
+
+void JumpGate::pass_held(Held& held) {
+  pass(std::move(*held));
+  held.reset();
+  --waiting_;
+}
 
 int camera_of(const SensorSample& sample) {
   if (const auto* image = std::get_if<CameraFrame>(&sample)) return image->camera;
@@ -88,9 +168,8 @@ bool SampleMerger::admit_imu(const ImuSample& sample) {
   }
   if (imu_waiting_ == imu_.size()) return false;
   newest_imu_ = sample.sampled_at;
-  see(sample.sampled_at);
-  if (released_image_ &&
-      sample.sampled_at < *released_image_) {  // that image could not wait for it
+  note_time(sample.sampled_at);
+  if (released_image_ && sample.sampled_at < *released_image_) {
     ++statistics_.late_dropped;
     return true;
   }
@@ -109,7 +188,7 @@ void SampleMerger::admit_image(SensorSample sample) {
     return;
   }
   newest = at;
-  see(at);
+  note_time(at);
   if (is_late(at)) {
     ++statistics_.late_dropped;
     return;
@@ -132,7 +211,7 @@ void SampleMerger::set_clock_shift(int camera, Duration shift) {
   for (SensorSample& image : images_) {
     if (camera_of(image) == camera) apply_shift(image, shift);
   }
-  // One that now lies before what was given out came too late, seen from here.
+  // Those that are now before the last released sample are late.
   statistics_.late_dropped +=
       std::erase_if(images_, [this](const SensorSample& image) { return is_late(time_of(image)); });
   std::sort(images_.begin(), images_.end(), comes_before);
@@ -168,33 +247,31 @@ bool SampleMerger::image_is_due() const {
   if (images_.empty()) return false;
   const Instant at = time_of(images_.front());
   if (config_.has_imu && !(released_imu_ && *released_imu_ >= at)) return false;
-  return finished_ || no_camera_owes_an_image_before(at);
+  return finished_ || images_are_complete_before(at);
 }
 
 bool SampleMerger::imu_is_due() const {
   if (imu_waiting_ == 0) return false;
   if (finished_ || !released_imu_) return true;
-  // Up to the IMU sample last released images may still be on their way; they belong before the
-  // next one.
+  // Images up to the IMU sample last released belong before the next one.
   if (!images_.empty() && time_of(images_.front()) <= *released_imu_) return false;
   if (has_passed_window(*released_imu_)) return true;
-  return some_camera_is_alive() && no_camera_owes_an_image_before(*released_imu_);
+  return some_camera_is_active() && images_are_complete_before(*released_imu_);
 }
 
 bool SampleMerger::imu_wait_is_over() const {
   if (!config_.has_imu || images_.empty() || imu_waiting_ > 0) return false;
   const Instant at = time_of(images_.front());
-  if (released_imu_ && *released_imu_ >= at)
-    return false;  // waits for another camera, not for the IMU
+  if (released_imu_ && *released_imu_ >= at) return false;  // waits for another camera
   return finished_ || has_passed_window(at) || images_.size() >= config_.max_images;
 }
 
-bool SampleMerger::some_camera_is_alive() const {
+bool SampleMerger::some_camera_is_active() const {
   return std::any_of(newest_image_.begin(), newest_image_.end(),
                      [this](const auto& newest) { return newest && !has_passed_window(*newest); });
 }
 
-bool SampleMerger::no_camera_owes_an_image_before(Instant at) const {
+bool SampleMerger::images_are_complete_before(Instant at) const {
   return std::all_of(newest_image_.begin(), newest_image_.end(), [&](const auto& newest) {
     return !newest || *newest >= at || has_passed_window(*newest);
   });
@@ -215,7 +292,7 @@ SensorSample SampleMerger::take_image() {
   return image;
 }
 
-void SampleMerger::see(Instant at) {
+void SampleMerger::note_time(Instant at) {
   if (!newest_seen_ || at > *newest_seen_) newest_seen_ = at;
 }
 

@@ -7,31 +7,63 @@
 #include <vector>
 
 #include "base/time.hpp"
-#include "capture/jump_gate.hpp"
 #include "capture/sensor_source.hpp"
 
 namespace fiducap {
 
+/// Drops single stamps from the far future: after one of them all true samples would be late.
+///
+/// A sample far ahead of all others (and the first of all) waits for the next sample of its sensor,
+/// or for any sample near it. If that confirms its time, both pass; otherwise it is dropped.
+/// Nothing else waits, and the order of a sensor's samples is preserved. Allocates nothing per
+/// sample.
+class JumpGate final {
+ public:
+  /// @param jump  a larger step is far ahead: longer than usual pauses
+  explicit JumpGate(Duration jump);
+
+  /// @return what passes now, in order of arrival; valid until the next call
+  [[nodiscard]] std::vector<SensorSample>& take(SensorSample sample);
+  /// Nothing more will come. @return what still passes
+  [[nodiscard]] std::vector<SensorSample>& finish();
+  [[nodiscard]] std::uint64_t dropped() const { return dropped_; }
+
+ private:
+  using Held = std::optional<SensorSample>;
+  [[nodiscard]] bool is_far_ahead(Instant at) const;
+  [[nodiscard]] bool is_confirmed_by(const Held& held, Instant at) const;
+  void decide(Held& held, Instant at);
+  void pass(SensorSample sample);
+  void pass_held(Held& held);
+  void drop(Held& held);
+
+  Duration jump_;
+  std::array<Held, 1 + kMostCameras> held_;  ///< IMU, cameras.
+  int waiting_{0};
+  std::optional<Instant> newest_;  ///< Of those that passed.
+  std::vector<SensorSample> out_;
+  std::uint64_t dropped_{0};
+};
+
 struct MergerConfig {
   bool has_imu{true};
-  int cameras{kMostCameras};  ///< So many the body has; images of others are bad.
-  Duration window{std::chrono::milliseconds(
-      250)};  ///< An image waits at most this long (in sample time) for its IMU samples.
-  Duration jump{std::chrono::seconds(
-      1)};  ///< A sample further ahead of all others waits for confirmation, see JumpGate.
-  std::size_t max_images{8};  ///< More images than this waiting: the oldest goes.
-  std::size_t max_imu{4096};  ///< More IMU samples than this waiting: the body is lost.
+  int cameras{kMostCameras};  ///< Of the body; images of others are bad.
+  /// An image waits at most this long (in sample time) for its IMU samples.
+  Duration window{std::chrono::milliseconds(250)};
+  /// A sample further ahead of all others waits for confirmation, see JumpGate.
+  Duration jump{std::chrono::seconds(1)};
+  std::size_t max_images{8};  ///< When more wait, the oldest is dropped.
+  std::size_t max_imu{4096};  ///< When more wait, the body is lost.
 };
 
 /// Counts of what did not pass; never reset.
 struct MergerStatistics {
-  std::uint64_t images_dropped{};     ///< Queue full, the oldest went.
+  std::uint64_t images_dropped{};     ///< Queue full, the oldest was dropped.
   std::uint64_t late_dropped{};       ///< Older than what was already released.
   std::uint64_t backwards_dropped{};  ///< Time of one sensor did not increase.
   std::uint64_t far_dropped{};        ///< Far ahead, and its sensor's next sample was not.
   std::uint64_t bad_dropped{};        ///< NaN or infinite numbers, or no such camera.
-  std::uint64_t
-      imu_waits_expired{};  ///< Image released without the IMU sample that closes its interval.
+  std::uint64_t imu_waits_expired{};  ///< Image released before its IMU interval was closed.
 
   MergerStatistics& operator+=(const MergerStatistics& other) {
     images_dropped += other.images_dropped;
@@ -44,18 +76,17 @@ struct MergerStatistics {
   }
 };
 
-/// Puts the samples of one body's sensors into the order in which the filter wants them.
+/// Sorts the samples of one body's sensors for its filter.
 ///
-/// Order given out: IMU samples by time; an image exposed at t comes right *after the first* IMU
-/// sample at or after t, so that the filter can interpolate up to t and never has to guess. Without
-/// IMU: images by time. Equal images of several cameras: by camera index. Not thread-safe: whoever
-/// has it guards it.
+/// Output order: IMU samples by time; an image exposed at t right *after the first* IMU sample at
+/// or after t, so that the filter interpolates up to t and never extrapolates. Without IMU: images
+/// by time. Simultaneous images: by camera index. Not thread-safe.
 ///
-/// Images come later than the IMU samples of their time, so IMU samples are held back until every
-/// camera that was heard of within the window has shown that no earlier image is on its way, or
-/// until the window has passed. When the IMU is silent, images do not wait until they are dropped:
-/// with the queue full the oldest one goes on without. The output does not lag for that:
-/// OutputPredictor gets the IMU samples before the merger does.
+/// Images arrive later than the IMU samples of their time, so IMU samples are held back until every
+/// camera that was active within the window has shown that no earlier image is on its way, or
+/// until the window has passed. When the IMU is silent and the image queue is full, the oldest
+/// image is released without its IMU samples. The output does not lag: OutputPredictor gets the IMU
+/// samples before the merger.
 class SampleMerger final {
  public:
   explicit SampleMerger(const MergerConfig& config);
@@ -63,9 +94,9 @@ class SampleMerger final {
   /// ignored when the configuration has no IMU. Allocates nothing.
   /// @return false when the IMU queue is full: the consumer is dead.
   bool push(SensorSample sample);
-  /// What the filter has learned about a camera's clock: added to the time of its images, also of
-  /// those that wait here, so that they wait for the IMU samples of the moment at which they were
-  /// really exposed. Replaces the last one.
+  /// Sets the clock offset of a camera as estimated by the filter. It is added to the time of its
+  /// images, also of those in the queue, so that each waits for the IMU samples of its true
+  /// exposure time. Replaces the last one.
   void set_clock_shift(int camera, Duration shift);
   /// Nothing more will come: `pop` gives the rest without waiting.
   void finish();
@@ -81,10 +112,10 @@ class SampleMerger final {
   [[nodiscard]] bool is_late(Instant image) const;
   SensorSample take_imu();
   SensorSample take_image();
-  void see(Instant at);
+  void note_time(Instant at);
   [[nodiscard]] bool has_passed_window(Instant at) const;
-  [[nodiscard]] bool some_camera_is_alive() const;
-  [[nodiscard]] bool no_camera_owes_an_image_before(Instant at) const;
+  [[nodiscard]] bool some_camera_is_active() const;
+  [[nodiscard]] bool images_are_complete_before(Instant at) const;
   [[nodiscard]] bool image_is_due() const;
   [[nodiscard]] bool imu_is_due() const;
   [[nodiscard]] bool imu_wait_is_over() const;
@@ -106,9 +137,9 @@ class SampleMerger final {
   bool finished_{false};
 };
 
-/// @return whose image, or corners, it is; -1: it is none
+/// @return the camera of an image or corners; -1: none
 [[nodiscard]] int camera_of(const SensorSample& sample);
-/// False: there is a number that is none.
+/// All corners are finite numbers.
 [[nodiscard]] bool has_finite_corners(const CornerFrame& frame);
 
 }  // namespace fiducap

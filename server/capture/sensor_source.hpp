@@ -3,41 +3,53 @@
 #include <optional>
 #include <stop_token>
 #include <variant>
+#include <vector>
 
 #include "base/expected.hpp"
 #include "capture/camera_frame.hpp"
 #include "capture/imu_sample.hpp"
+#include "capture/lens/camera_model.hpp"
 
 namespace fiducap {
 
 using SensorSample = std::variant<ImuSample, CameraFrame, CornerFrame>;
 
-/// When the sample was true: `sampled_at` or `exposed_at`.
+/// `sampled_at` or `exposed_at`.
 [[nodiscard]] inline Instant time_of(const SensorSample& sample) {
-  struct Time {
-    Instant operator()(const ImuSample& s) const { return s.sampled_at; }
-    Instant operator()(const CameraFrame& s) const { return s.exposed_at; }
-    Instant operator()(const CornerFrame& s) const { return s.exposed_at; }
-  };
-  return std::visit(Time{}, sample);
+  if (const auto* imu = std::get_if<ImuSample>(&sample)) return imu->sampled_at;
+  if (const auto* image = std::get_if<CameraFrame>(&sample)) return image->exposed_at;
+  return std::get<CornerFrame>(sample).exposed_at;
+}
+inline void set_time(SensorSample& sample, Instant at) {
+  if (auto* imu = std::get_if<ImuSample>(&sample)) imu->sampled_at = at;
+  if (auto* image = std::get_if<CameraFrame>(&sample)) image->exposed_at = at;
+  if (auto* corners = std::get_if<CornerFrame>(&sample)) corners->exposed_at = at;
 }
 
-/// What the filter learned about the sensor's clock; part of time_of().
+/// The filter's correction of the sensor's clock; part of time_of().
 [[nodiscard]] inline Duration clock_shift_of(const SensorSample& sample) {
   if (const auto* image = std::get_if<CameraFrame>(&sample)) return image->clock_shift;
   const auto* corners = std::get_if<CornerFrame>(&sample);
   return corners != nullptr ? corners->clock_shift : Duration{0};
 }
 
-/// Where the samples of one rigid body come from: hardware, a recording, the simulator. What
-/// follows cannot tell them apart.
+/// Samples of one rigid body, from hardware, a recording or the simulator.
 class SensorSource {
  public:
   virtual ~SensorSource() = default;
   /// Waits for the next sample, in order of arrival. Times of one sensor strictly increase; between
-  /// sensors a sample may be late, SampleMerger puts that right.
+  /// sensors a sample may be late (SampleMerger sorts).
   /// @return nullopt when exhausted or stopped; Error when the device is lost.
   virtual Expected<std::optional<SensorSample>> next(std::stop_token stop) = 0;
+};
+
+/// The rest of a body's configuration, for the rules of its source.
+struct SourceSurroundings {
+  std::vector<CameraMount> cameras;  ///< As configured; files are not read yet.
+  bool calibrated_by_files{false};   ///< Some of the cameras.
+  bool has_imu{false};               ///< An IMU is described.
+  bool has_imu_source{false};        ///< The IMU has a source of its own.
+  std::vector<bool> has_source{};    ///< Per camera: it has a source of its own.
 };
 
 }  // namespace fiducap

@@ -1,5 +1,5 @@
 // fiducapd: sensors in, mocap streams out. Exit codes: 0 ok, 1 failed, 2 usage or configuration,
-// 3 given up because no frames went out any more.
+// 3 given up because frames were not delivered any more.
 #include <sys/stat.h>
 
 #include <CLI/CLI.hpp>
@@ -16,7 +16,7 @@
 #include "daemon/review/config_review.hpp"
 #include "daemon/server.hpp"
 #include "daemon/setup/setup_files.hpp"
-#include "daemon/system_clock.hpp"
+#include "daemon/system.hpp"
 
 namespace {
 
@@ -25,8 +25,8 @@ int complain(const std::vector<fiducap::ConfigFault>& faults) {
   return faults.empty() ? 0 : 2;
 }
 
-/// Everything about a configuration, at once: what is wrong, what is doubtful, what will run.
-int tell(const fiducap::ConfigReview& review, bool as_json) {
+/// Prints faults, doubts and the plan of a configuration. @return exit code
+int report(const fiducap::ConfigReview& review, bool as_json) {
   if (as_json) {
     if (!(std::cout << fiducap::review_json(review) << std::endl)) return 1;
     return review.faults.empty() ? 0 : 2;
@@ -38,17 +38,16 @@ int tell(const fiducap::ConfigReview& review, bool as_json) {
   return std::cout.flush() ? 0 : 1;
 }
 
-/// What is served, and how.
-struct Wish {
+struct Launch {
   fiducap::ServerConfig config;
   bool exit_at_end{false};
   std::optional<fiducap::SetupOptions> setup{};
 };
 
-fiducap::ServerOptions options_of(const Wish& wish) {
+fiducap::ServerOptions options_of(const Launch& launch) {
   fiducap::ServerOptions options;
-  options.exit_at_end = wish.exit_at_end;
-  options.setup = wish.setup;
+  options.exit_at_end = launch.exit_at_end;
+  options.setup = launch.setup;
   options.stop_on_signals = true;
   options.give_up = [] {
     fiducap::log::flush(std::chrono::milliseconds(500));
@@ -57,16 +56,16 @@ fiducap::ServerOptions options_of(const Wish& wish) {
   return options;
 }
 
-/// Only pages, until there is a configuration.
-Wish set_up(fiducap::ServerConfig config, const std::string& file, bool offers_simulation) {
-  Wish wish{std::move(config), false, fiducap::SetupOptions{file, offers_simulation}};
-  wish.config.streaming.vrpn.enabled = wish.config.streaming.native.enabled = false;
-  return wish;
+/// Serves only pages, until there is a configuration.
+Launch set_up(fiducap::ServerConfig config, const std::string& file, bool offers_simulation) {
+  Launch launch{std::move(config), false, fiducap::SetupOptions{file, offers_simulation}};
+  launch.config.streaming.vrpn.enabled = launch.config.streaming.native.enabled = false;
+  return launch;
 }
 
-/// @return exit code; nullopt: a configuration was made and is to be served
-std::optional<int> serve(Wish wish) {
-  fiducap::ServerConfig& config = wish.config;
+/// @return exit code; nullopt: a configuration was written and is to be served
+std::optional<int> serve(Launch launch) {
+  fiducap::ServerConfig& config = launch.config;
   auto token = fiducap::operator_token(config.operators, std::getenv("CREDENTIALS_DIRECTORY"));
   if (!token) {
     std::cerr << token.error().text() << "\n";
@@ -75,10 +74,10 @@ std::optional<int> serve(Wish wish) {
   config.operators.token = std::move(*token);
   const fiducap::SystemClock clock;
   ::umask(::umask(0) | 0027);     // maps and recordings are the lab's, not the world's
-  std::signal(SIGPIPE, SIG_IGN);  // who reads the log may go, the server stays
-  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error like a full disk
+  std::signal(SIGPIPE, SIG_IGN);  // the reader of the log may end
+  std::signal(SIGXFSZ, SIG_IGN);  // handled like a full disk
   fiducap::log::set_level(config.log_level);
-  auto server = fiducap::Server::build(config, options_of(wish), clock);
+  auto server = fiducap::Server::build(config, options_of(launch), clock);
   if (!server) {
     fiducap::log::error("daemon", server.error().text());
     return 1;
@@ -87,7 +86,7 @@ std::optional<int> serve(Wish wish) {
   if (end == fiducap::ServerEnd::kClean) return 0;
   if (end == fiducap::ServerEnd::kSetUp) return std::nullopt;
   fiducap::log::flush(std::chrono::milliseconds(500));
-  std::_Exit(end == fiducap::ServerEnd::kLost ? 1 : 0);  // what hangs must not hold us
+  std::_Exit(end == fiducap::ServerEnd::kLost ? 1 : 0);  // without waiting for blocked threads
 }
 
 }  // namespace
@@ -101,7 +100,7 @@ int main(int argc, char** argv) {
   auto* config_file = app.add_option("--config", file, "configuration, YAML");
   auto* setup_file =
       app.add_option("--setup", setup,
-                     "make this configuration on the page, step by step; then serve it")
+                     "write this configuration with the help of the page, then serve it")
           ->excludes(config_file);
   app.add_flag("--simulated", simulated,
                "with --setup: offer a simulated robot beside this machine's cameras")
@@ -110,8 +109,8 @@ int main(int argc, char** argv) {
       ->allow_extra_args(false);
   auto* checking =
       app.add_flag("--check-config", check,
-                   "open every file, device and port that it names, say what is wrong, what is "
-                   "doubtful and what would run, and end")
+                   "open all files, devices and ports of the configuration, print what is wrong, "
+                   "doubtful and would run, and end")
           ->excludes(setup_file);
   app.add_flag("--json", as_json, "with --check-config: for scripts")->needs(checking);
   app.add_flag("--print-config", print, "write the effective configuration, and end")
@@ -132,10 +131,10 @@ int main(int argc, char** argv) {
       file = setup;
     }
     auto config = fiducap::load_config(file, sets);
-    if (!config && check) return tell({config.error(), {}, {}}, as_json);
+    if (!config && check) return report({config.error(), {}, {}}, as_json);
     if (!config) return complain(config.error());
     if (print) return std::cout << fiducap::print_config(*config) << std::flush ? 0 : 1;
-    if (check) return tell(fiducap::review(*config), as_json);
+    if (check) return report(fiducap::review(*config), as_json);
     return *serve({std::move(*config), exit_at_end});
   } catch (const CLI::ParseError& wrong) {
     return app.exit(wrong) == 0 ? 0 : 2;

@@ -3,19 +3,24 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
-#include <utility>
 
 #include "base/log.hpp"
-#include "daemon/system_clock.hpp"
-#include "streaming/net/guard.hpp"
+#include "daemon/system.hpp"
 
 namespace fiducap {
-
 namespace {
 
-// How long a requested commit may wait.
+constexpr std::size_t kMostCached = 8;
+constexpr std::size_t kMostWanted = 8;  // further ones are requested again
+
+bool contains(const VersionCache::Log& log, std::int64_t version) {
+  return std::any_of(log.begin(), log.end(),
+                     [&](const MapVersionInfo& one) { return one.version == version; });
+}
+
+// Longest delay of a requested commit.
 constexpr Duration kLook = std::chrono::milliseconds(200);
-// A clock known better than this is worth remembering.
+// A more certain clock offset is stored.
 constexpr double kKnownShift_s = 1e-3;
 
 constexpr std::size_t kMostRequests = 16;
@@ -31,15 +36,64 @@ Event not_stored(const char* kind, const std::string& what, const std::string& w
           .kind = kind,
           .text = what + " is not stored: " + why,
           .remedy =
-              "mend the disk or its place; the server tries again by itself, and what is "
-              "stored stays as it is"};
+              "repair the disk or its place; the server retries automatically, and stored versions "
+              "stay as they are"};
 }
 
 bool is_known(const ClockEstimate& clock) {
   return clock.shift_sigma_s > 0 && clock.shift_sigma_s < kKnownShift_s;
 }
 
+/// Estimated numbers that differ significantly from the configuration.
+StoredLens stored_lens(const LensEstimate& lens) {
+  constexpr double kSure_sigma = 3.0;
+  const auto if_sure = [](double value, double sigma) {
+    return sigma > 0 && std::abs(value) > kSure_sigma * sigma ? std::optional(value) : std::nullopt;
+  };
+  return {if_sure(lens.offset.focal, lens.focal_sigma),
+          if_sure(lens.offset.centre_px.x(), lens.centre_sigma_px.x()),
+          if_sure(lens.offset.centre_px.y(), lens.centre_sigma_px.y()),
+          if_sure(lens.offset.k1, lens.k1_sigma)};
+}
+
 }  // namespace
+
+std::shared_ptr<const VersionCache::Log> VersionCache::log() const {
+  const std::lock_guard lock(mutex_);
+  return log_;
+}
+
+bool VersionCache::has(std::int64_t version) const { return contains(*log(), version); }
+
+VersionCache::Content VersionCache::version(std::int64_t version) {
+  const std::lock_guard lock(mutex_);
+  if (!contains(*log_, version))
+    return fail(ErrorCode::kNotFound,
+                "there is no version " + std::to_string(version) + " in the store");
+  const auto found = std::find_if(cached_.begin(), cached_.end(),
+                                  [&](const auto& one) { return one.first == version; });
+  if (found != cached_.end()) return found->second;
+  const bool is_asked_for = std::find(wanted_.begin(), wanted_.end(), version) != wanted_.end();
+  if (!is_asked_for && wanted_.size() < kMostWanted) wanted_.push_back(version);
+  return nullptr;
+}
+
+void VersionCache::put_log(Log log) {
+  auto next = std::make_shared<const Log>(std::move(log));
+  const std::lock_guard lock(mutex_);
+  log_ = std::move(next);
+}
+
+std::vector<std::int64_t> VersionCache::take_wanted() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(wanted_, {});
+}
+
+void VersionCache::put(std::int64_t version, Content content) {
+  const std::lock_guard lock(mutex_);
+  cached_.emplace_back(version, std::move(content));
+  if (cached_.size() > kMostCached) cached_.pop_front();
+}
 
 MapKeeper::MapKeeper(MapStore store, MapBuilder& map, double commit_period_s, const Clock& clock,
                      EventBoard& events, Learned learned)
@@ -49,7 +103,7 @@ MapKeeper::MapKeeper(MapStore store, MapBuilder& map, double commit_period_s, co
       clock_(clock),
       events_(events),
       learned_(std::move(learned)) {
-  fill_shelf();
+  update_cache();
 }
 
 void MapKeeper::run(std::stop_token stop) {
@@ -62,7 +116,7 @@ void MapKeeper::run(std::stop_token stop) {
     } else {
       guarded(&MapKeeper::carry_out_requests);
     }
-    fill_shelf();
+    update_cache();
   }
   learned_waits_ = true;
   commit();
@@ -75,20 +129,20 @@ void MapKeeper::commit() {
   guarded(&MapKeeper::store_learned);
 }
 
-/// No memory, for example.
+/// Reports exceptions, e.g. of missing memory.
 void MapKeeper::guarded(void (MapKeeper::*work)()) {
   try {
     (this->*work)();
   } catch (const std::exception& failure) {
-    net::guarded(
-        "mapping", [] { return "saying that the map is not stored"; },
+    log::guarded(
+        "mapping", [] { return "reporting that the map is not stored"; },
         [&] { events_.begin(not_stored(kNotStored, "the map", failure.what())); });
   }
 }
 
 void MapKeeper::store_map() {
-  // Also while frozen: what joined before the freeze is part of the map that is served. What a
-  // person asked for is kept, also when it is what was stored last anyway.
+  // Also while frozen: tags may have joined before. A requested version is stored under its name,
+  // also without a change.
   const bool is_wanted =
       map_.changed() || (asked_for_ && (*asked_for_ != kRequestComment ||
                                         map_.snapshot()->comment == kAutomaticComment));
@@ -100,25 +154,25 @@ void MapKeeper::store_map() {
   const bool is_asked_for = std::exchange(asked_for_, std::nullopt).has_value();
   events_.end(kSubject, kNotStored, "is stored again");
   if (is_asked_for)
-    tell("version_stored",
-         (is_wanted ? "is stored as version " : "is stored already, as version ") +
-             std::to_string(map_.snapshot()->version));
+    report("version_stored",
+           (is_wanted ? "is stored as version " : "is stored already, as version ") +
+               std::to_string(map_.snapshot()->version));
   if (!is_wanted) return;
   is_log_old_ = true;
   thin();
 }
 
-/// Fails rarely, and costs room only.
+/// A failure only costs disk space.
 void MapKeeper::thin() {
   const auto thinned = store_.thin();
   events_.set(!thinned,
               {.severity = Severity::kWarning,
                .subject = kSubject,
                .kind = "not_thinned",
-               .text = "old versions are not taken away, the store grows" +
+               .text = "old versions are not removed, the store grows" +
                        (thinned ? "" : ": " + thinned.error().text()),
                .remedy = "stop the server and run `fiducap map check`"},
-              "old versions are taken away again");
+              "old versions are removed again");
 }
 
 Expected<void> MapKeeper::request(StoreChange change) {
@@ -160,19 +214,19 @@ void MapKeeper::carry_out(const StoreChange& change) {
   }
   is_log_old_ = true;
   if (done) return;
-  events_.tell({.severity = Severity::kWarning,
-                .subject = kSubject,
-                .kind = "refused",
-                .text = what + ": " + done.error().text(),
-                .remedy = "The map is as it was; try again when that is mended"});
+  events_.report({.severity = Severity::kWarning,
+                  .subject = kSubject,
+                  .kind = "refused",
+                  .text = what + ": " + done.error().text(),
+                  .remedy = "The map is unchanged; try again when the cause is fixed"});
 }
 
-/// What is served now is stored before, so that nothing is lost; then the old version as the newest
-/// one; then it is served. A kill in between leaves one or the other.
+/// First stores the present map, so that nothing is lost, then the old version as the newest one,
+/// and serves it. A kill in between leaves one or the other.
 Expected<void> MapKeeper::roll_back(std::int64_t version) {
   auto wanted = store_.load(version);
   if (!wanted) return tl::unexpected(wanted.error());
-  if (auto may = map_.may_begin_anew(*wanted); !may) return may;
+  if (auto may = map_.check_replacement(*wanted); !may) return may;
   if (map_.changed()) {
     if (auto stored = store_version(kAutomaticComment); !stored) return stored;
   }
@@ -180,40 +234,41 @@ Expected<void> MapKeeper::roll_back(std::int64_t version) {
   wanted->X_RW = map_.snapshot()->X_RW;  // the origin that clients know stays
   const auto stored = store_.commit(*wanted, "rolled back to version " + std::to_string(version));
   if (!stored) return tl::unexpected(stored.error());
-  if (auto begun = map_.begin_anew(*stored, utc_now_ns()); !begun) {
-    // Frozen in this moment. The newest version is the one that is served.
+  if (auto begun = map_.replace_map(*stored, utc_now_ns()); !begun) {
+    // Frozen meanwhile: the newest version has to be the served one.
     if (auto again = store_version(kAutomaticComment); !again) return again;
     return begun;
   }
   map_.mark_stored(*stored);
-  tell("rolled_back", "was rolled back to version " + std::to_string(version) + ", stored as " +
-                          std::to_string(stored->version) + " with " +
-                          std::to_string(stored->tags.size()) + " tags");
+  report("rolled_back", "was rolled back to version " + std::to_string(version) + ", stored as " +
+                            std::to_string(stored->version) + " with " +
+                            std::to_string(stored->tags.size()) + " tags");
   return {};
 }
 
 Expected<void> MapKeeper::name_version(const NameVersion& change) {
   auto named = store_.name_version(change.version, change.name);
   if (named)
-    tell("version_named",
-         "version " + std::to_string(change.version) + " is called \"" + change.name + "\"");
+    report("version_named",
+           "version " + std::to_string(change.version) + " is called \"" + change.name + "\"");
   return named;
 }
 
-void MapKeeper::tell(const char* kind, std::string text) {
-  events_.tell({.subject = kSubject, .kind = kind, .text = std::move(text)});
+void MapKeeper::report(const char* kind, std::string text) {
+  events_.report({.subject = kSubject, .kind = kind, .text = std::move(text)});
 }
 
-void MapKeeper::refill_shelf() {
+void MapKeeper::refill_cache() {
   if (is_log_old_) {
     auto log = store_.log();
     is_log_old_ = !log;
-    if (log) shelf_.put_log(std::move(*log));
+    if (log) versions_.put_log(std::move(*log));
   }
-  for (const std::int64_t version : shelf_.take_wanted()) {
+  for (const std::int64_t version : versions_.take_wanted()) {
     auto map = store_.load(version);
-    shelf_.put(version, map ? VersionShelf::Content(std::make_shared<const TagMap>(std::move(*map)))
-                            : tl::unexpected(map.error()));
+    versions_.put(version,
+                  map ? VersionCache::Content(std::make_shared<const TagMap>(std::move(*map)))
+                      : tl::unexpected(map.error()));
   }
 }
 
@@ -238,32 +293,17 @@ void MapKeeper::store_learned() {
   events_.end(kSubject, kCamerasNotStored, "what was learned about the cameras is stored again");
 }
 
-namespace {
-
-/// What is estimated, and is otherwise than configured by more than chance.
-StoredLens stored_lens(const LensEstimate& lens) {
-  constexpr double kSure_sigma = 3.0;
-  const auto if_sure = [](double value, double sigma) {
-    return sigma > 0 && std::abs(value) > kSure_sigma * sigma ? std::optional(value) : std::nullopt;
-  };
-  return {if_sure(lens.offset.focal, lens.focal_sigma),
-          if_sure(lens.offset.centre_px.x(), lens.centre_sigma_px.x()),
-          if_sure(lens.offset.centre_px.y(), lens.centre_sigma_px.y()),
-          if_sure(lens.offset.k1, lens.k1_sigma)};
-}
-
-}  // namespace
-
 Expected<void> MapKeeper::store_cameras() {
   for (const auto& body : learned_()) {
     for (std::size_t k = 0; k < body.cameras.size(); ++k) {
       const ExtrinsicsEstimate& camera = body.cameras[k];
       StoredExtrinsics stored{body.name, static_cast<int>(k), camera.X_BV};
       stored.lens = stored_lens(camera.lens);
-      // All of it: the next configuration may tell what was learned.
-      const Duration told = k < body.told_shifts.size() ? body.told_shifts[k] : Duration{};
+      // The total offset: the next configuration may contain a part of it.
+      const Duration configured =
+          k < body.configured_shifts.size() ? body.configured_shifts[k] : Duration{};
       if (is_known(camera.clock))
-        stored.clock = {to_seconds(told) + camera.clock.shift_s, camera.clock.readout_s};
+        stored.clock = {to_seconds(configured) + camera.clock.shift_s, camera.clock.readout_s};
       if (const auto saved = store_.save_extrinsics(stored); !saved) return saved;
     }
   }

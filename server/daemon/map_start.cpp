@@ -8,26 +8,24 @@
 #include <utility>
 
 #include "base/log.hpp"
-#include "base/so3.hpp"
-#include "daemon/system_clock.hpp"
-#include "detection/tag_family_list.hpp"
-#include "mapping/formats/map_yaml.hpp"
+#include "base/pose.hpp"
+#include "daemon/system.hpp"
+#include "detection/tag_family.hpp"
+#include "mapping/formats/map_format.hpp"
 #include "mapping/store/map_repair.hpp"
 
 namespace fiducap {
-
 namespace {
 
-// Beyond this the stored extrinsics and the configured ones are not about the same mounting.
+// Beyond, stored and configured extrinsics are of different mountings.
 constexpr double kContradiction_sigma = 6.0;
 constexpr double kUnitTolerance = 1e-6;
 
 Expected<TagMap> import_map(const std::string& file, double wpilib_edge_m) {
   std::ifstream stream(file);
   std::ostringstream text;
-  if (!stream || std::filesystem::is_directory(file)) {
+  if (!stream || std::filesystem::is_directory(file))
     return fail(ErrorCode::kNotFound, "map.file cannot be read", file);
-  }
   text << stream.rdbuf();
   const auto extension = std::filesystem::path(file).extension();
   if (extension == ".json") return map_from_wpilib_json(text.str(), wpilib_edge_m, file);
@@ -35,7 +33,7 @@ Expected<TagMap> import_map(const std::string& file, double wpilib_edge_m) {
   return map_from_yaml(text.str(), file);
 }
 
-/// Reads `map.file`; without one the room is unknown.
+/// Reads `map.file`; empty without one.
 Expected<TagMap> first_map(const MapSettings& settings, const TagSetConfig& tags) {
   TagMap map;
   if (!settings.file.empty()) {
@@ -63,14 +61,15 @@ Expected<void> check_against(const TagMap& map, const MapSettings& settings,
   if (const std::string warning = tag_family_warning(tags.family); !warning.empty())
     log::warning("detection", warning);
   if (map.reference_tag && settings.reference_tag && map.reference_tag != settings.reference_tag) {
-    log::warning("mapping", "the stored map hangs on tag " + std::to_string(*map.reference_tag) +
+    log::warning("mapping", "the origin of the stored map is tag " +
+                                std::to_string(*map.reference_tag) +
                                 ", map.reference_tag = " + std::to_string(*settings.reference_tag) +
-                                " only counts for a new map");
+                                " has an effect only for a new map");
   }
   return {};
 }
 
-/// A clock that the configuration calls exact, or that contradicts it, stays as configured.
+/// A clock that is configured as exact, or contradicts the configuration, stays as configured.
 void use_learned_clock(const StoredClock& learned, CameraMount& mount, double& start_shift_s) {
   const double beyond_s = learned.shift_s - to_seconds(mount.time_shift);
   if (std::abs(beyond_s) < kContradiction_sigma * mount.time_shift_sigma_s)
@@ -79,15 +78,15 @@ void use_learned_clock(const StoredClock& learned, CameraMount& mount, double& s
     mount.readout_s = learned.readout_s;
 }
 
-void tell_rolled_back(EventBoard& events, std::string text, std::string remedy) {
-  events.tell({.severity = Severity::kWarning,
-               .subject = "map",
-               .kind = "rolled_back",
-               .text = std::move(text),
-               .remedy = std::move(remedy)});
+void report_rolled_back(EventBoard& events, std::string text, std::string remedy) {
+  events.report({.severity = Severity::kWarning,
+                 .subject = "map",
+                 .kind = "rolled_back",
+                 .text = std::move(text),
+                 .remedy = std::move(remedy)});
 }
 
-/// A file that SQLite cannot read whole is repaired once.
+/// Repairs a damaged file once.
 Expected<MapStore> open_or_repair(const std::string& path, EventBoard& events) {
   auto store = MapStore::open(path);
   if (store || store.error().code != ErrorCode::kInvalid) return store;
@@ -101,31 +100,31 @@ Expected<MapStore> open_or_repair(const std::string& path, EventBoard& events) {
   const auto lost = repaired->found.sentences();
   std::string text = "the store " + path + " was damaged and has been repaired";
   for (const std::string& one : lost) text += "; " + one;
-  tell_rolled_back(events, text,
-                   repaired->kept_as.empty()
-                       ? "look at the disk"
-                       : "the damaged file is kept as " + repaired->kept_as + "; look at the disk");
+  report_rolled_back(events, text,
+                     repaired->kept_as.empty()
+                         ? "check the disk"
+                         : "the damaged file is kept as " + repaired->kept_as + "; check the disk");
   return MapStore::open(path);
 }
 
-void tell_damaged(const SoundVersion& sound, const std::string& path, EventBoard& events) {
+void report_damaged(const SoundVersion& sound, const std::string& path, EventBoard& events) {
   if (sound.damaged.empty()) return;
   std::string text = "went back to version " + std::to_string(sound.map.version) + " of " + path;
   for (const DamagedVersion& one : sound.damaged)
     text += "; version " + std::to_string(one.version) + " " + one.fault;
-  tell_rolled_back(events, text,
-                   "damaged versions stay in the store; `fiducap map repair` makes one without "
-                   "them and keeps this one aside");
+  report_rolled_back(events, text,
+                     "damaged versions stay in the store; `fiducap map repair` makes one without "
+                     "them and keeps this one aside");
 }
 
-/// The newest sound map of the store and what was learned with it.
+/// The newest valid map of the store, and the cameras estimated with it.
 Expected<void> read_store(StartMap& start, const std::string& path, EventBoard& events) {
   auto store = open_or_repair(path, events);
   if (!store) return tl::unexpected(store.error());
   if (auto claimed = store->claim(); !claimed) return claimed;
   auto sound = store->newest_sound();
   if (!sound) return tl::unexpected(sound.error());
-  tell_damaged(*sound, path, events);
+  report_damaged(*sound, path, events);
   auto learned = store->extrinsics();
   if (!learned) return tl::unexpected(learned.error());
   start.learned = std::move(*learned);
@@ -172,14 +171,14 @@ void use_learned(const std::vector<StoredExtrinsics>& learned, const std::string
     if (stored.clock) use_learned_clock(*stored.clock, mount, sensors.start_shifts_s[k]);
     const double distance_m = (stored.X_BV.p - mount.X_BV.p).norm();
     const double angle_rad = angle_between(stored.X_BV.q, mount.X_BV.q);
-    // What a disk made of it may be no number at all.
+    // Also guards against damaged numbers.
     const bool close = distance_m <= kContradiction_sigma * mount.position_sigma_m &&
                        angle_rad <= kContradiction_sigma * mount.rotation_sigma_rad &&
                        std::abs(stored.X_BV.q.norm() - 1.0) < kUnitTolerance;
     if (!close) {
       log::warning("mapping", body + ": what was learned about camera " +
                                   std::to_string(stored.camera) +
-                                  " contradicts the configuration; the configuration holds");
+                                  " contradicts the configuration and is not used");
       continue;
     }
     mount.X_BV = stored.X_BV;

@@ -1,25 +1,27 @@
 #include "daemon/operator_token.hpp"
 
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <array>
-#include <cerrno>
-#include <cstring>
-#include <filesystem>
+#include "middleware/net/peer.hpp"
 
 namespace fiducap {
-
 namespace {
 
 constexpr std::size_t kLongestToken = 1024;
-constexpr mode_t kOfOthers = 0027;  // all for strangers, and writing for the group
+constexpr mode_t kOfOthers = 0027;  // any access for others, and writing for the group
 
 class TokenFile final {
  public:
-  // Not blocking: a pipe in its place must not hold the start up.
+  // Not blocking: a pipe in its place must not delay the start.
   explicit TokenFile(const std::string& path)
       : number_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY)) {}
   ~TokenFile() {
@@ -36,15 +38,14 @@ class TokenFile final {
 Expected<void> check_owner(const struct stat& file, const std::string& path) {
   if (!S_ISREG(file.st_mode)) return fail(ErrorCode::kInvalid, "must be a plain file", path);
   if (file.st_uid != 0 && file.st_uid != ::geteuid())
-    return fail(ErrorCode::kInvalid,
-                "belongs to another user, who could change the token: `chown` it to root or to "
-                "whom the server runs as",
-                path);
+    return fail(
+        ErrorCode::kInvalid,
+        "belongs to another user, which could change the token: `chown` it to root or to the "
+        "user of the server",
+        path);
   if ((file.st_mode & kOfOthers) != 0)
     return fail(ErrorCode::kInvalid,
-                "can be read or changed by others than its owner: `chmod 600` it, and choose a "
-                "new token",
-                path);
+                "can be read or changed by others: `chmod 600` it, and choose a new token", path);
   return {};
 }
 
@@ -66,9 +67,9 @@ Expected<std::string> check_token(std::string_view text, const std::string& path
 std::vector<ConfigError> OperatorConfig::check() const {
   return Checker{"operator."}
       .require(token.empty() || token.size() >= kShortestToken, "token", "(secret)",
-               "must have at least 8 characters, or be empty: then nobody may change anything")
+               "must have at least 8 characters, or be empty, which disables operators")
       .require(token.empty() || token_file.empty(), "token_file", token_file,
-               "says the token a second time: keep one of token and token_file")
+               "has no effect beside token: remove one of both")
       .errors;
 }
 
@@ -100,7 +101,7 @@ Expected<std::string> operator_token(const OperatorConfig& config, const char* c
     auto token = read_token_file(config.token_file);
     if (token && token->empty())
       return fail(ErrorCode::kInvalid,
-                  "is empty: write a token into it, or leave operator.token_file away",
+                  "is empty: write a token into it, or remove operator.token_file",
                   config.token_file);
     return token;
   }
@@ -109,6 +110,22 @@ Expected<std::string> operator_token(const OperatorConfig& config, const char* c
   std::error_code error;
   if (!std::filesystem::exists(handed, error)) return std::string();
   return read_token_file(handed.string());
+}
+
+std::string fresh_secret() {
+  const auto key = net::random_key();
+  std::array<char, 33> text{};
+  std::snprintf(text.data(), text.size(), "%016llx%016llx", static_cast<unsigned long long>(key[0]),
+                static_cast<unsigned long long>(key[1]));
+  return text.data();
+}
+
+bool is_secret(std::string_view given, std::string_view secret) {
+  if (secret.empty() || given.size() != secret.size()) return false;
+  unsigned difference = 0;
+  for (std::size_t i = 0; i < given.size(); ++i)
+    difference |= static_cast<unsigned char>(given[i]) ^ static_cast<unsigned char>(secret[i]);
+  return difference == 0;
 }
 
 }  // namespace fiducap

@@ -5,15 +5,12 @@
 
 #include "base/log.hpp"
 #include "base/text.hpp"
-#include "daemon/system_clock.hpp"
-#include "daemon/urgency.hpp"
-#include "streaming/net/guard.hpp"
+#include "daemon/system.hpp"
 
 namespace fiducap {
-
 namespace {
 constexpr Duration kReadUtcEvery = std::chrono::seconds(1);
-constexpr double kWorthSaying_s = 0.5;  // more is no correction of its rate
+constexpr double kJump_s = 0.5;  // more is no correction of the clock's rate
 }  // namespace
 
 Publisher::Publisher(double rate_hz, Scene& scene, const MapBuilder& map, const Clock& clock,
@@ -28,12 +25,12 @@ Publisher::Publisher(double rate_hz, Scene& scene, const MapBuilder& map, const 
       utc_read_at_(clock.now()) {}
 
 void Publisher::run(std::stop_token stop) {
-  run_urgently();
+  set_realtime_priority();
   Instant next = clock_.now();
   while (clock_.wait_until(next, stop)) {
-    // What it throws (no memory) costs this frame, said once a while.
+    // An exception (no memory) costs this frame; reported from time to time.
     const auto whose = [this] { return failures_++ % 1000 == 0 ? "a frame" : ""; };
-    net::guarded("publisher", whose, [this] { publish(); });
+    log::guarded("publisher", whose, [this] { publish(); });
     next += period_;
     const Duration late = clock_.now() - next;
     if (late < Duration::zero()) continue;
@@ -43,12 +40,12 @@ void Publisher::run(std::stop_token stop) {
   }
 }
 
-/// A computer without a clock of its own has its time set some while after the start.
+/// A computer without a battery-backed clock gets its time some time after the start.
 void Publisher::read_utc(Instant now) {
   const Duration before = std::exchange(utc_offset_, utc_offset());
   utc_read_at_ = now;
   const double jump_s = to_seconds(utc_offset_ - before);
-  if (std::abs(jump_s) > kWorthSaying_s)
+  if (std::abs(jump_s) > kJump_s)
     log::warning("daemon", "the computer's time was set " + fixed(std::abs(jump_s), 1) + " s " +
                                (jump_s > 0 ? "ahead" : "back") +
                                ": stamps in UTC (ROS 2, VRPN, Qualisys) jump by that");

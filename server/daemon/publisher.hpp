@@ -5,14 +5,14 @@
 #include <memory>
 #include <stop_token>
 
-#include "base/clock.hpp"
+#include "base/time.hpp"
 #include "mapping/map_builder.hpp"
 #include "scene/scene.hpp"
 
 namespace fiducap {
 
-/// Makes a frame of all bodies at a fixed rate. The schedule is absolute: a late tick does not move
-/// the next one, and ticks that were missed altogether are left out, never made up for.
+/// Publishes a frame of all bodies at a fixed rate. The schedule is absolute: a late tick does not
+/// move the next one, and missed ticks are skipped.
 class Publisher final {
  public:
   using Receiver = std::function<void(std::shared_ptr<const SceneFrame>)>;

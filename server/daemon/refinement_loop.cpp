@@ -1,42 +1,38 @@
-#include "daemon/refinement_loop.hpp"
+#include "daemon/map_keeper.hpp"
 
 #include <algorithm>
 #include <condition_variable>
 #include <future>
-#include <mutex>
 #include <thread>
 
-#include "base/this_thread.hpp"
-#include "daemon/system_clock.hpp"
-#include "daemon/urgency.hpp"
-#include "streaming/net/guard.hpp"
+#include "base/log.hpp"
+#include "base/process.hpp"
+#include "daemon/system.hpp"
 
 namespace fiducap {
-
 namespace {
-// A solution that is under way for this long and got less than this share of a core is starved.
+// A solution that got less than this share of a core within this time is starved.
 constexpr Duration kLate = std::chrono::seconds(5);
 constexpr double kLeastShare = 0.2;
-// A busy computer does not get idle from one solution to the next.
-constexpr Duration kImpatientFor = std::chrono::minutes(5);
-// After the first solution: bodies wait for the tags that they see.
-constexpr Duration kBeginsFor = std::chrono::seconds(30);
+// A busy computer stays busy for some time.
+constexpr Duration kNormalPriorityFor = std::chrono::minutes(5);
+// After the first solution: bodies wait for tags.
+constexpr Duration kNormalPriorityAtStart = std::chrono::seconds(30);
 constexpr auto kLookEvery = std::chrono::seconds(1);
 }  // namespace
 
-/// The one thread that all solutions run in: its heap arena keeps the graph, where a thread for
-/// each solution would spread it over as many arenas as there are. It never holds the map's lock:
-/// bodies wait for that.
+/// Thread of all solutions: one heap arena holds the graph, which a thread per solution would
+/// spread over many arenas. It never holds the map's lock, which bodies wait for.
 class RefinementLoop::Solver final {
  public:
   explicit Solver(MapRefiner& refiner) : refiner_(refiner) { handle_ = ready_.get_future().get(); }
 
-  void begin(bool is_patient, const std::stop_token& stop) {
+  void begin(bool is_alive, const std::stop_token& stop) {
     began_cpu_ = handle_.cpu_time();
     const std::lock_guard lock(mutex_);
     job_.emplace([this, stop] { return refiner_.solve_taken(stop); });
     result_ = job_->get_future();
-    is_patient_ = is_patient;
+    in_background_ = is_alive;
     wake_.notify_one();
   }
   /// @return whether it is done
@@ -44,7 +40,7 @@ class RefinementLoop::Solver final {
   [[nodiscard]] bool get() { return result_.get(); }
   /// Of the solution under way.
   [[nodiscard]] Duration cpu_time() const { return handle_.cpu_time() - began_cpu_; }
-  void hurry() { (void)lose_patience(handle_.number); }
+  void restore_priority() { (void)restore_normal_priority(handle_.number); }
 
  private:
   void run(const std::stop_token& stop) {
@@ -54,12 +50,12 @@ class RefinementLoop::Solver final {
     while (wake_.wait(lock, stop, [this] { return job_.has_value(); })) {
       auto job = std::move(*job_);
       job_.reset();
-      const bool is_patient = is_patient_;
+      const bool is_alive = in_background_;
       lock.unlock();
-      if (is_patient)
-        run_patiently_for_now();
+      if (is_alive)
+        set_reversible_background_priority();
       else
-        hurry();
+        restore_priority();
       job();
       lock.lock();
     }
@@ -73,7 +69,7 @@ class RefinementLoop::Solver final {
   std::mutex mutex_;
   std::condition_variable_any wake_;
   std::optional<std::packaged_task<bool()>> job_;
-  bool is_patient_{false};
+  bool in_background_{false};
   std::jthread thread_{[this](const std::stop_token& stop) { run(stop); }};
 };
 
@@ -81,15 +77,15 @@ void RefinementLoop::run(std::stop_token stop) {
   Solver solver(refiner_);
   Instant next = clock_.now() + period_;
   while (clock_.wait_until(next, stop)) {
-    net::guarded(
+    log::guarded(
         "mapping", [] { return "refining the map"; },
         [&] {
           refiner_.take();
           const bool is_solved = solve(solver, stop);
-          if (!is_solved && stop.stop_requested()) return;  // in its middle: no replay could
+          if (!is_solved && stop.stop_requested()) return;  // incomplete: not reproducible
           if (const auto turn = refiner_.adopt(utc_now_ns())) done_(*turn);
           if (is_solved && !std::exchange(has_map_, true))
-            patient_from_ = std::max(patient_from_, clock_.now() + kBeginsFor);
+            background_from_ = std::max(background_from_, clock_.now() + kNormalPriorityAtStart);
         });
     next = std::max(next + period_, clock_.now());
   }
@@ -97,33 +93,33 @@ void RefinementLoop::run(std::stop_token stop) {
 
 bool RefinementLoop::solve(Solver& solver, const std::stop_token& stop) {
   const Instant began = clock_.now();
-  bool is_patient = has_map_ && began >= patient_from_;
-  solver.begin(is_patient, stop);
-  const std::stop_callback stopped(stop, [&] { solver.hurry(); });
+  bool is_alive = has_map_ && began >= background_from_;
+  solver.begin(is_alive, stop);
+  const std::stop_callback stopped(stop, [&] { solver.restore_priority(); });
   bool is_late = false;
   while (!solver.wait()) {
     const Duration waited = clock_.now() - began;
     const Duration used = solver.cpu_time();
     if (is_late || waited < kLate || used > kLeastShare * waited) continue;
     is_late = true;
-    say_whether_late(true);
-    if (is_patient) solver.hurry();
-    patient_from_ = clock_.now() + kImpatientFor;
+    report_lateness(true);
+    if (is_alive) solver.restore_priority();
+    background_from_ = clock_.now() + kNormalPriorityFor;
   }
-  if (!is_late) say_whether_late(false);
+  if (!is_late) report_lateness(false);
   return solver.get();
 }
 
-void RefinementLoop::say_whether_late(bool is_late) {
+void RefinementLoop::report_lateness(bool is_late) {
   events_.set(is_late,
               {.severity = Severity::kWarning,
                .subject = "map",
                .kind = "map_late",
-               .text = "is brought up to date late: other work leaves it no time. Tags join late, "
-                       "and what has moved is noticed late",
+               .text = "is refined late because of other work. Tags join late, and moved tags are "
+                       "noticed late",
                .remedy = "End other programs, lower the cameras' rates, or take a computer with "
                          "more cores"},
-              "is brought up to date in time again");
+              "is refined in time again");
 }
 
 }  // namespace fiducap

@@ -2,36 +2,29 @@
 
 #include <algorithm>
 #include <atomic>
-#include <exception>
 #include <iostream>
-#include <optional>
 #include <thread>
 #include <utility>
 
 #include "base/event_board.hpp"
 #include "base/log.hpp"
-#include "base/this_thread.hpp"
-#include "daemon/bodies/body_opening.hpp"
+#include "base/process.hpp"
 #include "daemon/bodies/body_setup.hpp"
-#include "daemon/bodies/body_threads.hpp"
-#include "daemon/control_desk.hpp"
+#include "daemon/bodies/body_worker.hpp"
+#include "daemon/map_keeper.hpp"
 #include "daemon/map_start.hpp"
-#include "daemon/protocol_servers.hpp"
+#include "daemon/operator_service.hpp"
 #include "daemon/publisher.hpp"
 #include "daemon/recording/session_recorder.hpp"
-#include "daemon/refinement_loop.hpp"
-#include "daemon/setup/setup_room.hpp"
-#include "daemon/signal_wait.hpp"
+#include "daemon/setup/setup_session.hpp"
 #include "daemon/stream_loop.hpp"
-#include "daemon/system_clock.hpp"
-#include "daemon/urgency.hpp"
-#include "daemon/views/view_desk.hpp"
+#include "daemon/system.hpp"
+#include "daemon/views/camera_preview.hpp"
 #include "daemon/watch/health_watch.hpp"
-#include "middleware/membership.hpp"
+#include "middleware/participant.hpp"
 #include "scene/scene.hpp"
 
 namespace fiducap {
-
 namespace {
 
 template <typename Work>
@@ -42,9 +35,9 @@ std::jthread named(const char* name, Work work) {
   });
 }
 
-constexpr Duration kSourcePatience = std::chrono::milliseconds(600);
-constexpr Duration kMapPatience = std::chrono::seconds(5);
-constexpr Duration kLook = std::chrono::milliseconds(5);
+constexpr Duration kSourceTimeout = std::chrono::milliseconds(600);
+constexpr Duration kMapTimeout = std::chrono::seconds(5);
+constexpr Duration kPollPeriod = std::chrono::milliseconds(5);
 constexpr std::chrono::seconds kLastCommit{1};
 
 }  // namespace
@@ -56,7 +49,7 @@ class Server::Impl final {
         options_(options),
         clock_(clock),
         membership_(config.dds, events_),
-        opening_(config_, options_, clock, events_, membership_,
+        opening_(config_, {options.motion, options.source}, clock, events_, membership_,
                  [this](std::size_t body) { scene_->source_lost(body); }),
         bodies_(clock),
         recorder_(config.recorder, clock, events_) {}
@@ -64,7 +57,7 @@ class Server::Impl final {
   Expected<void> build();
   ServerEnd run();
   void stop() noexcept;
-  [[nodiscard]] ServerPorts ports() const { return ports_; }
+  [[nodiscard]] ProtocolPorts ports() const { return ports_; }
   [[nodiscard]] Instant simulation_start() const { return opening_.simulation_start(); }
 
  private:
@@ -89,26 +82,22 @@ class Server::Impl final {
   BodyOpening opening_;
   std::optional<MapBuilder> map_;
   std::optional<Scene> scene_;
-  std::optional<ViewDesk> views_;  ///< Only with a page that may show cameras.
+  std::optional<CameraPreview> views_;  ///< Only with a page that may show cameras.
   BodyThreads bodies_;
   std::optional<MapKeeper> keeper_;
   std::optional<RefinementLoop> refinement_;  ///< Only when the map is refined.
   SessionRecorder recorder_;
-  std::optional<ControlDesk> desk_;
+  std::optional<OperatorService> operators_;
   StreamLoop frames_{"streaming"};
   StreamLoop pages_{"pages"};
   std::shared_ptr<SignalWait> signals_;
-  ServerPorts ports_;
+  ProtocolPorts ports_;
   std::optional<Publisher> publisher_;
   std::optional<HealthWatch> watch_;
-  std::optional<SetupRoom> setup_;
+  std::optional<SetupSession> setup_;
   std::atomic<bool> is_set_up_{false};
-  std::jthread paging_, viewing_, setting_up_;
-  std::jthread keeping_;
-  std::jthread refining_;
-  std::jthread recording_;
-  std::jthread publishing_;
-  std::jthread watching_;
+  std::jthread paging_, viewing_, setting_up_, keeping_, refining_, recording_, publishing_,
+      watching_;
 };
 
 Expected<void> Server::Impl::build() {
@@ -136,11 +125,11 @@ Expected<void> Server::Impl::build() {
   build_setup();
   build_scene(*bodies);
   build_workers(std::move(*bodies));
-  desk_.emplace(config_.operators, *scene_, *map_, recorder_, events_,
-                keeper_ ? &*keeper_ : nullptr);
+  operators_.emplace(config_.operators, *scene_, *map_, recorder_, events_,
+                     keeper_ ? &*keeper_ : nullptr);
   if (!config_.recorder.at_start.empty()) {
     const auto opened = recorder_.start_and_open(config_.recorder.at_start);
-    // The disk's fault is said and stands; robots are followed all the same.
+    // A failing disk is a lasting event; robots are tracked nevertheless.
     if (!opened && opened.error().code == ErrorCode::kInvalid) return opened;
   }
   return build_streaming();
@@ -183,12 +172,12 @@ void Server::Impl::build_workers(Bodies bodies) {
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const BodyConfig& config = config_.bodies[i];
     const BodySensors& sensors = bodies[i].setup.sensors;
-    // A robot that a controller moves has no truth at other times than now.
+    // The motion of a controlled robot is known for the present only.
     auto truth = options_.motion ? SimulatedTruth{} : std::move(bodies[i].truth);
     recorder_.add_body(config.name, recording_of(sensors, config_.tags, config_.map.reference_tag),
                        std::move(truth));
     PipelineSetup setup = pipeline_setup(config_, config, bodies[i].setup);
-    recorded.bodies[i].cameras.clear();  // as they are used, with what was learned about them
+    recorded.bodies[i].cameras.clear();  // replaced by the estimated ones
     for (std::size_t k = 0; k < sensors.cameras.size(); ++k) {
       const auto source = k < config.cameras.size() ? config.cameras[k].source : std::nullopt;
       recorded.bodies[i].cameras.push_back({.mount = sensors.cameras[k], .source = source});
@@ -204,9 +193,9 @@ void Server::Impl::build_workers(Bodies bodies) {
 }
 
 Expected<void> Server::Impl::build_streaming() {
-  auto ports = start_protocols({frames_, pages_, config_, scene_->model(), *desk_, events_, clock_,
-                                [this] { return membership_.join(); }, views_ ? &*views_ : nullptr,
-                                setup_ ? &*setup_ : nullptr});
+  auto ports = start_protocols({frames_, pages_, config_, scene_->model(), *operators_, events_,
+                                clock_, [this] { return membership_.join(); },
+                                views_ ? &*views_ : nullptr, setup_ ? &*setup_ : nullptr});
   if (!ports) return tl::unexpected(ports.error());
   ports_ = *ports;
   frames_.on_delivered(
@@ -262,7 +251,7 @@ ServerEnd Server::Impl::run() {
   return shut_down();
 }
 
-/// To the terminal and to no log: pages show the log, and services store it for others to read.
+/// To the terminal only, since pages and services show the log.
 void Server::Impl::show_setup_address() const {
   const std::string& address = config_.streaming.web.address;
   const bool is_any = address == "0.0.0.0" || address == "::";
@@ -275,11 +264,10 @@ void Server::Impl::show_setup_address() const {
 }
 
 void Server::Impl::serve() {
-  if (!run_urgently()) {
+  if (!set_realtime_priority()) {
     log::info("daemon",
-              "no right to real-time scheduling: with all cores busy a frame may wait for a "
-              "millisecond or two "
-              "(LimitRTPRIO=10 in the unit fiducapd.service gives it)");
+              "real-time scheduling is not permitted: with all cores busy a frame may wait for a "
+              "millisecond or two (LimitRTPRIO=10 in the unit fiducapd.service permits it)");
   }
   frames_.run();
 }
@@ -289,7 +277,7 @@ void Server::Impl::stop() noexcept {
   frames_.stop();
 }
 
-/// On the watch's thread: the one that does I/O does not answer.
+/// On the watch's thread, since the I/O thread does not respond.
 void Server::Impl::give_up() {
   if (!options_.give_up) return;
   if (keeper_) keeper_->request_commit();
@@ -302,7 +290,7 @@ ServerEnd Server::Impl::shut_down() {
   watching_.request_stop();
   watching_.join();
   publishing_.request_stop();
-  const bool all = bodies_.stop(kSourcePatience);
+  const bool all = bodies_.stop(kSourceTimeout);
   if (setting_up_.joinable()) {
     setting_up_.request_stop();
     setting_up_.join();
@@ -328,19 +316,19 @@ ServerEnd Server::Impl::shut_down() {
 bool Server::Impl::map_is_stored() {
   if (!keeping_.joinable()) return true;
   keeping_.request_stop();
-  const Instant until = clock_.now() + kMapPatience;
+  const Instant until = clock_.now() + kMapTimeout;
   while (keeper_->is_running() && clock_.now() < until)
-    static_cast<void>(clock_.wait_until(clock_.now() + kLook, {}));
+    static_cast<void>(clock_.wait_until(clock_.now() + kPollPeriod, {}));
   if (!keeper_->is_running()) {
     keeping_.join();
     return true;
   }
-  events_.tell({.severity = Severity::kError,
-                .subject = "map",
-                .kind = "lost",
-                .text = "the disk of the map is stuck: what was learned since the last stored "
-                        "version is lost",
-                .remedy = "Look after the disk of `map.store`"});
+  events_.report({.severity = Severity::kError,
+                  .subject = "map",
+                  .kind = "lost",
+                  .text = "the disk of the map is stuck: changes since the last stored version are "
+                          "lost",
+                  .remedy = "Check the disk of `map.store`"});
   return false;
 }
 
@@ -355,7 +343,7 @@ Server::Server(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Server::~Server() = default;
 ServerEnd Server::run() { return impl_->run(); }
 void Server::stop() { impl_->stop(); }
-ServerPorts Server::ports() const { return impl_->ports(); }
+ProtocolPorts Server::ports() const { return impl_->ports(); }
 Instant Server::simulation_start() const { return impl_->simulation_start(); }
 
 }  // namespace fiducap

@@ -2,30 +2,26 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
 #include <optional>
+
+#include <opencv2/imgproc.hpp>
 
 #include "detection/tag_detector.hpp"
 #include "detection/tag_family.hpp"
-#include "detection/tag_outline.hpp"
+#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
-
 namespace {
 
-// Squares are looked for in an image of at most this width: smaller ones than 8 px there are of no
-// use to anybody.
-constexpr int kMostWidth_px = 960;
-constexpr double kLeastSide_px = 8;
-constexpr double kLeastPixelsPerModule = 1.5;
+constexpr int kMaxWidth_px = 960;  // of the image searched for squares
+constexpr double kMinSide_px = 8;  // in that image
+constexpr double kMinPixelsPerCell = 1.5;
 constexpr double kFaintContrast = 24;  // grays
-constexpr double kLeastContrast = 6;   // of what is a square at all
-constexpr double kStraight = 0.05;     // of the perimeter: how far a side may bend
-constexpr double kLeastWidth = 0.3;    // between opposite sides, of the longest one
+constexpr double kMinContrast = 6;     // of a square, grays
+constexpr double kMaxBend = 0.05;      // of a side, relative to the perimeter
+constexpr double kMinWidth = 0.3;      // between opposite sides, relative to the longest one
 constexpr int kWindow_px = 23;         // of the local threshold; odd
-constexpr double kOffset = 4;          // grays below its window's mean is dark
-
-using Corners = std::array<Eigen::Vector2d, 4>;
+constexpr double kOffset = 4;          // dark is this many grays below its window's mean
 
 DetectorConfig lenient(DetectorConfig config) {
   config.min_decision_margin = 0;
@@ -34,9 +30,7 @@ DetectorConfig lenient(DetectorConfig config) {
   return config;
 }
 
-Eigen::Vector2d centre_of(const Corners& px) { return 0.25 * (px[0] + px[1] + px[2] + px[3]); }
-
-bool holds(const Corners& quad, const Eigen::Vector2d& px) {
+bool holds(const TagCorners& quad, const Eigen::Vector2d& px) {
   int left = 0;
   for (std::size_t i = 0; i < 4; ++i) {
     const Eigen::Vector2d along = quad[(i + 1) % 4] - quad[i];
@@ -52,9 +46,9 @@ double gray_at(const GrayImage& image, const Eigen::Vector2d& px) {
   return image.pixels[static_cast<std::size_t>(v * image.width + u)];
 }
 
-/// How much brighter it is outside of the sides than inside, grays: the mean over points at a share
-/// of the way to the middle, but clear of the pixels that the sides run through.
-double contrast_of(const GrayImage& image, const Corners& quad, double share) {
+/// Gray outside of the sides minus gray inside: mean over points at this share of the distance to
+/// the middle, at least 1.5 px from the sides.
+double contrast_of(const GrayImage& image, const TagCorners& quad, double share) {
   constexpr int kPoints = 6;  // per side
   constexpr double kClear_px = 1.5;
   const Eigen::Vector2d middle = centre_of(quad);
@@ -81,7 +75,7 @@ class CandidateSearch::Impl {
         decimate_(config.decimate),
         min_margin_(config.min_decision_margin) {
     if (const auto family = TagFamily::named(tags.family)) {
-      modules_ = family->edge_width();
+      cells_ = family->edge_width();
       is_reversed_ = family->has_reversed_border();
     }
   }
@@ -94,7 +88,7 @@ class CandidateSearch::Impl {
     for (const TagSighting& tag : found) taken_.push_back(tag.corners_px);
     add_read(image, found, out);
     add_squares(image, out);
-    std::sort(out.begin(), out.end(), [](const TagCandidate& a, const TagCandidate& b) {
+    std::ranges::sort(out, [](const TagCandidate& a, const TagCandidate& b) {
       const bool a_read = a.tag_id >= 0, b_read = b.tag_id >= 0;
       if (a_read != b_read) return a_read;
       return outline_of(a.corners_px).longest_px > outline_of(b.corners_px).longest_px;
@@ -108,7 +102,7 @@ class CandidateSearch::Impl {
     read_.clear();
     detector_.detect(image, whole(image), {decimate_, 5}, read_);
     for (const TagSighting& tag : read_) {
-      const bool is_found = std::any_of(found.begin(), found.end(), [&](const TagSighting& one) {
+      const bool is_found = std::ranges::any_of(found, [&](const TagSighting& one) {
         return one.tag_id == tag.tag_id && holds(one.corners_px, centre_of(tag.corners_px));
       });
       if (is_found) continue;
@@ -123,7 +117,7 @@ class CandidateSearch::Impl {
     // OpenCV takes a non-const pointer but only reads.
     const cv::Mat full(image.height, image.width, CV_8UC1,
                        const_cast<std::uint8_t*>(image.pixels.data()));
-    const double scale = std::max(1.0, double(image.width) / kMostWidth_px);
+    const double scale = std::max(1.0, double(image.width) / kMaxWidth_px);
     if (scale > 1) {
       cv::resize(full, small_, {}, 1 / scale, 1 / scale, cv::INTER_AREA);
     } else {
@@ -133,8 +127,8 @@ class CandidateSearch::Impl {
                           kWindow_px, kOffset);
     contours_.clear();
     cv::findContours(dark_, contours_, cv::RETR_LIST, cv::CHAIN_APPROX_SIMPLE);
-    // Larger ones first: what lies within a square is its bits.
-    std::sort(contours_.begin(), contours_.end(), [](const auto& a, const auto& b) {
+    // Larger ones first: squares within a square are its bits.
+    std::ranges::sort(contours_, [](const auto& a, const auto& b) {
       return cv::boundingRect(a).area() > cv::boundingRect(b).area();
     });
     for (const auto& contour : contours_) {
@@ -143,29 +137,29 @@ class CandidateSearch::Impl {
     }
   }
 
-  std::optional<Corners> quad_of(const std::vector<cv::Point>& contour, double scale) {
+  std::optional<TagCorners> quad_of(const std::vector<cv::Point>& contour, double scale) {
     const double perimeter = cv::arcLength(contour, true);
-    if (perimeter < 4 * kLeastSide_px) return std::nullopt;
-    cv::approxPolyDP(contour, polygon_, kStraight * perimeter, true);
+    if (perimeter < 4 * kMinSide_px) return std::nullopt;
+    cv::approxPolyDP(contour, polygon_, kMaxBend * perimeter, true);
     if (polygon_.size() != 4 || !cv::isContourConvex(polygon_)) return std::nullopt;
-    Corners quad;
+    TagCorners quad;
     for (std::size_t i = 0; i < 4; ++i)
       quad[i] = (Eigen::Vector2d(polygon_[i].x, polygon_[i].y).array() + 0.5) * scale - 0.5;
     const TagOutline outline = outline_of(quad);
-    if (outline.width_px < kLeastWidth * outline.longest_px) return std::nullopt;
+    if (outline.width_px < kMinWidth * outline.longest_px) return std::nullopt;
     return quad;
   }
 
-  void add_square(const GrayImage& image, const Corners& quad, std::vector<TagCandidate>& out) {
+  void add_square(const GrayImage& image, const TagCorners& quad, std::vector<TagCandidate>& out) {
     const Eigen::Vector2d middle = centre_of(quad);
-    const bool is_taken = std::any_of(taken_.begin(), taken_.end(), [&](const Corners& other) {
+    const bool is_taken = std::ranges::any_of(taken_, [&](const TagCorners& other) {
       return holds(other, middle) || holds(quad, centre_of(other));
     });
     if (is_taken) return;
-    const double contrast = contrast_of(image, quad, 0.5 / modules_) * (is_reversed_ ? -1 : 1);
-    if (contrast < kLeastContrast) return;
+    const double contrast = contrast_of(image, quad, 0.5 / cells_) * (is_reversed_ ? -1 : 1);
+    if (contrast < kMinContrast) return;
     taken_.push_back(quad);
-    const bool is_small = outline_of(quad).width_px < kLeastPixelsPerModule * modules_;
+    const bool is_small = outline_of(quad).width_px < kMinPixelsPerCell * cells_;
     using Why = TagCandidate::Why;
     out.push_back({is_small                    ? Why::kTooSmall
                    : contrast < kFaintContrast ? Why::kFaint
@@ -176,10 +170,10 @@ class CandidateSearch::Impl {
   TagDetector detector_;
   double decimate_;
   double min_margin_;
-  int modules_{8};
+  int cells_{8};
   bool is_reversed_{false};
   std::vector<TagSighting> read_;
-  std::vector<Corners> taken_;
+  std::vector<TagCorners> taken_;
   cv::Mat small_, dark_;
   std::vector<std::vector<cv::Point>> contours_;
   std::vector<cv::Point> polygon_;

@@ -1,14 +1,11 @@
 #include "detection/detector_config.hpp"
 
 #include "capture/recording/recording.hpp"
-#include "detection/tag_family_list.hpp"
+#include "detection/tag_family.hpp"
 
 namespace fiducap {
 
-namespace {
-// No printer makes larger ones; sheets begin at some millimetres.
-constexpr double kSurelyMillimetres = 5;
-}  // namespace
+static constexpr double kSurelyMillimetres = 5;  // no printer makes tags of 5 m
 
 std::vector<ConfigError> TagSetConfig::check() const {
   Checker checker{"tags."};

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <numeric>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
 namespace fiducap {
-
 namespace {
 
 constexpr int kStride = 2;
@@ -16,12 +16,12 @@ constexpr int kDarkest = 2;
 constexpr int kBrightest = 253;
 constexpr double kPercentile = 0.01;
 constexpr double kSteepestShare = 0.001;  // of the pixels: some edges, not one hot pixel
-constexpr double kLeastContrast = 8;      // grays; below, steps are noise
-constexpr double kSharpStep_px = 2;       // TagSide::sharpness is the share of a step within these
+constexpr double kMinContrast = 8;        // grays; below, steps are noise
+constexpr double kSharpStep_px = 2;       // distance of TagSide::sharpness
 
 using Counts = std::array<std::uint32_t, 256>;
 
-/// Below which gray (or step) this share of all lies.
+/// The gray (or step) with this share of the pixels below it.
 int quantile(const Counts& counts, double all, double share) {
   double left = all * share;
   for (std::size_t i = 0; i < counts.size(); ++i) {
@@ -32,12 +32,10 @@ int quantile(const Counts& counts, double all, double share) {
 }
 
 double share_of(const Counts& counts, int first, int last, double all) {
-  double sum = 0;
-  for (int i = first; i <= last; ++i) sum += counts[static_cast<std::size_t>(i)];
-  return sum / all;
+  return std::accumulate(counts.begin() + first, counts.begin() + last + 1, 0.0) / all;
 }
 
-/// `gray` and `step`: how often each comes.
+/// Histograms of gray and of steps over two pixels.
 void count(const GrayImage& image, Counts& gray, Counts& step) {
   const auto width = static_cast<std::size_t>(image.width);
   for (int v = 1; v + 1 < image.height; v += kStride) {
@@ -50,6 +48,23 @@ void count(const GrayImage& image, Counts& gray, Counts& step) {
       ++step[static_cast<std::size_t>(std::max(across, down))];
     }
   }
+}
+
+constexpr int kNoiseRows = 24;  // spread over the image
+constexpr int kSitesPerRow = 256;
+constexpr std::size_t kMinSites = 200;
+constexpr int kMaxRoughness = 255;  // noise of 130 and more is not distinguished
+constexpr double kQuantile = 0.25;
+constexpr double kNormalQuartile = 0.3186394;  // of |x|, x normal
+constexpr double kMaskGain = 6.0;              // of the mask for white noise
+
+/// Magnitude of the mask's response to the 3 × 3 pixels around `middle`; −1 for clipped pixels.
+int roughness(const std::uint8_t* above, const std::uint8_t* middle, const std::uint8_t* below) {
+  const int c = middle[0];
+  if (c <= 1 || c >= 254) return -1;
+  const int corners = above[-1] + above[1] + below[-1] + below[1];
+  const int sides = above[0] + below[0] + middle[-1] + middle[1];
+  return std::abs(corners - 2 * sides + 4 * c);
 }
 
 }  // namespace
@@ -74,13 +89,13 @@ ImageMeasures measure(const GrayImage& image) {
   out.white = quantile(gray, all, 1 - kPercentile);
   out.dark_share = share_of(gray, 0, kDarkest, all);
   out.bright_share = share_of(gray, kBrightest, 255, all);
-  if (out.white - out.black < kLeastContrast) return out;
+  if (out.white - out.black < kMinContrast) return out;
   out.steepest = std::min(1.0, quantile(step, all, 1 - kSteepestShare) / (out.white - out.black));
   return out;
 }
 
 ImageBlur blur_of(std::span<const TagSighting> tags) {
-  // Unknown: the ellipse's xx, xy, yy.
+  // Unknowns: xx, xy, yy of the ellipse.
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   Eigen::Vector3d right = Eigen::Vector3d::Zero();
   ImageBlur out;
@@ -91,15 +106,15 @@ ImageBlur blur_of(std::span<const TagSighting> tags) {
       const Eigen::Vector2d along = (tag.corners_px[(i + 1) % 4] - tag.corners_px[i]).normalized();
       const Eigen::Vector3d across(along.y() * along.y(), -2 * along.x() * along.y(),
                                    along.x() * along.x());
-      // 0: too smeared to be fitted; then it is the least sharp one of this tag.
+      // 0: too blurred to be fitted, so the blurriest of this tag.
       const double sharpness = tag.sides[i].sharpness > 0 ? tag.sides[i].sharpness : tag.sharpness;
-      const double smear_px = std::max(1.0, 1 / sharpness) * kSharpStep_px;
+      const double blur_px = std::max(1.0, 1 / sharpness) * kSharpStep_px;
       normal += across * across.transpose();
-      right += across * (smear_px * smear_px);
+      right += across * (blur_px * blur_px);
     }
   }
   if (out.tags == 0) return out;
-  // Squares that stand upright say nothing of motion along their diagonals: then there is none.
+  // Sides along rows and columns do not determine xy: regularised to 0.
   normal(1, 1) += 1e-3 * normal.trace();
   const Eigen::Vector3d fit = normal.ldlt().solve(right);
   Eigen::Matrix2d ellipse;
@@ -112,6 +127,44 @@ ImageBlur blur_of(std::span<const TagSighting> tags) {
   const Eigen::Vector2d longest = axes.eigenvectors().col(1);
   out.motion_rad = std::atan(longest.y() / (longest.x() == 0 ? 1e-12 : longest.x()));
   return out;
+}
+
+std::optional<double> pixel_noise(const GrayImage& image) {
+  if (image.width < 16 || image.height < 16) return std::nullopt;
+  std::array<std::uint32_t, kMaxRoughness + 1> counts{};
+  std::size_t sites = 0;
+  const auto width = static_cast<std::size_t>(image.width);
+  const int across = std::max(1, (image.width - 2) / kSitesPerRow);
+  const int down = std::max(1, (image.height - 2) / kNoiseRows);
+  for (int v = 1 + down / 2; v < image.height - 1; v += down) {
+    const std::uint8_t* row = image.pixels.data() + static_cast<std::size_t>(v) * width;
+    for (int u = 1; u < image.width - 1; u += across) {
+      const int rough = roughness(row + u - width, row + u, row + u + width);
+      if (rough < 0) continue;
+      ++counts[static_cast<std::size_t>(std::min(rough, kMaxRoughness))];
+      ++sites;
+    }
+  }
+  if (sites < kMinSites) return std::nullopt;
+  const double wanted = kQuantile * static_cast<double>(sites);
+  double below = 0;
+  std::size_t k = 0;
+  while (below + counts[k] < wanted) below += counts[k++];
+  // Responses are integers: k represents [k − ½, k + ½), and 0 represents [0, ½).
+  const double within = (wanted - below) / counts[k];
+  const double quantile = k == 0 ? 0.5 * within : static_cast<double>(k) - 0.5 + within;
+  return quantile / (kMaskGain * kNormalQuartile);
+}
+
+int contrast_above(double noise, const DetectorConfig& config) {
+  // The range of 144 pixels of pure noise is 5.2 sigma, 6.5 in one of a hundred neighbourhoods.
+  constexpr double kSigmas = 6.5;
+  // The margin of a tag is about half its contrast, some of which the threshold of quads needs.
+  constexpr double kOfMargin = 1.25;
+  const double limit =
+      std::max<double>(config.min_white_black_diff, kOfMargin * config.min_decision_margin);
+  return static_cast<int>(
+      std::lround(std::clamp<double>(kSigmas * noise, config.min_white_black_diff, limit)));
 }
 
 }  // namespace fiducap

@@ -3,26 +3,37 @@
 #include <algorithm>
 
 #include "detection/corner_sigma.hpp"
-#include "detection/side_bend.hpp"
-#include "detection/tag_family_list.hpp"
+#include "detection/side_fit.hpp"
+#include "detection/side_scan.hpp"
+#include "detection/tag_family.hpp"
 
 namespace fiducap {
-
 namespace {
 
-/// A printed tag seen from the front: its four corners run counter-clockwise on paper, and so in
-/// the image.
-bool is_front_view(const std::array<Eigen::Vector2d, 4>& px) {
+// Nine points and two rounds would leave 0.002 px of large tags.
+constexpr int kPointsPerLine = 21;
+constexpr int kRounds = 3;
+
+/// Least squares.
+Line fit_line(const std::array<Eigen::Vector2d, kPointsPerLine>& points) {
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  for (const auto& p : points) mean += p / kPointsPerLine;
+  Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
+  for (const auto& p : points) scatter += (p - mean) * (p - mean).transpose();
+  return principal_line(mean, scatter);
+}
+
+/// Seen from the front the four corners run counter-clockwise, as on paper.
+bool is_front_view(const TagCorners& px) {
   for (std::size_t i = 0; i < 4; ++i) {
     const Eigen::Vector2d a = px[(i + 1) % 4] - px[i];
     const Eigen::Vector2d b = px[(i + 2) % 4] - px[(i + 1) % 4];
-    if (!(a.x() * b.y() - a.y() * b.x() < 0)) return false;  // v grows down; NaN fails too
+    if (!(a.x() * b.y() - a.y() * b.x() < 0)) return false;  // v grows down; also for NaN
   }
   return true;
 }
 
-bool undistort_corners(const std::array<Eigen::Vector2d, 4>& raw_px, const CameraModel& camera,
-                       TagObservation& out) {
+bool undistort_corners(const TagCorners& raw_px, const CameraModel& camera, TagObservation& out) {
   for (std::size_t i = 0; i < 4; ++i) {
     const auto pixel = undistort(camera, raw_px[i]);
     if (!pixel) return false;
@@ -34,8 +45,7 @@ bool undistort_corners(const std::array<Eigen::Vector2d, 4>& raw_px, const Camer
 }
 
 void drop_doubled_ids(std::vector<TagObservation>& tags) {
-  std::sort(tags.begin(), tags.end(),
-            [](const auto& a, const auto& b) { return a.tag_id < b.tag_id; });
+  std::ranges::sort(tags, {}, &TagObservation::tag_id);
   auto keep = tags.begin();
   for (auto run = tags.begin(); run != tags.end();) {
     const auto end =
@@ -48,20 +58,18 @@ void drop_doubled_ids(std::vector<TagObservation>& tags) {
 
 }  // namespace
 
-bool see_through(const CameraModel& camera, TagObservation& tag) {
-  const std::array<Eigen::Vector2d, 4> raw_px = tag.raw_px;
-  return undistort_corners(raw_px, camera, tag);
+bool undistort_tag(const CameraModel& camera, TagObservation& tag) {
+  return undistort_corners(TagCorners(tag.raw_px), camera, tag);
 }
 
-Refusal refusal_of(const TagSighting& sighting, const TagSetConfig& tags,
-                   const DetectorConfig& config) {
-  if (std::find(tags.ignore.begin(), tags.ignore.end(), sighting.tag_id) != tags.ignore.end())
-    return Refusal::kIgnored;
-  if (sighting.hamming > tags.max_hamming) return Refusal::kCorrectedBits;
-  // 0: the source has no margin to judge by.
+Rejection rejection_of(const TagSighting& sighting, const TagSetConfig& tags,
+                       const DetectorConfig& config) {
+  if (std::ranges::count(tags.ignore, sighting.tag_id) > 0) return Rejection::kIgnored;
+  if (sighting.hamming > tags.max_hamming) return Rejection::kCorrectedBits;
+  // 0: the source measures no margin.
   if (sighting.decision_margin > 0 && sighting.decision_margin < config.min_decision_margin)
-    return Refusal::kLowMargin;
-  return Refusal::kNone;
+    return Rejection::kLowMargin;
+  return Rejection::kNone;
 }
 
 void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetConfig& tags,
@@ -71,9 +79,9 @@ void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetCo
   out.clock_shift = frame.clock_shift;
   out.tags.clear();
   const TagFamilyFacts* family = find_tag_family(tags.family);
-  const int modules = family != nullptr ? family->edge_modules : kUsualModules;
+  const int cells = family != nullptr ? family->edge_cells : kDefaultCells;
   for (const TagSighting& sighting : frame.tags) {
-    if (refusal_of(sighting, tags, config) != Refusal::kNone) continue;
+    if (rejection_of(sighting, tags, config) != Rejection::kNone) continue;
     TagObservation tag;
     tag.tag_id = sighting.tag_id;
     tag.hamming = sighting.hamming;
@@ -81,8 +89,8 @@ void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetCo
     tag.edge_m = tags.edge_of(sighting.tag_id);
     const auto raw_px = frame.fitted_straight_sides ? unbend_corners(camera, sighting.corners_px)
                                                     : sighting.corners_px;
-    tag.sides = with_what_lasts(side_sigmas(sighting, frame.pixel_noise, modules),
-                                sighting.corners_px, modules);
+    tag.sides = with_lasting_error(side_sigmas(sighting, frame.pixel_noise, cells),
+                                   sighting.corners_px, cells);
     tag.corner_sigma_px = corner_sigma_px(sighting.corners_px, tag.sides);
     for (std::size_t i = 0; i < 4; ++i)
       tag.rows[i] = raw_px[i].y() / std::max(1, camera.height - 1) - 0.5;
@@ -94,6 +102,45 @@ void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetCo
     if (const auto pixel = undistort(camera, point.px))
       out.points.push_back({point.track, point.age, pixel->px, pixel->ideal_from_raw});
   }
+}
+
+std::optional<TagCorners> corners_of_fitted_sides(const CameraModel& camera,
+                                                  const TagCorners& ideal_px) {
+  std::array<Line, 4> sides;
+  for (std::size_t i = 0; i < 4; ++i) {
+    std::array<Eigen::Vector2d, kPointsPerLine> points;
+    const Eigen::Vector2d along = ideal_px[(i + 1) % 4] - ideal_px[i];
+    const double end = skipped_end(along.norm());
+    for (int k = 0; k < kPointsPerLine; ++k) {
+      const double t = end + (1 - 2 * end) * (k + 0.5) / kPointsPerLine;
+      const Eigen::Vector2d px = ideal_px[i] + t * along;
+      const auto raw =
+          camera.project({(px.x() - camera.cu) / camera.fu, (px.y() - camera.cv) / camera.fv, 1.0});
+      if (!raw) return std::nullopt;
+      points[static_cast<std::size_t>(k)] = *raw;
+    }
+    sides[i] = fit_line(points);
+  }
+  TagCorners corners;
+  for (std::size_t i = 0; i < 4; ++i) corners[i] = intersection(sides[(i + 3) % 4], sides[i]);
+  return corners;
+}
+
+TagCorners unbend_corners(const CameraModel& camera, const TagCorners& raw_px) {
+  if (camera.distortion == Distortion::kNone) return raw_px;
+  TagCorners corrected = raw_px;
+  for (int round = 0; round < kRounds; ++round) {
+    TagCorners ideal;
+    for (std::size_t i = 0; i < 4; ++i) {
+      const auto pixel = undistort(camera, corrected[i]);
+      if (!pixel) return raw_px;
+      ideal[i] = pixel->px;
+    }
+    const auto fitted = corners_of_fitted_sides(camera, ideal);
+    if (!fitted) return raw_px;
+    for (std::size_t i = 0; i < 4; ++i) corrected[i] += raw_px[i] - (*fitted)[i];
+  }
+  return corrected;
 }
 
 }  // namespace fiducap

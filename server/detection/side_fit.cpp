@@ -1,225 +1,105 @@
 #include "detection/side_fit.hpp"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "detection/line_fit.hpp"
 #include "detection/side_scan.hpp"
-#include "detection/smeared_side.hpp"
-#include "detection/tag_outline.hpp"
+#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
-
 namespace {
 
-constexpr double kPointEvery_px = 1.3;
-constexpr int kFewestPoints = 16;
-constexpr int kMostPoints = 80;
-constexpr double kEnd_px = 3.5;
-constexpr double kMostEnd = 0.12;
-// Of the contrast: noise and uneven light make paper so much brighter than its mean.
-constexpr double kBrighter = 0.05;
-// How far from the given side an edge is looked for, and over which distance its steepness is
-// taken: shares of a module, so that the next module stays out of it.
+constexpr double kPointSpacing_px = 1.3;
+constexpr int kMinScanPoints = 16;
+constexpr int kMaxPoints = 80;
+constexpr double kSkippedEnd_px = 3.5;
+constexpr double kMaxSkippedEnd = 0.12;
+// Of the contrast: noise and uneven light brighten paper above its mean.
+constexpr double kPaperTolerance = 0.05;
+// Search range around the given side and distance of the gradient: shares of a cell, so that the
+// next cell does not contribute.
 constexpr double kReach = 0.6;
-constexpr double kLeastReach_px = 1.0;
-constexpr double kMostReach_px = 3.0;
+constexpr double kMinReach_px = 1.0;
+constexpr double kMaxReach_px = 3.0;
 constexpr double kGradient = 0.4;
-constexpr double kLeastGradient_px = 0.5;
-constexpr double kMostGradient_px = 1.0;
-// Sides that are looked at by what their gray adds up to: of modules that are wide enough for it,
-// if narrow, or if the side crosses fewer rows or columns of pixels. How far to both sides it is
-// added up, and up to where black and white are plain.
+constexpr double kMinGradient_px = 0.5;
+constexpr double kMaxGradient_px = 1.0;
+// Sides located by the sum of their gray (SideScan::balance): sharp ones with narrow cells from
+// this width on, or crossing fewer rows or columns of pixels. Half width of the sum, and limit of
+// uniform black and white.
 constexpr double kBalanced_px = 1.8;
-constexpr double kCrossed_px = 2.0;
-constexpr double kMostHalf_px = 1.5;
-constexpr double kMostPlain_px = kEnd_px;
-constexpr double kSharp_px = 0.7;  // RMS of the rise; 0.57 where nothing moves
+constexpr double kMaxCrossed_px = 2.0;
+constexpr double kMaxHalf_px = 1.5;
+constexpr double kMaxUniform_px = kSkippedEnd_px;
+constexpr double kMaxSharpSpread_px = 0.7;  // RMS of the rise; 0.57 where nothing moves
 constexpr double kNarrowSharp_px = 0.9;
-constexpr double kMostOff_px = 1.2;
-// Gray that rises over more than this share of a module, RMS, is smeared by motion; whether it is,
-// a narrow border does not show.
-constexpr double kSmeared = 0.2;
-constexpr double kSmearedFrom_px = 3.0;
-// Wide modules are looked at again when it is more than this: the reach above ends before a fifth
-// of them.
-constexpr double kMostSharp_px = 1.35;
-// A side that is so far from where it was looked for is looked for again, at most so often.
-constexpr double kFarOff_px = 0.5;
-constexpr int kMostAgain = 4;
-constexpr double kWellPlaced = 0.2;  // modules; of a smeared one
-// Black and white are looked at between the ends of a side, which smear along it reaches.
-constexpr double kLevelsFrom = 0.25;
-constexpr double kMostSmearOfLevels = 0.8;
-// More than this, in modules, no corner moves: the detector is up to a module off where it is
-// smeared.
-constexpr double kMostMoved = 1.5;
-constexpr int kProfiles = 12;     // along half a side
-constexpr double kCorner = 0.06;  // of a side, at both ends: the other side is smeared into it
+constexpr double kMaxOff_px = 1.2;
+// A rise of gray over more than this share of a cell, RMS, is motion blur. Narrow borders do not
+// show it.
+constexpr double kBlurredSpread = 0.2;
+constexpr double kBlurredFrom_px = 3.0;
+// Above this spread wide cells are scanned again with a larger reach.
+constexpr double kWideScanSpread_px = 1.35;
+// A side found further than this from its start is searched again from there.
+constexpr double kRepeatBeyond_px = 0.5;
+constexpr int kMaxRepeats = 4;
+constexpr double kWellPlaced = 0.2;  // cells; of a blurred side
+// Black and white are measured away from the ends of a side, which blur along it reaches.
+constexpr double kLevelsMargin = 0.25;
+constexpr double kMaxBlurOfLevels = 0.8;
+// Largest correction of a corner, in cells: in blur the detector is up to one cell off.
+constexpr double kMaxMoved = 1.5;
+constexpr int kProfiles = 12;          // along half a side
+constexpr double kCornerShare = 0.06;  // of a side, at both ends: the neighbour is blurred into it
 
-/// What is no brighter than the quiet zone beside [a, b], where the wall beyond is: a sunlit wall
-/// around a print in the shade is another step, a module further out.
-double brightest_paper(const SideScan& scan, const Eigen::Vector2d& a, const Eigen::Vector2d& b,
-                       const Eigen::Vector2d& outward, double module_px) {
-  constexpr double kNone = std::numeric_limits<double>::infinity();
-  double wall = 0;
-  double white = 0;
-  double black = 0;
-  int seen = 0;
-  for (int k = 0; k < kFewestPoints; ++k) {
-    const Eigen::Vector2d px = a + (k + 1.0) / (kFewestPoints + 1) * (b - a);
-    const Eigen::Vector2d outer = px + 0.5 * module_px * outward;
-    const Eigen::Vector2d inner = px - 0.5 * module_px * outward;
-    const Eigen::Vector2d beyond = px + 1.5 * module_px * outward;
-    if (!scan.holds(inner) || !scan.holds(beyond)) continue;
-    wall += scan.gray(beyond);
-    white += scan.gray(outer);
-    black += scan.gray(inner);
-    ++seen;
-  }
-  const double most = white + kBrighter * (white - black);
-  return seen > 0 && wall > most ? most / seen : kNone;
-}
-
-/// A side as it was found, and over what its gray rises.
+/// A fitted side.
 struct Side {
   Line line;
-  double spread_px;  ///< RMS
+  double spread_px;  ///< Of the rise of gray, RMS.
 };
 
-/// What of a side is looked at, as a share of the way along it.
+/// Part of a side, as shares of its length.
 struct Stretch {
   double from{0};
   double to{1};
 };
 
-/// Calls `see` with points along [a, b], a pixel or so apart, but for its ends.
-template <class See>
-void walk(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Stretch& stretch, See see) {
-  const double length_px = (b - a).norm();
-  const int points =
-      std::clamp(static_cast<int>(length_px / kPointEvery_px), kFewestPoints, kMostPoints);
-  const double end = left_out_at_ends(length_px);
-  for (int k = 0; k < points; ++k) {
-    const double share = end + (1 - 2 * end) * k / (points - 1);
-    if (share >= stretch.from && share <= stretch.to) see(Eigen::Vector2d(a + share * (b - a)));
-  }
-}
-
-std::optional<Side> fit_side(const SideScan& scan, const Eigen::Vector2d& a,
-                             const Eigen::Vector2d& b, const Eigen::Vector2d& outward,
-                             double module_px, const Stretch& stretch) {
-  LineFit fit(a);
-  double spread_px2 = 0;
-  const double most = brightest_paper(scan, a, b, outward, module_px);
-  walk(a, b, stretch, [&](const Eigen::Vector2d& px) {
-    const auto rise = scan.rise(px, outward, most);
-    if (!rise) return;
-    const double pull_px = scan.pull_px(px, outward, module_px);
-    fit.add(px + (rise->mean_px - pull_px) * outward);
-    spread_px2 += rise->variance_px2;
-  });
-  const auto line = fit.line();
-  if (!line) return std::nullopt;
-  return Side{*line, std::sqrt(spread_px2 / fit.seen())};
-}
-
-/// Gray across [a, b], mean along it; nullopt where it leaves the image.
-std::optional<SideProfile> profile_of(const SideScan& scan, const Eigen::Vector2d& a,
-                                      const Eigen::Vector2d& b, const Eigen::Vector2d& outward,
-                                      double module_px) {
-  SideProfile out{};
-  for (int k = 0; k < kProfiles; ++k) {
-    const Eigen::Vector2d px = a + (k + 0.5) / kProfiles * (b - a);
-    for (std::size_t j = 0; j < out.size(); ++j) {
-      const double t = -1 + 2.0 * static_cast<double>(j) / static_cast<double>(out.size() - 1);
-      const Eigen::Vector2d at = px + t * module_px * outward;
-      if (!scan.holds(at)) return std::nullopt;
-      out[j] += scan.gray(at) / kProfiles;
-    }
-  }
-  return out;
-}
-
-/// How far outwards a smeared half of a side is, modules; looked at again from where it was found.
-std::optional<double> find_half(const SideScan& scan, const Eigen::Vector2d& first,
-                                const Eigen::Vector2d& last, const Eigen::Vector2d& n,
-                                double module_px, double smear,
-                                const std::optional<TagLevels>& levels) {
-  double off = 0;
-  for (int look = 0; look < kMostAgain; ++look) {
-    const Eigen::Vector2d moved = off * module_px * n;
-    const auto gray = profile_of(scan, first + moved, last + moved, n, module_px);
-    const auto found = gray ? find_smeared_side(*gray, smear, levels) : std::nullopt;
-    if (!found) return std::nullopt;
-    off += found->off;
-    smear = found->smear;
-    if (std::abs(found->off) < kWellPlaced) break;
-  }
-  return off;
-}
-
-/// The side again, from both of its halves, by what its smeared gray adds up from.
-std::optional<Line> fit_smeared(const SideScan& scan, const Eigen::Vector2d& a,
-                                const Eigen::Vector2d& b, const Line& line, double module_px,
-                                double smear, const Eigen::Vector2d& outward,
-                                const std::optional<TagLevels>& levels) {
-  const Eigen::Vector2d from = a + (line.c - line.n.dot(a)) * line.n;
-  const Eigen::Vector2d to = b + (line.c - line.n.dot(b)) * line.n;
-  const Eigen::Vector2d n = line.n.dot(outward) < 0 ? Eigen::Vector2d(-line.n) : line.n;
-  std::array<Eigen::Vector2d, 2> places;
-  for (std::size_t half = 0; half < 2; ++half) {
-    const double begin = half == 0 ? kCorner : 0.5;
-    const double end = half == 0 ? 0.5 : 1 - kCorner;
-    const Eigen::Vector2d first = from + begin * (to - from);
-    const Eigen::Vector2d last = from + end * (to - from);
-    const auto off = find_half(scan, first, last, n, module_px, smear, levels);
-    if (!off) return std::nullopt;
-    places[half] = 0.5 * (first + last) + *off * module_px * n;
-  }
-  const Eigen::Vector2d along = (places[1] - places[0]).normalized();
-  const Eigen::Vector2d across(-along.y(), along.x());
-  return Line{across, across.dot(places[0])};
-}
-
-/// One side of the tag, as it is looked for.
-struct Place {
+/// One side of the tag, as assumed by the search.
+struct SideGeometry {
   Eigen::Vector2d a, b;
   Eigen::Vector2d outward;
-  double module_px;
-  double narrowest_px;  ///< The least across it: its far end, if it is the far side.
-  /// How far along it the neighbour at either end leads, per pixel inwards; 0: not over the side.
+  double cell_px;
+  double min_cell_px;  ///< Smallest cell across it: of a far side, at its far end.
+  /// Displacement of the neighbouring side along this one, per pixel inwards, at either end; 0:
+  /// away from this side.
   double lean_a, lean_b;
 
-  Place(const std::array<Eigen::Vector2d, 4>& corners_px, std::size_t i, int modules)
+  SideGeometry(const TagCorners& corners_px, std::size_t i, int cells)
       : a(corners_px[i]), b(corners_px[(i + 1) % 4]) {
-    const Eigen::Vector2d middle =
-        0.25 * (corners_px[0] + corners_px[1] + corners_px[2] + corners_px[3]);
+    const Eigen::Vector2d middle = centre_of(corners_px);
     const Eigen::Vector2d along = (b - a).normalized();
     outward = {-along.y(), along.x()};
     if (outward.dot(a - middle) < 0) outward = -outward;
-    module_px = 2 * outward.dot(a - middle) / modules;
+    cell_px = 2 * outward.dot(a - middle) / cells;
     const Eigen::Vector2d& behind_b = corners_px[(i + 2) % 4];
     const Eigen::Vector2d& behind_a = corners_px[(i + 3) % 4];
     const double across_px = std::min(outward.dot(a - behind_a), outward.dot(b - behind_b));
-    narrowest_px =
-        across_px / modules * std::min(1.0, (b - a).norm() / (behind_b - behind_a).norm());
+    min_cell_px = across_px / cells * std::min(1.0, (b - a).norm() / (behind_b - behind_a).norm());
     lean_a = std::max(0.0, along.dot(behind_a - a) / outward.dot(a - behind_a));
     lean_b = std::max(0.0, along.dot(b - behind_b) / outward.dot(b - behind_b));
   }
 
-  [[nodiscard]] bool is_smeared(const Side& side) const {
-    return !(side.spread_px < kSmeared * module_px || module_px < kSmearedFrom_px);
+  [[nodiscard]] bool is_blurred(const Side& side) const {
+    return !(side.spread_px < kBlurredSpread * cell_px || cell_px < kBlurredFrom_px);
   }
 
-  /// Over how many modules, as far as the reach of a scan shows it.
-  [[nodiscard]] double smear_of(const Side& side) const {
-    return std::sqrt(12.0) * side.spread_px / module_px;
+  /// Length of the blur in cells; limited by the reach of the scan.
+  [[nodiscard]] double blur_of_side(const Side& side) const {
+    return std::sqrt(12.0) * side.spread_px / cell_px;
   }
 
-  /// Its ends move onto the line. @return how far, at most
+  /// Moves both ends onto the line. @return the larger step
   double move_to(const Line& line) {
     const Eigen::Vector2d step_a = (line.c - line.n.dot(a)) * line.n;
     const Eigen::Vector2d step_b = (line.c - line.n.dot(b)) * line.n;
@@ -229,152 +109,256 @@ struct Place {
   }
 };
 
-/// A side by its steepest place, and how far it is smeared. Where the detector was far off, the
-/// reach ended before the side: it is looked for again from where that led, but for smeared ones,
-/// whose steepest place is not where they are.
-std::optional<Side> find_side(const SideScan& scan, Place& place) {
-  auto side = fit_side(scan, place.a, place.b, place.outward, place.module_px, {});
-  for (int again = 0; side && !place.is_smeared(*side) && again < kMostAgain; ++again) {
-    if (!(place.move_to(side->line) > kFarOff_px)) break;
-    side = fit_side(scan, place.a, place.b, place.outward, place.module_px, {});
+/// Upper limit of the quiet zone's gray beside a side where the wall beyond is brighter: a sunlit
+/// wall around a print in the shade is another step, one cell further out.
+double max_paper_gray(const SideScan& scan, const SideGeometry& edge) {
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  double wall = 0;
+  double white = 0;
+  double black = 0;
+  int points = 0;
+  for (int k = 0; k < kMinScanPoints; ++k) {
+    const Eigen::Vector2d px = edge.a + (k + 1.0) / (kMinScanPoints + 1) * (edge.b - edge.a);
+    const Eigen::Vector2d outer = px + 0.5 * edge.cell_px * edge.outward;
+    const Eigen::Vector2d inner = px - 0.5 * edge.cell_px * edge.outward;
+    const Eigen::Vector2d beyond = px + 1.5 * edge.cell_px * edge.outward;
+    if (!scan.holds(inner) || !scan.holds(beyond)) continue;
+    wall += scan.gray(beyond);
+    white += scan.gray(outer);
+    black += scan.gray(inner);
+    ++points;
   }
-  const double reach_px = kReach * place.module_px;
-  if (!side || side->spread_px < kMostSharp_px || reach_px <= scan.reach_px) return side;
+  const double limit = white + kPaperTolerance * (white - black);
+  return points > 0 && wall > limit ? limit / points : kNone;
+}
+
+/// Calls `visit` with points along a side, about a pixel apart, without its ends.
+template <class Visit>
+void for_each_point(const SideGeometry& edge, const Stretch& stretch, Visit visit) {
+  const Eigen::Vector2d along = edge.b - edge.a;
+  const double length_px = along.norm();
+  const int points =
+      std::clamp(static_cast<int>(length_px / kPointSpacing_px), kMinScanPoints, kMaxPoints);
+  const double end = skipped_end(length_px);
+  for (int k = 0; k < points; ++k) {
+    const double share = end + (1 - 2 * end) * k / (points - 1);
+    if (share >= stretch.from && share <= stretch.to)
+      visit(Eigen::Vector2d(edge.a + share * along));
+  }
+}
+
+std::optional<Side> fit_side(const SideScan& scan, const SideGeometry& edge,
+                             const Stretch& stretch = {}) {
+  LineFit fit(edge.a);
+  double spread_px2 = 0;
+  const double limit = max_paper_gray(scan, edge);
+  for_each_point(edge, stretch, [&](const Eigen::Vector2d& px) {
+    const auto rise = scan.rise(px, edge.outward, limit);
+    if (!rise) return;
+    const double bias_px = scan.bias_px(px, edge.outward, edge.cell_px);
+    fit.add(px + (rise->mean_px - bias_px) * edge.outward);
+    spread_px2 += rise->variance_px2;
+  });
+  const auto line = fit.line();
+  if (!line) return std::nullopt;
+  return Side{*line, std::sqrt(spread_px2 / fit.points())};
+}
+
+/// Gray across [a, b], mean along it; nullopt outside of the image.
+std::optional<SideProfile> profile_of(const SideScan& scan, const Eigen::Vector2d& a,
+                                      const Eigen::Vector2d& b, const Eigen::Vector2d& outward,
+                                      double cell_px) {
+  SideProfile out{};
+  for (int k = 0; k < kProfiles; ++k) {
+    const Eigen::Vector2d px = a + (k + 0.5) / kProfiles * (b - a);
+    for (std::size_t j = 0; j < out.size(); ++j) {
+      const double t = -1 + 2.0 * static_cast<double>(j) / static_cast<double>(out.size() - 1);
+      const Eigen::Vector2d at = px + t * cell_px * outward;
+      if (!scan.holds(at)) return std::nullopt;
+      out[j] += scan.gray(at) / kProfiles;
+    }
+  }
+  return out;
+}
+
+/// Outward offset of a blurred half of a side, cells; repeated from the position found.
+std::optional<double> locate_half(const SideScan& scan, const Eigen::Vector2d& first,
+                                  const Eigen::Vector2d& last, const Eigen::Vector2d& n,
+                                  double cell_px, double blur,
+                                  const std::optional<TagLevels>& levels) {
+  double off = 0;
+  for (int round = 0; round < kMaxRepeats; ++round) {
+    const Eigen::Vector2d moved = off * cell_px * n;
+    const auto gray = profile_of(scan, first + moved, last + moved, n, cell_px);
+    const auto found = gray ? find_blurred_edge(*gray, blur, levels) : std::nullopt;
+    if (!found) return std::nullopt;
+    off += found->offset;
+    blur = found->blur;
+    if (std::abs(found->offset) < kWellPlaced) break;
+  }
+  return off;
+}
+
+/// Line through the blurred edges of both halves of a side.
+std::optional<Line> fit_blurred(const SideScan& scan, SideGeometry edge, const Line& line,
+                                double blur, const std::optional<TagLevels>& levels) {
+  edge.move_to(line);
+  const Eigen::Vector2d n = line.n.dot(edge.outward) < 0 ? Eigen::Vector2d(-line.n) : line.n;
+  std::array<Eigen::Vector2d, 2> middles;
+  for (std::size_t half = 0; half < 2; ++half) {
+    const double begin = half == 0 ? kCornerShare : 0.5;
+    const double end = half == 0 ? 0.5 : 1 - kCornerShare;
+    const Eigen::Vector2d first = edge.a + begin * (edge.b - edge.a);
+    const Eigen::Vector2d last = edge.a + end * (edge.b - edge.a);
+    const auto off = locate_half(scan, first, last, n, edge.cell_px, blur, levels);
+    if (!off) return std::nullopt;
+    middles[half] = 0.5 * (first + last) + *off * edge.cell_px * n;
+  }
+  const Eigen::Vector2d along = (middles[1] - middles[0]).normalized();
+  const Eigen::Vector2d across(-along.y(), along.x());
+  return Line{across, across.dot(middles[0])};
+}
+
+/// Line through the steepest points of a side, with its spread. When the reach ended before the
+/// side, the search is repeated from the position found; not for blurred sides, whose steepest
+/// points are biased.
+std::optional<Side> find_side(const SideScan& scan, SideGeometry& edge) {
+  auto side = fit_side(scan, edge);
+  for (int again = 0; side && !edge.is_blurred(*side) && again < kMaxRepeats; ++again) {
+    if (!(edge.move_to(side->line) > kRepeatBeyond_px)) break;
+    side = fit_side(scan, edge);
+  }
+  const double reach_px = kReach * edge.cell_px;
+  if (!side || side->spread_px < kWideScanSpread_px || reach_px <= scan.reach_px) return side;
   const SideScan wide{scan.image, reach_px, scan.gradient_px};
-  if (const auto seen = fit_side(wide, place.a, place.b, place.outward, place.module_px, {}))
-    side->spread_px = seen->spread_px;
+  if (const auto seen = fit_side(wide, edge)) side->spread_px = seen->spread_px;
   return side;
 }
 
-/// How far a smeared side reaches along its neighbours; at least, as the reach of a scan ends.
-double smear_px(const Place& place, const Side& side) {
-  return place.is_smeared(side) ? std::sqrt(12.0) * side.spread_px : 0.0;
+/// Length of a side's blur along its neighbours; a lower bound, limited by the reach of the scan.
+double blurred_length_px(const SideGeometry& edge, const Side& side) {
+  return edge.is_blurred(side) ? std::sqrt(12.0) * side.spread_px : 0.0;
 }
 
-/// Steepest places are drawn to the grid of pixels, which averages out along sides that cross it,
-/// and by what lies beside narrow modules.
-bool is_drawn_aside(const Place& place, const Side& side) {
-  if (place.module_px < kBalanced_px) return false;
-  if (place.module_px < SideScan::kAlone_px) return side.spread_px < kNarrowSharp_px;
-  return side.spread_px < kSharp_px && (place.b - place.a).cwiseAbs().minCoeff() < kCrossed_px;
+/// Steepest points are biased by the grid of pixels, which averages out along sides that cross it,
+/// and by the neighbours of narrow cells.
+bool is_biased_by_grid(const SideGeometry& edge, const Side& side) {
+  if (edge.cell_px < kBalanced_px) return false;
+  if (edge.cell_px < SideScan::kWide_px) return side.spread_px < kNarrowSharp_px;
+  return side.spread_px < kMaxSharpSpread_px &&
+         (edge.b - edge.a).cwiseAbs().minCoeff() < kMaxCrossed_px;
 }
 
-/// A sharp side again, by what gray adds up to.
-std::optional<Line> fit_balanced(const SideScan& scan, Place place, const Line& line,
+/// A sharp side, located by the sum of its gray.
+std::optional<Line> fit_balanced(const SideScan& scan, SideGeometry edge, const Line& line,
                                  const Stretch& stretch) {
-  place.move_to(line);
-  const double half_px = std::min(0.5 * place.module_px, kMostHalf_px);
-  const double plain_px = std::clamp(place.narrowest_px - half_px, half_px, kMostPlain_px);
-  // Where neighbours at sharp corners stay out of the black.
-  const double length_px = (place.b - place.a).norm();
-  const double end = left_out_at_ends(length_px);
-  const Stretch black{std::max(stretch.from, end + place.lean_a * plain_px / length_px),
-                      std::min(stretch.to, 1 - end - place.lean_b * plain_px / length_px)};
-  LineFit fit(place.a);
-  walk(place.a, place.b, black, [&](const Eigen::Vector2d& px) {
-    const auto off = scan.balance(px, place.outward, half_px, plain_px);
-    if (off && std::abs(*off) < kMostOff_px) fit.add(px + *off * place.outward);
+  edge.move_to(line);
+  const double half_px = std::min(0.5 * edge.cell_px, kMaxHalf_px);
+  const double uniform_px = std::clamp(edge.min_cell_px - half_px, half_px, kMaxUniform_px);
+  // Keeps the neighbours at acute corners out of the black.
+  const double length_px = (edge.b - edge.a).norm();
+  const double end = skipped_end(length_px);
+  const Stretch black{std::max(stretch.from, end + edge.lean_a * uniform_px / length_px),
+                      std::min(stretch.to, 1 - end - edge.lean_b * uniform_px / length_px)};
+  LineFit fit(edge.a);
+  for_each_point(edge, black, [&](const Eigen::Vector2d& px) {
+    const auto off = scan.balance(px, edge.outward, half_px, uniform_px);
+    if (off && std::abs(*off) < kMaxOff_px) fit.add(px + *off * edge.outward);
   });
   return fit.line();
 }
 
 using Sides = std::array<std::optional<Side>, 4>;
 
-/// What of side i is looked at: where a tag is smeared along it, its ends are corners smeared into
-/// each other.
-Stretch sharp_stretch(const std::array<Place, 4>& places, const Sides& sides, std::size_t i) {
+/// Side i without the ends that blur along it mixes with the corners.
+Stretch unblurred_stretch(const std::array<SideGeometry, 4>& edges, const Sides& sides,
+                          std::size_t i) {
   const std::size_t before = (i + 3) % 4;
   const std::size_t after = (i + 1) % 4;
-  const double length_px = (places[i].b - places[i].a).norm();
-  return {smear_px(places[before], *sides[before]) / length_px,
-          1 - smear_px(places[after], *sides[after]) / length_px};
+  const double length_px = (edges[i].b - edges[i].a).norm();
+  return {blurred_length_px(edges[before], *sides[before]) / length_px,
+          1 - blurred_length_px(edges[after], *sides[after]) / length_px};
 }
 
-/// Without the ends that are left out.
-Line steepest_line(const SideScan& scan, const Place& place, const Side& side,
+Line steepest_line(const SideScan& scan, const SideGeometry& edge, const Side& side,
                    const Stretch& stretch) {
   if (stretch.from == 0 && stretch.to == 1) return side.line;
-  const auto again = fit_side(scan, place.a, place.b, place.outward, place.module_px, stretch);
+  const auto again = fit_side(scan, edge, stretch);
   return again ? again->line : side.line;
 }
 
-/// A side that is not smeared across itself.
-Line line_of_sharp(const SideScan& scan, const Place& place, const Side& side,
-                   const Stretch& stretch) {
-  if (is_drawn_aside(place, side)) {
-    if (const auto balanced = fit_balanced(scan, place, side.line, stretch)) return *balanced;
-  }
-  return steepest_line(scan, place, side, stretch);
+/// Of a side without blur across it.
+Line sharp_line(const SideScan& scan, const SideGeometry& edge, const Side& side,
+                const Stretch& stretch) {
+  if (is_biased_by_grid(edge, side))
+    if (const auto balanced = fit_balanced(scan, edge, side.line, stretch)) return *balanced;
+  return steepest_line(scan, edge, side, stretch);
 }
 
-/// As the sides show them that are smeared over less than a module.
-std::optional<TagLevels> levels_of(const SideScan& scan, const std::array<Place, 4>& places,
+/// Measured at the sides blurred over less than a cell.
+std::optional<TagLevels> levels_of(const SideScan& scan, const std::array<SideGeometry, 4>& edges,
                                    const Sides& sides) {
   TagLevels sum;
-  int seen = 0;
+  int points = 0;
   for (std::size_t i = 0; i < 4; ++i) {
-    const Place& place = places[i];
-    if (place.smear_of(*sides[i]) > kMostSmearOfLevels) continue;
+    const SideGeometry& edge = edges[i];
+    if (edge.blur_of_side(*sides[i]) > kMaxBlurOfLevels) continue;
     for (int k = 0; k < kProfiles; ++k) {
-      const double share = kLevelsFrom + (1 - 2 * kLevelsFrom) * (k + 0.5) / kProfiles;
-      const Eigen::Vector2d px = place.a + share * (place.b - place.a);
-      const Eigen::Vector2d inner = px - 0.5 * place.module_px * place.outward;
-      const Eigen::Vector2d outer = px + 0.5 * place.module_px * place.outward;
+      const double share = kLevelsMargin + (1 - 2 * kLevelsMargin) * (k + 0.5) / kProfiles;
+      const Eigen::Vector2d px = edge.a + share * (edge.b - edge.a);
+      const Eigen::Vector2d inner = px - 0.5 * edge.cell_px * edge.outward;
+      const Eigen::Vector2d outer = px + 0.5 * edge.cell_px * edge.outward;
       if (!scan.holds(inner) || !scan.holds(outer)) continue;
       sum.black += scan.gray(inner);
       sum.white += scan.gray(outer);
-      ++seen;
+      ++points;
     }
   }
-  if (seen < LineFit::kFewestPoints) return std::nullopt;
-  return TagLevels{sum.black / seen, sum.white / seen};
+  if (points < LineFit::kMinPoints) return std::nullopt;
+  return TagLevels{sum.black / points, sum.white / points};
 }
 
 }  // namespace
 
-double left_out_at_ends(double length_px) { return std::min(kMostEnd, kEnd_px / length_px); }
+double skipped_end(double length_px) {
+  return std::min(kMaxSkippedEnd, kSkippedEnd_px / length_px);
+}
 
-std::optional<FittedSides> fit_sides(const GrayImage& image,
-                                     const std::array<Eigen::Vector2d, 4>& corners_px,
-                                     int modules) {
-  const double module_px = outline_of(corners_px).width_px / modules;
-  if (!(module_px > 0)) return std::nullopt;
-  const SideScan scan{image, std::clamp(kReach * module_px, kLeastReach_px, kMostReach_px),
-                      std::clamp(kGradient * module_px, kLeastGradient_px, kMostGradient_px)};
-  std::array<Place, 4> places{{{corners_px, 0, modules},
-                               {corners_px, 1, modules},
-                               {corners_px, 2, modules},
-                               {corners_px, 3, modules}}};
+std::optional<FittedSides> fit_sides(const GrayImage& image, const TagCorners& corners_px,
+                                     int cells) {
+  const double cell_px = outline_of(corners_px).width_px / cells;
+  if (!(cell_px > 0)) return std::nullopt;
+  const SideScan scan{image, std::clamp(kReach * cell_px, kMinReach_px, kMaxReach_px),
+                      std::clamp(kGradient * cell_px, kMinGradient_px, kMaxGradient_px)};
+  std::array<SideGeometry, 4> edges{{{corners_px, 0, cells},
+                                     {corners_px, 1, cells},
+                                     {corners_px, 2, cells},
+                                     {corners_px, 3, cells}}};
   Sides sides;
   for (std::size_t i = 0; i < 4; ++i) {
-    sides[i] = find_side(scan, places[i]);
+    sides[i] = find_side(scan, edges[i]);
     if (!sides[i]) return std::nullopt;
   }
-  const auto levels = levels_of(scan, places, sides);
+  const auto levels = levels_of(scan, edges, sides);
   FittedSides out;
   std::array<Line, 4> lines;
   for (std::size_t i = 0; i < 4; ++i) {
-    const Place& place = places[i];
+    const SideGeometry& edge = edges[i];
     const Side& side = *sides[i];
-    const Stretch stretch = sharp_stretch(places, sides, i);
-    if (!place.is_smeared(side)) {
-      lines[i] = line_of_sharp(scan, place, side, stretch);
+    const Stretch stretch = unblurred_stretch(edges, sides, i);
+    if (!edge.is_blurred(side)) {
+      lines[i] = sharp_line(scan, edge, side, stretch);
       continue;
     }
-    lines[i] = steepest_line(scan, place, side, stretch);
-    const auto smeared = fit_smeared(scan, place.a, place.b, lines[i], place.module_px,
-                                     place.smear_of(side), place.outward, levels);
-    if (smeared) lines[i] = *smeared;
-    out.guessed[i] = !smeared;
+    lines[i] = steepest_line(scan, edge, side, stretch);
+    const auto blurred = fit_blurred(scan, edge, lines[i], edge.blur_of_side(side), levels);
+    if (blurred) lines[i] = *blurred;
+    out.guessed[i] = !blurred;
   }
   for (std::size_t i = 0; i < 4; ++i) {
-    const Line& before = lines[(i + 3) % 4];
-    const Line& after = lines[i];
-    Eigen::Matrix2d N;
-    N << before.n.transpose(), after.n.transpose();
-    out.corners_px[i] = N.inverse() * Eigen::Vector2d(before.c, after.c);
-    if (!((out.corners_px[i] - corners_px[i]).norm() < std::max(1.0, kMostMoved * module_px)))
-      return std::nullopt;  // NaN fails too
+    out.corners_px[i] = intersection(lines[(i + 3) % 4], lines[i]);
+    if (!((out.corners_px[i] - corners_px[i]).norm() < std::max(1.0, kMaxMoved * cell_px)))
+      return std::nullopt;  // also for NaN
   }
   return out;
 }

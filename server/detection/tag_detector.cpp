@@ -5,37 +5,76 @@ extern "C" {
 }
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
-#include "base/assert.hpp"
+#include "base/expected.hpp"
 #include "detection/corner_sigma.hpp"
-#include "detection/negative_patch.hpp"
 #include "detection/side_fit.hpp"
 #include "detection/tag_family.hpp"
+#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
-
 namespace {
 
-/// A tag cut by the image border is decoded all the same, with corners that are pixels off and a
-/// good margin.
-constexpr double kBorder_px = 5.0;
+/// A tag cut by the image border has a good margin, but corners that are pixels off.
+constexpr double kCutBorder_px = 5.0;
 
 bool is_whole(const TagSighting& tag, const ImageRegion& region) {
-  return std::all_of(tag.corners_px.begin(), tag.corners_px.end(), [&](const Eigen::Vector2d& px) {
-    return px.x() >= region.left + kBorder_px && px.y() >= region.top + kBorder_px &&
-           px.x() <= region.right - 1 - kBorder_px && px.y() <= region.bottom - 1 - kBorder_px;
+  return std::ranges::all_of(tag.corners_px, [&](const Eigen::Vector2d& px) {
+    return px.x() >= region.left + kCutBorder_px && px.y() >= region.top + kCutBorder_px &&
+           px.x() <= region.right - 1 - kCutBorder_px &&
+           px.y() <= region.bottom - 1 - kCutBorder_px;
   });
 }
 
-/// The library works on tiles of this size; it takes no image that is smaller than one.
-constexpr int kTile_px = 4;
+constexpr int kMinRegion_px = 4;  // libapriltag's tile; it accepts no smaller image
 
-/// The library counts pixel *edges*, we count centres.
+/// Libapriltag's origin is the corner of the first pixel, ours its centre.
 constexpr double kEdgeToCentre_px = 0.5;
-// Sides that are less sharp and could not be fitted are where the library says: a pixel off or
-// more.
-constexpr double kSmearedSharpness = 0.4;
+// Below this sharpness, corners without a fit are a pixel off or more.
+constexpr double kBlurredSharpness = 0.4;
+
+// Reach of side_fit beyond a tag: cells of the longest side, and pixels.
+constexpr double kPatchMargin = 3.0;
+constexpr double kPatchMargin_px = 8.0;
+constexpr int kWhitest = 255;
+
+/// A tag and its surroundings with black and white exchanged: turns a white border inside a black
+/// one into the usual border, for one fit of sides. Keeps its memory.
+class NegativePatch final {
+ public:
+  /// @param cells  along the edge
+  void cut(const GrayImage& image, const TagCorners& corners_px, int cells) {
+    const PixelBox box = bounds_of(corners_px);
+    const double longest_px = outline_of(corners_px).longest_px;
+    const double around_px = kPatchMargin_px + kPatchMargin * longest_px / cells;
+    const auto clip = [](double px, int size) {
+      return static_cast<int>(std::clamp(px, 0.0, double(size)));
+    };
+    const ImageRegion part{clip(std::floor(box.low.x() - around_px), image.width),
+                           clip(std::floor(box.low.y() - around_px), image.height),
+                           clip(std::ceil(box.high.x() + around_px) + 1, image.width),
+                           clip(std::ceil(box.high.y() + around_px) + 1, image.height)};
+    origin_px_ = {part.left, part.top};
+    negative_.resize(std::max(0, part.width()), std::max(0, part.height()));
+    auto out = negative_.pixels.begin();
+    for (int row = part.top; row < part.bottom; ++row) {
+      const auto first = image.pixels.begin() + std::ptrdiff_t{row} * image.width;
+      out = std::transform(first + part.left, first + part.right, out, [](std::uint8_t gray) {
+        return static_cast<std::uint8_t>(kWhitest - gray);
+      });
+    }
+  }
+
+  [[nodiscard]] const GrayImage& image() const { return negative_; }
+  /// Of the patch's first pixel, in the image it was cut from.
+  [[nodiscard]] const Eigen::Vector2d& origin_px() const { return origin_px_; }
+
+ private:
+  GrayImage negative_;
+  Eigen::Vector2d origin_px_{0, 0};
+};
 
 TagFamily family_of(const TagSetConfig& tags) {
   auto family = TagFamily::named(tags.family);
@@ -48,8 +87,7 @@ TagSighting to_sighting(const apriltag_detection_t& d, const ImageRegion& region
   out.tag_id = d.id;
   out.hamming = d.hamming;
   out.decision_margin = static_cast<double>(d.decision_margin);
-  // The library's order is ours: lower-left, lower-right, upper-right, upper-left of the printed
-  // tag.
+  // The library has our order of corners.
   for (std::size_t i = 0; i < 4; ++i) {
     out.corners_px[i] = {d.p[i][0] - kEdgeToCentre_px + region.left,
                          d.p[i][1] - kEdgeToCentre_px + region.top};
@@ -63,11 +101,12 @@ class TagDetector::Impl {
  public:
   Impl(const TagSetConfig& tags, const DetectorConfig& config)
       : family_(family_of(tags)),
-        min_margin_(std::max(config.min_decision_margin, family_.facts().least_margin)),
+        min_margin_(std::max(config.min_decision_margin, family_.facts().min_margin)),
         fits_sides_(config.fit_sides) {
     detector_ = apriltag_detector_create();
-    apriltag_detector_add_family_bits(detector_, family_.handle(),
-                                      std::min(config.max_hamming, family_.facts().most_corrected));
+    apriltag_detector_add_family_bits(
+        detector_, family_.handle(),
+        std::min(config.max_hamming, family_.facts().max_corrected_bits));
     detector_->nthreads = config.threads;
     detector_->quad_sigma = static_cast<float>(config.blur_sigma_px);
     detector_->refine_edges = config.refine_edges;
@@ -78,7 +117,7 @@ class TagDetector::Impl {
 
   void detect(const GrayImage& image, const ImageRegion& region, const DetectionPass& pass,
               std::vector<TagSighting>& out) {
-    if (std::min(region.width(), region.height()) < kTile_px * pass.decimate) return;
+    if (std::min(region.width(), region.height()) < kMinRegion_px * pass.decimate) return;
     detector_->quad_decimate = static_cast<float>(pass.decimate);
     detector_->qtp.min_white_black_diff = pass.contrast;
     const std::uint8_t* first =
@@ -103,26 +142,25 @@ class TagDetector::Impl {
   }
 
  private:
-  /// Corners where the sides are, and how well those were to be seen.
+  /// Fits the sides and measures their sharpness.
   void refine(const GrayImage& image, TagSighting& sighting) {
     const auto fitted = fits_sides_ ? fit(image, sighting.corners_px) : std::nullopt;
     if (fitted) sighting.corners_px = fitted->corners_px;
-    sighting.sides = look_at_sides(image, sighting.corners_px, family_.edge_width(),
+    sighting.sides = measure_sides(image, sighting.corners_px, family_.edge_width(),
                                    family_.has_reversed_border());
     sighting.sharpness = least_sharpness(sighting.sides);
     for (std::size_t k = 0; fits_sides_ && k < 4; ++k) {
       TagSide& side = sighting.sides[k];
-      if (fitted ? fitted->guessed[k] : side.sharpness < kSmearedSharpness) side.sharpness = 0;
+      if (fitted ? fitted->guessed[k] : side.sharpness < kBlurredSharpness) side.sharpness = 0;
     }
   }
 
-  std::optional<FittedSides> fit(const GrayImage& image,
-                                 std::array<Eigen::Vector2d, 4> corners_px) {
-    const int modules = family_.edge_width();
-    if (!family_.has_reversed_border()) return fit_sides(image, corners_px, modules);
-    negative_.cut(image, corners_px, modules);
+  std::optional<FittedSides> fit(const GrayImage& image, TagCorners corners_px) {
+    const int cells = family_.edge_width();
+    if (!family_.has_reversed_border()) return fit_sides(image, corners_px, cells);
+    negative_.cut(image, corners_px, cells);
     for (Eigen::Vector2d& px : corners_px) px -= negative_.origin_px();
-    auto fitted = fit_sides(negative_.image(), corners_px, modules);
+    auto fitted = fit_sides(negative_.image(), corners_px, cells);
     if (!fitted) return std::nullopt;
     for (Eigen::Vector2d& px : fitted->corners_px) px += negative_.origin_px();
     return fitted;
@@ -147,8 +185,7 @@ CornerFrame TagDetector::detect(const CameraFrame& frame) {
   if (frame.image == nullptr || frame.image->pixels.empty()) return out;
   detect(*frame.image, whole(*frame.image), {config_.decimate, config_.min_white_black_diff},
          out.tags);
-  std::sort(out.tags.begin(), out.tags.end(),
-            [](const auto& a, const auto& b) { return a.tag_id < b.tag_id; });
+  std::ranges::sort(out.tags, {}, &TagSighting::tag_id);
   return out;
 }
 

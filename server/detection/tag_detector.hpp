@@ -21,12 +21,10 @@ struct ImageRegion {
   return {0, 0, image.width, image.height};
 }
 
-/// How one look at pixels is done.
+/// Parameters of one search.
 struct DetectionPass {
-  double decimate{
-      1.0};  ///< Quads are looked for in every n-th pixel; corners are refined in all of them.
-  int contrast{5};  ///< Pixel neighbourhoods of 12 × 12 with less between darkest and brightest are
-                    ///< passed over.
+  double decimate{1.0};  ///< Quads are searched in every n-th pixel, corners refined in all.
+  int contrast{5};       ///< Neighbourhoods of 12 × 12 pixels with a smaller range are skipped.
 };
 
 /// Finds AprilTags in gray images.
@@ -42,20 +40,18 @@ class TagDetector final {
   TagDetector(TagDetector&&) noexcept;
   TagDetector& operator=(TagDetector&&) noexcept;
 
-  /// @return one sighting per decoded tag, sorted by id; an id printed twice comes twice (`observe`
-  /// drops both).
-  ///         Empty is a normal answer. Never throws for image content.
+  /// @return one sighting per decoded tag, sorted by id; an id printed twice occurs twice
+  /// (`observe` drops both). May be empty. Never throws for image content.
   [[nodiscard]] CornerFrame detect(const CameraFrame& frame);
 
-  /// Looks at a part of the image, in place, and appends what it finds to `out` in pixels of the
-  /// whole image. A tag that comes closer than 5 px to the border of the region is left out: it may
-  /// be cut, and its corners pixels off.
+  /// Searches a part of the image, in place, and appends the tags found to `out`, in pixels of the
+  /// whole image. Skips tags closer than 5 px to the border of the region: they may be cut, with
+  /// corners that are pixels off.
   /// @pre the region lies in the image
   void detect(const GrayImage& image, const ImageRegion& region, const DetectionPass& pass,
               std::vector<TagSighting>& out);
 
-  /// How far bits and quiet zone of this family reach beyond the black border, as a share of the
-  /// border's edge.
+  /// Width of bits and quiet zone outside of the family's black border, relative to its edge.
   [[nodiscard]] double outer_ring() const;
 
  private:

@@ -16,13 +16,74 @@ extern "C" {
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 
-#include "base/assert.hpp"
-#include "detection/aruco_dictionary.hpp"
+// OpenCV 4.7 moved the dictionaries into another module and returns them by value.
+#if __has_include(<opencv2/objdetect/aruco_dictionary.hpp>)
+#include <opencv2/objdetect/aruco_dictionary.hpp>
+#else
+#include <opencv2/aruco.hpp>
+#endif
+
+#include "base/text.hpp"
 
 namespace fiducap {
-
 namespace {
+
+constexpr int kLibrary = -1;
+
+/// Libapriltag's, then ArUco's in the order of OpenCV's numbers. OpenCV's AprilTag dictionaries are
+/// rotated by half a turn and therefore families of their own.
+constexpr std::array kFamilies{
+    TagFamilyFacts{"tag36h11", 8, 2, 0, false, kLibrary},
+    TagFamilyFacts{"tag36h10", 8, 1, 0, false, kLibrary},
+    TagFamilyFacts{"tag25h9", 7, 1, 0, false, kLibrary},
+    TagFamilyFacts{"tag16h5", 6, 0, 30, true, kLibrary},
+    TagFamilyFacts{"tagCircle21h7", 5, 0, 0, false, kLibrary},
+    TagFamilyFacts{"tagCircle49h12", 5, 0, 0, false, kLibrary},
+    TagFamilyFacts{"tagCustom48h12", 6, 0, 0, false, kLibrary},
+    TagFamilyFacts{"tagStandard41h12", 5, 1, 0, false, kLibrary},
+    TagFamilyFacts{"tagStandard52h13", 6, 0, 0, false, kLibrary},
+    TagFamilyFacts{"DICT_4X4_50", 6, 0, 40, true, 0},
+    TagFamilyFacts{"DICT_4X4_100", 6, 0, 40, true, 1},
+    TagFamilyFacts{"DICT_4X4_250", 6, 0, 40, true, 2},
+    TagFamilyFacts{"DICT_4X4_1000", 6, 0, 40, true, 3},
+    TagFamilyFacts{"DICT_5X5_50", 7, 1, 0, false, 4},
+    TagFamilyFacts{"DICT_5X5_100", 7, 1, 0, false, 5},
+    TagFamilyFacts{"DICT_5X5_250", 7, 0, 0, false, 6},
+    TagFamilyFacts{"DICT_5X5_1000", 7, 0, 0, false, 7},
+    TagFamilyFacts{"DICT_6X6_50", 8, 2, 0, false, 8},
+    TagFamilyFacts{"DICT_6X6_100", 8, 2, 0, false, 9},
+    TagFamilyFacts{"DICT_6X6_250", 8, 2, 0, false, 10},
+    TagFamilyFacts{"DICT_6X6_1000", 8, 2, 0, false, 11},
+    TagFamilyFacts{"DICT_7X7_50", 9, 2, 0, false, 12},
+    TagFamilyFacts{"DICT_7X7_100", 9, 2, 0, false, 13},
+    TagFamilyFacts{"DICT_7X7_250", 9, 2, 0, false, 14},
+    TagFamilyFacts{"DICT_7X7_1000", 9, 1, 0, false, 15},
+    TagFamilyFacts{"DICT_ARUCO_ORIGINAL", 7, 0, 40, true, 16},
+    TagFamilyFacts{"DICT_APRILTAG_16h5", 6, 0, 30, true, 17},
+    TagFamilyFacts{"DICT_APRILTAG_25h9", 7, 1, 0, false, 18},
+    TagFamilyFacts{"DICT_APRILTAG_36h10", 8, 1, 0, false, 19},
+    TagFamilyFacts{"DICT_APRILTAG_36h11", 8, 2, 0, false, 20},
+};
+
+std::string folded(std::string_view name) {
+  std::string out;
+  for (const char c : name) {
+    if (c != '-' && c != '_' && c != ' ')
+      out += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  }
+  return out;
+}
+
+/// @param written  folded; for `DICT_4X4_50` any of its names
+bool is_named(const TagFamilyFacts& family, const std::string& written) {
+  const std::string name = folded(family.name);
+  if (written == name) return true;
+  if (family.dictionary < 0) return false;
+  const std::string bare = name.substr(std::string_view("dict").size());
+  return written == bare || written == "aruco" + bare || written == "dictaruco" + bare;
+}
 
 struct Maker {
   std::string_view name;
@@ -42,17 +103,26 @@ constexpr std::array kMakers{
     Maker{"tagStandard52h13", tagStandard52h13_create, tagStandard52h13_destroy},
 };
 
-// Beyond the bits of any family: no picture gives such a code.
+using OpenCvDictionary = cv::aruco::Dictionary;
+
+[[maybe_unused]] const OpenCvDictionary& value_of(const OpenCvDictionary& dictionary) {
+  return dictionary;
+}
+[[maybe_unused]] const OpenCvDictionary& value_of(const cv::Ptr<OpenCvDictionary>& dictionary) {
+  return *dictionary;
+}
+
+// Beyond the bits of any family: no image decodes to it.
 constexpr std::uint64_t kNeverRead = std::uint64_t{1} << 63;
-constexpr int kBorder = 1;  // black modules around the bits of an ArUco tag
+constexpr int kBorder = 1;  // black cells around the bits of an ArUco tag
 constexpr int kQuarters = 4;
 
 struct Bit {
   int column, row;
 };
 
-/// As libapriltag takes bits: one quarter of the code, then what becomes of it with each quarter of
-/// a turn, and the middle one last. Codes then turn by moving quarters.
+/// Libapriltag's order of bits: one quarter of the code, then the same quarter after each rotation
+/// by 90°, and the middle bit last. A rotation of the tag then shifts the code by quarters.
 std::vector<Bit> reading_order(int side) {
   std::vector<Bit> quarter;
   for (int row = 0; row < side / 2; ++row)
@@ -66,28 +136,33 @@ std::vector<Bit> reading_order(int side) {
   return order;
 }
 
-/// Of a code in that order.
-bool looks_the_same_turned(std::uint64_t code, int side) {
+/// @param code  in that order
+bool has_rotational_symmetry(std::uint64_t code, int side) {
   const int quarter = side * side / kQuarters;
   const std::uint64_t turning = code >> (side % 2);
   const std::uint64_t half = (std::uint64_t{1} << (2 * quarter)) - 1;
   return (turning >> (2 * quarter)) == (turning & half);
 }
 
+/// One of OpenCV's predefined ArUco dictionaries.
 struct ArucoFamily : apriltag_family_t {
-  ArucoFamily(std::string_view family, const ArucoDictionary& dictionary)
-      : apriltag_family_t{}, name_(family) {
-    const int side = dictionary.side;
+  ArucoFamily(std::string_view family, int number) : apriltag_family_t{}, name_(family) {
+    const auto predefined = cv::aruco::getPredefinedDictionary(number);
+    const OpenCvDictionary& dictionary = value_of(predefined);
+    const int side = dictionary.markerSize;
+    FIDUCAP_ASSERT(side * side < 64);
     const std::vector<Bit> order = reading_order(side);
     for (const Bit& bit : order) {
       columns_.push_back(static_cast<std::uint32_t>(bit.column + kBorder));
       rows_.push_back(static_cast<std::uint32_t>(bit.row + kBorder));
     }
-    for (const std::uint64_t printed : dictionary.codes) {
+    for (int id = 0; id < dictionary.bytesList.rows; ++id) {
+      const cv::Mat bits =
+          OpenCvDictionary::getBitsFromByteList(dictionary.bytesList.row(id), side);
       std::uint64_t code = 0;
       for (const Bit& bit : order)
-        code = code << 1 | (printed >> (side * side - 1 - bit.row * side - bit.column) & 1);
-      codes_.push_back(looks_the_same_turned(code, side) ? kNeverRead : code);
+        code = code << 1 | (bits.at<std::uint8_t>(bit.row, bit.column) != 0 ? 1 : 0);
+      codes_.push_back(has_rotational_symmetry(code, side) ? kNeverRead : code);
     }
     ncodes = static_cast<std::uint32_t>(codes_.size());
     codes = codes_.data();
@@ -109,11 +184,46 @@ void destroy_aruco(apriltag_family_t* family) { delete static_cast<ArucoFamily*>
 
 }  // namespace
 
+std::span<const TagFamilyFacts> tag_families() { return kFamilies; }
+
+const TagFamilyFacts* find_tag_family(std::string_view name) {
+  const auto same = std::ranges::find(kFamilies, name, &TagFamilyFacts::name);
+  if (same != kFamilies.end()) return &*same;
+  const std::string written = folded(name);
+  const auto meant = std::ranges::find_if(
+      kFamilies, [&](const TagFamilyFacts& one) { return is_named(one, written); });
+  return meant == kFamilies.end() ? nullptr : &*meant;
+}
+
+std::string listed_tag_family(std::string name) {
+  const TagFamilyFacts* found = find_tag_family(name);
+  return found != nullptr ? std::string(found->name) : name;
+}
+
+std::string tag_family_names() {
+  std::string names;
+  for (const auto& one : kFamilies) names += (names.empty() ? "" : ", ") + std::string(one.name);
+  return names;
+}
+
+std::string tag_family_rule(std::string_view name) {
+  std::vector<std::string> names;
+  for (const TagFamilyFacts& one : kFamilies) names.emplace_back(one.name);
+  return must_be_one_of(names, name);
+}
+
+std::string tag_family_warning(std::string_view name) {
+  const TagFamilyFacts* found = find_tag_family(name);
+  if (found == nullptr || !found->is_weak) return {};
+  return std::string(found->name) +
+         " has few bits and yields false detections: prefer tag36h11 or DICT_6X6_250, or list the "
+         "ids "
+         "that are not in use in tags.ignore";
+}
+
 TagFamily::Handle TagFamily::make(const TagFamilyFacts& facts) {
-  if (facts.dictionary >= 0)
-    return {new ArucoFamily(facts.name, aruco_dictionary(facts.dictionary)), destroy_aruco};
-  const auto maker = std::find_if(kMakers.begin(), kMakers.end(),
-                                  [&](const Maker& one) { return one.name == facts.name; });
+  if (facts.dictionary >= 0) return {new ArucoFamily(facts.name, facts.dictionary), destroy_aruco};
+  const auto maker = std::ranges::find(kMakers, facts.name, &Maker::name);
   FIDUCAP_ASSERT(maker != kMakers.end());
   return {maker->create(), maker->destroy};
 }
@@ -139,19 +249,19 @@ std::string TagFamily::fault_of(int id) const {
     return std::string(facts_->name) + " has the ids 0 to " + std::to_string(ids() - 1);
   if (has_pose(id)) return {};
   return "this tag of " + std::string(facts_->name) +
-         " looks the same when it is turned and shows no pose: take another id";
+         " looks the same when rotated and shows no pose: use another id";
 }
 
-std::vector<std::uint8_t> TagFamily::modules(int id) const {
+std::vector<std::uint8_t> TagFamily::cells(int id) const {
   FIDUCAP_ASSERT(has_pose(id));
   const std::unique_ptr<image_u8_t, void (*)(image_u8_t*)> image(
       apriltag_to_image(handle_.get(), static_cast<std::uint32_t>(id)), image_u8_destroy);
-  std::vector<std::uint8_t> modules;
+  std::vector<std::uint8_t> cells;
   for (int row = 0; row < width(); ++row) {
     const std::uint8_t* first = image->buf + row * image->stride;
-    modules.insert(modules.end(), first, first + width());
+    cells.insert(cells.end(), first, first + width());
   }
-  return modules;
+  return cells;
 }
 
 }  // namespace fiducap

@@ -10,38 +10,39 @@
 
 namespace fiducap {
 
-/// What a line fitted to a side of a tag is off, 1-sigma, raw pixels.
+/// Corners of a tag in an image: bottom-left, bottom-right, top-right, top-left of the print.
+using TagCorners = std::array<Eigen::Vector2d, 4>;
+
+/// Error of a line fitted to a side of a tag, 1-sigma, raw pixels.
 struct SideSigma {
-  double shift_px{};  ///< As a whole, across itself.
-  double turn_px{};   ///< Its ends against its middle.
+  double shift_px{};  ///< Of the whole side, across it.
+  double turn_px{};   ///< Of its ends against its middle.
 };
 
-/// One AprilTag seen in one image, lens taken out.
+/// One AprilTag seen in one image, undistorted.
 struct TagObservation {
   int tag_id{};
   int hamming{};
-  double decision_margin{};  ///< 0..255; higher is safer. 0 = the source did not say.
+  double decision_margin{};  ///< 0..255; higher is safer. 0: unknown.
   double edge_m{};           ///< Edge of the printed black border of this id.
-  /// Ideal pinhole pixels (fu fv cu cv of the camera). Counter-clockwise, lower-left of the tag
-  /// first.
-  std::array<Eigen::Vector2d, 4> corners_px{};
+  TagCorners corners_px{};   ///< Ideal pinhole pixels (fu fv cu cv of the camera).
   /// Per corner ∂ ideal / ∂ raw: noise is white in raw pixels, this carries it through the lens.
   std::array<Eigen::Matrix2d, 4> ideal_from_raw{};
-  std::array<Eigen::Vector2d, 4> raw_px{};  ///< As they stand in the image, lens and all.
+  TagCorners raw_px{};  ///< Distorted.
   /// Raw row of each corner, −0.5 at the first … +0.5 at the last row of the image: a rolling
-  /// shutter exposes them in turn.
+  /// shutter exposes the rows in turn.
   std::array<double, 4> rows{};
-  /// 1-sigma of each coordinate of each corner in *raw* pixels, as far as the detector causes it
-  /// (see corner_sigma_px). 0: not known, take EstimatorConfig::corner_noise_px.
+  /// 1-sigma of each coordinate of each corner in *raw* pixels, detector errors only
+  /// (corner_sigma_px). 0: unknown, use EstimatorConfig::corner_noise_px.
   double corner_sigma_px{};
-  /// The same said apart, for each side (from each corner to the next); a corner is where two of
-  /// them meet (corner_covariance.hpp). Zeros: not known.
+  /// The same per side (from each corner to the next); a corner is the intersection of two sides
+  /// (corner_covariance). Zeros: unknown.
   std::array<SideSigma, 4> sides{};
 
   [[nodiscard]] bool knows_sides() const { return sides[0].shift_px > 0; }
 };
 
-/// One followed image point in one image, lens taken out (PointSighting).
+/// One tracked image point in one image, undistorted (PointSighting).
 struct PointObservation {
   std::uint32_t track{};
   int age{};
@@ -49,12 +50,11 @@ struct PointObservation {
   Eigen::Matrix2d ideal_from_raw{Eigen::Matrix2d::Identity()};  ///< ∂ ideal / ∂ raw
 };
 
-/// All usable tags of one image, sorted by id, ids unique. Empty is a normal answer.
+/// All usable tags of one image, sorted by id, ids unique. May be empty.
 struct TagObservations {
   int camera{};
   Instant exposed_at{};
-  Duration clock_shift{
-      0};  ///< So much of `exposed_at` was added by what the filter learned (see CameraFrame).
+  Duration clock_shift{0};  ///< As in CameraFrame.
   std::vector<TagObservation> tags;
   std::vector<PointObservation> points;  ///< Sorted by track.
 };

@@ -14,7 +14,7 @@ namespace fiducap {
 
 using Matrix15d = Eigen::Matrix<double, 15, 15>;
 
-/// Where the blocks of BodyEstimate::covariance stand.
+/// First row of each block of BodyEstimate::covariance.
 namespace estimate_block {
 inline constexpr int kPosition = 0;  ///< p_WB, m, W axes.
 inline constexpr int kAttitude = 3;  ///< rotation vector in W axes: q_WB = exp(δ) q̂_WB.
@@ -29,16 +29,16 @@ struct BodyEstimate {
   Pose X_WB;
   Eigen::Vector3d v_WB{Eigen::Vector3d::Zero()};    ///< Velocity of B's origin, W axes, m/s.
   Eigen::Vector3d w_WB_B{Eigen::Vector3d::Zero()};  ///< Body rate, B axes, rad/s, bias removed.
-  Eigen::Vector3d a_WB{
-      Eigen::Vector3d::Zero()};  ///< Coordinate acceleration, W axes, m/s² (at rest 0).
+  /// Coordinate acceleration, W axes, m/s² (at rest 0).
+  Eigen::Vector3d a_WB{Eigen::Vector3d::Zero()};
   Eigen::Vector3d bias_f{Eigen::Vector3d::Zero()};
   Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
   Matrix15d covariance{Matrix15d::Zero()};
-  double gravity_offset_m_s2{};  ///< How much more it is than BodySensors says.
-  bool anchored{};  ///< W is the workspace. False: W is wherever this filter happened to start.
+  double gravity_offset_m_s2{};  ///< Gravity minus BodySensors::gravity_m_s2.
+  bool anchored{};               ///< W is the workspace. False: axes of this filter's own.
 };
 
-/// Where the body is, W axes.
+/// Position of the body, W axes, m.
 struct BodyPlace {
   Eigen::Vector3d p_WB{Eigen::Vector3d::Zero()};
   Eigen::Matrix3d covariance{Eigen::Matrix3d::Zero()};
@@ -47,7 +47,7 @@ struct BodyPlace {
   [[nodiscard]] double sigma_m() const { return std::sqrt(covariance.trace()); }
 };
 
-/// What one update did. A rejected tag is a value, not a log line and not an exception.
+/// Result of one update. A rejected tag is a value, not a log line or an exception.
 struct UpdateReport {
   static constexpr std::size_t kMostNamed = 8;
   static constexpr std::size_t kMostFitting = 16;
@@ -60,83 +60,86 @@ struct UpdateReport {
   int tags_pending{};   ///< Waiting until their pose branch is certain.
   double nis{};         ///< Normalised innovation squared of all used tags together.
   int nis_dof{};
-  double
-      reprojection_px{};  ///< RMS over the used corners after the update, raw pixels; 0 when none.
-  int tags_dropped{};     ///< Left the state because they kept contradicting the others (moved or
-                          ///< wrong).
-  std::array<int, kMostNamed> dropped_tags{};    ///< The ids of the first of them.
-  int tags_fitting{};                            ///< Used where the map has them …
-  std::array<int, kMostFitting> fitting_tags{};  ///< … the first of them.
-  /// How far the corners of a tag were from where the estimate has them after the update.
+  /// RMS over the used corners after the update, raw pixels; 0: none.
+  double reprojection_px{};
+  int tags_dropped{};  ///< Removed from the state after repeated contradictions (moved or wrong).
+  std::array<int, kMostNamed> dropped_tags{};    ///< Ids of the first ones.
+  int tags_fitting{};                            ///< Used at the map's poses.
+  std::array<int, kMostFitting> fitting_tags{};  ///< Ids of the first ones.
+  /// Residual of a tag's corners after the update.
   struct CornerFit {
     int tag_id{};
     double rms_px{};  ///< Raw pixels.
   };
-  int tags_measured{};  ///< Before the camera and with a place, used or not; 0 when none was used …
-  std::array<CornerFit, kMostFitting> corner_fits{};  ///< … the first of them.
-  int landmarks_used{};  ///< Followed image points whose track ended with this image.
+  int tags_measured{};  ///< Tags with a known pose before the camera, used or not; 0: none used.
+  std::array<CornerFit, kMostFitting> corner_fits{};  ///< Of the first ones.
+  int landmarks_used{};  ///< Tracked image points whose track ended with this image.
   int landmarks_rejected{};
   double landmark_nis{};  ///< Normalised innovation squared of the used ones together.
   int landmark_nis_dof{};
   bool running{};        ///< The filter has started.
-  bool start_changed{};  ///< Another start has won: what followed from the one before is void.
-  bool start_is_open{};  ///< The start may still be taken back; what follows from it may not be
-                         ///< told.
-  /// Images contradicted so long that the body is looked for anew in what was learned.
+  bool start_changed{};  ///< Another start hypothesis has replaced this one; earlier results are
+                         ///< void.
+  bool start_is_open{};  ///< The start may still be replaced: its results must not be published.
+  /// Relocalisation has begun after a long series of contradicting images.
   bool relocalised{};
-  /// All known tags in view contradict: they were moved, or the body is elsewhere. Until another
-  /// one decides, the estimate's covariance reaches that far.
-  struct Elsewhere {
+  /// All known tags in view contradict: either they were moved or the body is at another place.
+  /// Until another tag decides, the estimate's covariance includes both places.
+  struct AmbiguousPlace {
     int tag_id{};   ///< One of those tags.
-    double by_m{};  ///< Where they want the body, from where it is thought to be.
+    double by_m{};  ///< Distance between the two places.
   };
-  std::optional<Elsewhere> elsewhere;
-  /// One tag alone said where a body is that did not know it: a moved tag, or its other branch,
-  /// would say so, too.
-  bool returned_alone{};
-  /// How often the filter has forgotten everything. Poses of different generations share no axes
-  /// unless both are anchored.
+  std::optional<AmbiguousPlace> ambiguous_place;
+  /// A single tag determined the place of a lost body: a moved tag or the wrong branch of its pose
+  /// would give the same result.
+  bool relocalised_by_one_tag{};
+  /// Number of complete restarts. Poses of different generations share no axes unless both are
+  /// anchored.
   int generation{};
-  /// A camera's clock that was found to have jumped.
+  /// A detected jump of a camera's clock.
   struct ClockJump {
     int camera{};
-    double shift_s{};   ///< To be added to its stamps from now on, beyond what is configured …
-    double change_s{};  ///< … and by how much that has changed.
+    double shift_s{};   ///< To be added to its stamps from now on, beyond the configured shift.
+    double change_s{};  ///< Change of that shift.
   };
   std::optional<ClockJump> clock_jump;
-  /// Set when W was re-defined (first reference or known tag): poses of this generation given out
-  /// before are X_new = *gauge_shift * X_old.
+  /// Set when W was redefined (first reference or known tag): earlier poses of this generation
+  /// become X_new = *gauge_shift * X_old.
   std::optional<Pose> gauge_shift;
-  /// Set when the map has learned, and the body went along: it stood at X_WB, where it is now said
-  /// to have stood at *map_shift * X_WB. The room is the same as before.
+  /// Set when the map changed and the body moved with it: its pose X_WB became *map_shift * X_WB in
+  /// the same workspace.
   std::optional<Pose> map_shift;
 
   [[nodiscard]] std::span<const int> named_dropped() const {
-    return std::span(dropped_tags)
-        .first(std::min(kMostNamed, static_cast<std::size_t>(tags_dropped)));
+    return first_of(dropped_tags, tags_dropped);
   }
   [[nodiscard]] std::span<const int> named_fitting() const {
-    return std::span(fitting_tags)
-        .first(std::min(kMostFitting, static_cast<std::size_t>(tags_fitting)));
+    return first_of(fitting_tags, tags_fitting);
   }
   [[nodiscard]] std::span<const CornerFit> named_fits() const {
-    return std::span(corner_fits)
-        .first(std::min(kMostFitting, static_cast<std::size_t>(tags_measured)));
+    return first_of(corner_fits, tags_measured);
   }
-  void name_fit(const CornerFit& fit) {
-    if (static_cast<std::size_t>(tags_measured) < kMostFitting)
-      corner_fits[static_cast<std::size_t>(tags_measured)] = fit;
-    ++tags_measured;
+  void name_fit(const CornerFit& fit) { name(fit, corner_fits, tags_measured); }
+  void name_fitting(int tag_id) { name(tag_id, fitting_tags, tags_fitting); }
+  void name_dropped(int tag_id) { name(tag_id, dropped_tags, tags_dropped); }
+  /// Copies tags, NIS and residual of a correction.
+  void take_correction(const UpdateReport& done) {
+    tags_used = done.tags_used;
+    tags_rejected = done.tags_rejected;
+    nis = done.nis;
+    nis_dof = done.nis_dof;
+    reprojection_px = done.reprojection_px;
   }
-  void name_fitting(int tag_id) {
-    if (static_cast<std::size_t>(tags_fitting) < kMostFitting)
-      fitting_tags[static_cast<std::size_t>(tags_fitting)] = tag_id;
-    ++tags_fitting;
+
+ private:
+  template <class T, std::size_t N>
+  static std::span<const T> first_of(const std::array<T, N>& list, int count) {
+    return std::span<const T>(list).first(std::min(N, static_cast<std::size_t>(count)));
   }
-  void name_dropped(int tag_id) {
-    if (static_cast<std::size_t>(tags_dropped) < kMostNamed)
-      dropped_tags[static_cast<std::size_t>(tags_dropped)] = tag_id;
-    ++tags_dropped;
+  template <class T, std::size_t N>
+  static void name(const T& one, std::array<T, N>& list, int& count) {
+    if (static_cast<std::size_t>(count) < N) list[static_cast<std::size_t>(count)] = one;
+    ++count;
   }
 };
 

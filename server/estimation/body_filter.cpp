@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/assert.hpp"
+#include "base/expected.hpp"
 #include "estimation/robocentric/robocentric_filter.hpp"
 #include "estimation/world/world_filter.hpp"
 
@@ -20,9 +20,9 @@ std::unique_ptr<BodyFilter> make_body_filter(const std::string& name, const Body
                                              const WorkspaceGauge& gauge,
                                              const EstimatorConfig& config) {
   if (name == "world") return std::make_unique<world::WorldFilter>(sensors, gauge, config);
-  FIDUCAP_ASSERT(name == "robocentric");  // the configuration admits no other
-  const ClockHypothesis as_one{std::vector<double>(sensors.cameras.size(), 0.0)};
-  return std::make_unique<robocentric::RobocentricFilter>(sensors, gauge, config, as_one);
+  FIDUCAP_ASSERT(name == "robocentric");  // the only other value of the configuration
+  const ClockHypothesis same_clock{std::vector<double>(sensors.cameras.size(), 0.0)};
+  return std::make_unique<robocentric::RobocentricFilter>(sensors, gauge, config, same_clock);
 }
 
 }  // namespace fiducap

@@ -1,24 +1,41 @@
 #pragma once
 
-#include "estimation/lens_estimate.hpp"
+#include "capture/lens/camera_model.hpp"
 
 namespace fiducap {
 
-/// Something that is not as the configuration says, as a filter found it. It reckons with it.
+/// Assumed 1-sigma of a lens that images alone cannot test: difference of two good calibrations of
+/// one lens.
+inline constexpr double kAssumedFocal = 3e-3;
+inline constexpr double kAssumedCentre_px = 2.0;
+
+/// A camera's lens relative to the configured one, as estimated by a filter.
+struct LensEstimate {
+  LensOffset offset;
+  double focal_sigma{};  ///< 0: not estimated.
+  Eigen::Vector2d centre_sigma_px{Eigen::Vector2d::Zero()};
+  double k1_sigma{};
+
+  [[nodiscard]] bool is_estimated() const {
+    return focal_sigma > 0 || centre_sigma_px.maxCoeff() > 0 || k1_sigma > 0;
+  }
+};
+
+/// A difference between configuration and images, as estimated by a filter, which applies it.
 struct FoundMismatch {
   enum class Kind {
-    kFocalLength,  ///< `value`: relative; 0.01: the lens is 1 % longer.
-    kCentreU,      ///< Principal point, px to the right …
-    kCentreV,      ///< … and down.
-    kDistortion,   ///< `value`: its first coefficient is so much larger.
-    kLens,         ///< Not doubted but refined: `lens` is what came out. `value`: its focal length.
-    kReadout,      ///< Rolling shutter, first row to last, s; as configured: 0.
-    kAllPrints,    ///< All tags are so much larger, relative …
-    kOnePrint,     ///< … or this one, beyond what all are.
-    kImuNoise,     ///< Densities are so many times the declared ones.
-    kGyroRange,    ///< Rates stood at one number, rad/s, and were not believed …
-    kAccelRange,   ///< … or forces, m/s².
-    kStampJitter,  ///< Each image's stamp is off on its own, 1-sigma, s.
+    kFocalLength,  ///< `value`: relative; 0.01: the focal length is 1 % longer.
+    kCentreU,      ///< Principal point, px to the right.
+    kCentreV,      ///< Principal point, px down.
+    kDistortion,   ///< `value`: difference of the first distortion coefficient.
+    kLens,         ///< `lens` was estimated as a parameter. `value`: its relative focal length.
+    kReadout,      ///< Rolling shutter, first row to last, s; configured: 0.
+    kAllPrints,    ///< All tags are larger, relative.
+    kOnePrint,     ///< One tag is larger, relative, beyond kAllPrints.
+    kImuNoise,     ///< Factor of the IMU's configured noise densities.
+    kGyroRange,    ///< Saturated rate, rad/s.
+    kAccelRange,   ///< Saturated specific force, m/s².
+    kStampJitter,  ///< Independent error of each image's stamp, 1-sigma, s.
   } kind{};
   int camera{-1};
   int tag_id{-1};

@@ -1,4 +1,4 @@
-// What an operator does to the map of a running server: a part of MapBuilder.
+// MapBuilder for operators: changes of the map of a running server.
 #include <algorithm>
 #include <utility>
 
@@ -13,12 +13,11 @@ Expected<void> refuse_frozen() {
               "the map is frozen, nothing in it may move: let it grow again first");
 }
 
-/// For filters, of a map whose errors' ties are not known: each tag stands alone.
-KnownMap places_of(const TagMap& map) {
+/// For filters, of a map without correlations: errors of tags are independent.
+KnownMap uncorrelated(const TagMap& map) {
   KnownMap known;
   for (const MapTag& entry : map.tags)
-    if (entry.component == 0 && entry.state != TagState::kQuarantined)
-      known.tags.push_back(entry.tag);
+    if (entry.is_usable()) known.tags.push_back(entry.tag);
   return known;
 }
 
@@ -27,46 +26,38 @@ Expected<void> check_successor(const TagMap& map, const TagMap& of) {
   if (map.family != of.family)
     return fail(ErrorCode::kInvalid,
                 version + " holds " + map.family + " tags, this server finds " + of.family);
-  if (!has_places(map))
-    return fail(ErrorCode::kInvalid, version + " has no tag that says where the workspace is");
+  if (!map.has_workspace())
+    return fail(ErrorCode::kInvalid, version + " has no tag that defines the workspace");
   return {};
 }
 
 }  // namespace
 
-/// Some tag says where the workspace is.
-bool has_places(const TagMap& map) {
-  return std::any_of(map.tags.begin(), map.tags.end(), [](const MapTag& entry) {
-    return entry.component == 0 && entry.state != TagState::kQuarantined;
-  });
-}
-
-Expected<void> MapBuilder::may_begin_anew(const TagMap& map) const {
+Expected<void> MapBuilder::check_replacement(const TagMap& map) const {
   const std::lock_guard lock(mutex_);
   if (config_.mode == MapMode::kFrozen) return refuse_frozen();
   return check_successor(map, working_);
 }
 
-Expected<void> MapBuilder::begin_anew(TagMap stored, std::int64_t utc_now_ns) {
+Expected<void> MapBuilder::replace_map(TagMap stored, std::int64_t utc_now_ns) {
   const std::lock_guard lock(mutex_);
   if (config_.mode == MapMode::kFrozen) return refuse_frozen();
   if (auto fits = check_successor(stored, working_); !fits) return fits;
-  const bool has_graph = config_.refine_period_s > 0;
-  if (has_graph) begin_anew_ = std::make_shared<const TagMap>(stored);
-  KnownMap known = stored.known ? *stored.known : places_of(stored);
+  if (has_graph()) replacement_ = std::make_shared<const TagMap>(stored);
+  KnownMap known = stored.known ? *stored.known : uncorrelated(stored);
   stored.known = working_.known;  // for the revision
   working_ = std::move(stored);
   replace_known_locked(std::move(known));
-  news_.replace(has_graph ? nullptr : std::make_shared<const TagMap>(working_));
-  if (!has_graph) working_.known.reset();
-  ownership_ = owners_of(working_);
+  pending_.replace(has_graph() ? nullptr : std::make_shared<const TagMap>(working_));
+  if (!has_graph()) working_.known.reset();
+  owners_ = owners_in(working_);
   watch_ = {};
   moved_ = {};
   segments_.clear();
   contradicted_.clear();
   founder_.reset();
   defining_.reset();
-  starts_with_places_ = has_workspace_ = true;
+  starts_with_workspace_ = has_workspace_ = true;
   publish_locked(utc_now_ns);
   return {};
 }
@@ -78,10 +69,8 @@ void MapBuilder::align(const Pose& X_RW, std::int64_t utc_now_ns) {
 }
 
 Expected<MapTag*> MapBuilder::tag_locked(int tag_id) {
-  MapTag* entry = working_.find(tag_id);
-  if (entry == nullptr)
-    return fail(ErrorCode::kNotFound, "the map has no tag " + std::to_string(tag_id));
-  return entry;
+  if (MapTag* entry = working_.find(tag_id)) return entry;
+  return fail(ErrorCode::kNotFound, "the map has no tag " + std::to_string(tag_id));
 }
 
 Expected<void> MapBuilder::quarantine(int tag_id, std::int64_t utc_now_ns) {
@@ -89,10 +78,10 @@ Expected<void> MapBuilder::quarantine(int tag_id, std::int64_t utc_now_ns) {
   const auto entry = tag_locked(tag_id);
   if (!entry) return tl::unexpected(entry.error());
   (*entry)->state = TagState::kQuarantined;
-  ownership_[tag_id] = {.quarantined_at = Instant::max()};  // no belief is newer
-  if (config_.refine_period_s > 0) moved_.set_aside(tag_id, newest_at_);
+  owners_[tag_id] = {.quarantined_at = Instant::max()};  // no belief is newer
+  if (has_graph()) moved_.exclude(tag_id, newest_at_);
   watch_.forget(tag_id);
-  leave_out_locked(tag_id);
+  exclude_from_known_locked(tag_id);
   publish_locked(utc_now_ns);
   return {};
 }
@@ -100,34 +89,23 @@ Expected<void> MapBuilder::quarantine(int tag_id, std::int64_t utc_now_ns) {
 Expected<void> MapBuilder::forget(int tag_id, std::int64_t utc_now_ns) {
   const std::lock_guard lock(mutex_);
   if (config_.mode == MapMode::kFrozen) return refuse_frozen();
-  const auto entry = tag_locked(tag_id);
-  if (!entry) return tl::unexpected(entry.error());
+  if (const auto entry = tag_locked(tag_id); !entry) return tl::unexpected(entry.error());
   const std::string name = "tag " + std::to_string(tag_id);
   if (working_.reference_tag == tag_id)
-    return fail(ErrorCode::kInvalid, name + " is the reference tag: the workspace hangs on it");
+    return fail(ErrorCode::kInvalid, name + " is the reference tag: it defines the workspace");
   TagMap rest = working_;
   std::erase_if(rest.tags, [&](const MapTag& tag) { return tag.tag.tag_id == tag_id; });
-  if (!has_places(rest))
-    return fail(ErrorCode::kInvalid, name + " is the only one that says where the workspace is");
+  if (!rest.has_workspace())
+    return fail(ErrorCode::kInvalid, name + " is the only one that defines the workspace");
   working_ = std::move(rest);
-  ownership_.erase(tag_id);
+  owners_.erase(tag_id);
   contradicted_.erase(tag_id);
-  if (config_.refine_period_s > 0) moved_.forget(tag_id, newest_at_);
+  if (has_graph()) moved_.forget(tag_id, newest_at_);
   watch_.forget(tag_id);
-  news_.forget(tag_id);
-  leave_out_locked(tag_id);
+  pending_.forget(tag_id);
+  exclude_from_known_locked(tag_id);
   publish_locked(utc_now_ns);
   return {};
-}
-
-void MapBuilder::set_mode(MapMode mode) {
-  const std::lock_guard lock(mutex_);
-  config_.mode = mode;
-}
-
-MapMode MapBuilder::mode() const {
-  const std::lock_guard lock(mutex_);
-  return config_.mode;
 }
 
 }  // namespace fiducap

@@ -7,7 +7,7 @@ namespace fiducap {
 
 namespace {
 
-/// The map with what is surveyed beside it; what the map has counts.
+/// The map with the surveyed tags that it does not have.
 TagMap with(TagMap map, std::span<const KnownTag> surveyed) {
   for (const KnownTag& tag : surveyed)
     if (map.find(tag.tag_id) == nullptr) map.tags.push_back({tag, TagState::kSurveyed});
@@ -27,8 +27,8 @@ void MapRefiner::replace_body(int body_id, std::vector<MotionSegment> segments) 
 }
 
 void MapRefiner::take() {
-  auto [segments, begin_anew, moves, contributions] = map_.take_segments();
-  if (begin_anew != nullptr) begin_with(*begin_anew);
+  auto [segments, replacement, moves, contributions] = map_.take_segments();
+  if (replacement != nullptr) restart_with(*replacement);
   for (const EpochOrder& order : moves) graph_.follow(order);
   is_settled_ &= moves.empty();
   for (const auto& [body_id, segment] : segments) {
@@ -39,7 +39,7 @@ void MapRefiner::take() {
   contributions_ = contributions;
 }
 
-void MapRefiner::begin_with(const TagMap& map) {
+void MapRefiner::restart_with(const TagMap& map) {
   graph_ = MapGraph(map);
   if (keeps_all_) keep_all();
   solution_.reset();
@@ -64,8 +64,8 @@ bool MapRefiner::solve_taken(const std::stop_token& stop) {
   return is_settled_;
 }
 
-bool MapRefiner::found_workspace() {
-  const bool is_new = graph_.found_workspace();
+bool MapRefiner::establish_workspace() {
+  const bool is_new = graph_.establish_workspace();
   if (is_new) is_settled_ = false;
   return is_new;
 }

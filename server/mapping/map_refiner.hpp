@@ -12,53 +12,52 @@
 
 namespace fiducap {
 
-/// When a refinement looked at what the bodies had said, and when the map took it over, in
-/// contributions to the map before that: a replay does the same.
+/// When a refinement took the contributions, and when the map adopted the result, in numbers of
+/// contributions before that: a replay repeats them.
 struct RefinementTurn {
   std::uint64_t taken{};
-  /// nullopt: it came to nothing. Still the graph went on from where that left it.
+  /// nullopt: no result. The graph continues from its last state.
   std::optional<std::uint64_t> adopted{};
 };
 
-/// Brings the map up to date with everything that all bodies have seen: takes their segments out of
-/// the builder, solves the graph, hands the solution back. For one thread; the builder is locked
-/// for moments only.
+/// Keeps the map up to date with the segments of all bodies: takes them out of the builder, solves
+/// the graph, hands the solution back. For one thread; the builder is locked only briefly.
 class MapRefiner final {
  public:
   explicit MapRefiner(MapBuilder& map) : MapRefiner(map, {}) {}
-  /// @param surveyed  tags that are to be estimated all the same, by a rough survey as well
+  /// @param surveyed  tags that are estimated nevertheless, with a rough survey
   MapRefiner(MapBuilder& map, std::span<const KnownTag> surveyed);
 
-  /// Takes what has come since the last time into the graph; begins a new one when the map was
-  /// replaced. The map keeps a limited number.
+  /// Moves new segments into the graph; restarts it when the map was replaced. The builder keeps a
+  /// limited number.
   void take();
-  /// The same, and solves. Nothing of it is published yet.
-  /// @param stop  leaves the solution for another time
+  /// Takes and solves. Nothing is published yet.
+  /// @param stop  postpones the solution
   /// @return whether there is something to publish
   bool solve(const std::stop_token& stop = {});
-  /// Solves for what take() has taken. The map is not touched: a thread that does not get on holds
-  /// up nobody.
+  /// Solves with the segments that take() has taken. The builder is not locked: a slow solution
+  /// delays no other thread.
   bool solve_taken(const std::stop_token& stop = {});
   /// See MapGraph.
-  bool found_workspace();
+  bool establish_workspace();
   void replace_body(int body_id, std::vector<MotionSegment> segments);
-  /// Publishes what solve() has found, when it has.
+  /// Publishes the solution, if there is one.
   /// @return nullopt: there was nothing to solve since the last time
   std::optional<RefinementTurn> adopt(std::int64_t utc_now_ns);
 
-  /// From now on the map gets tags that were seen so often, whatever it is configured to.
-  void tell_from(int sightings) { least_sightings_ = sightings; }
-  /// Nothing is folded, however long it takes: offline.
+  /// From now on the map gets tags with this number of sightings, in place of the configured one.
+  void set_least_sightings(int sightings) { least_sightings_ = sightings; }
+  /// Nothing is folded: offline.
   void keep_all() {
     keeps_all_ = true;
     graph_.keep_all();
   }
   [[nodiscard]] const MapGraph& graph() const { return graph_; }
-  /// What the last solution has found to be other than configured.
+  /// Deviations from the configuration, of the last solution.
   [[nodiscard]] const std::vector<GraphFinding>& findings() const { return findings_; }
 
  private:
-  void begin_with(const TagMap& map);
+  void restart_with(const TagMap& map);
 
   MapBuilder& map_;
   MapGraph graph_;
@@ -68,7 +67,7 @@ class MapRefiner final {
   std::optional<std::uint64_t> taken_{};  ///< By a solve() since the last adopt().
   std::uint64_t contributions_{};         ///< Before the last take().
   std::optional<int> least_sightings_{};
-  bool is_settled_{true};  ///< The last solution stands: without news there is nothing to do.
+  bool is_settled_{true};  ///< Nothing has changed since the last solution.
 };
 
 }  // namespace fiducap

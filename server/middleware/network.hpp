@@ -1,39 +1,64 @@
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <string>
 #include <vector>
 
 #include "base/config_check.hpp"
+#include "base/expected.hpp"
 
 namespace fiducap::dds {
 
-/// How this process takes part in DDS. One for the whole process: ROS sources and ROS topics share
-/// it.
+/// How this process takes part in DDS. One for the whole process, shared by ROS sources and topics.
 struct NetworkConfig {
-  int domain{0};  ///< ROS_DOMAIN_ID.
-  std::string interface {
-    "lo"
-  };  ///< Name or address; empty: the middleware takes the one it likes best.
-  std::vector<std::string>
-      peers;  ///< Addresses that are asked directly: no multicast is needed or used then.
-  int max_participants{
-      20};  ///< Per machine, when multicast is not used: so many ports are asked at each peer.
-  double announce_s{2.0};  ///< How often we say that we are there.
+  int domain{0};                   ///< ROS_DOMAIN_ID.
+  std::string interface { "lo" };  ///< Name or address; empty: chosen by the middleware.
+  std::vector<std::string> peers;  ///< Addresses to query; without multicast when there are any.
+  int max_participants{20};  ///< Per machine without multicast: number of ports queried per peer.
+  double announce_s{2.0};    ///< Period of the announcements.
 
   [[nodiscard]] bool is_loopback() const;
-  /// Others are found by multicast: not on loopback, and not when peers are named.
+  /// Discovery by multicast: not on loopback, and not with peers.
   [[nodiscard]] bool uses_multicast() const;
   [[nodiscard]] std::vector<ConfigError> check() const;
 };
 
-/// Bytes of the longest message that passes in or out: an uncompressed 12-megapixel image in
-/// colour.
+/// Longest message in bytes, both ways: an uncompressed colour image of 12 megapixels.
 inline constexpr std::size_t kMaxMessage = 48u << 20;
 
-/// The same in the words of Cyclone DDS. It stands in for CYCLONEDDS_URI, which is not read.
+/// Configuration of Cyclone DDS; replaces CYCLONEDDS_URI, which is not read.
 /// @pre config.check().empty()
-/// @param attached_only  nothing is sent beyond the networks that the interface is attached to,
-/// whatever address a datagram claims for its sender
+/// @param attached_only  nothing is sent beyond the networks of the interface, regardless of the
+///                       sender address of a datagram
 [[nodiscard]] std::string cyclone_xml(const NetworkConfig& config, bool attached_only);
+
+/// IPv4 addresses with the same first bits; host byte order.
+struct Ipv4Network {
+  std::uint32_t address{};
+  std::uint32_t mask{};
+
+  [[nodiscard]] bool contains(std::uint32_t other) const { return (other & mask) == address; }
+  bool operator==(const Ipv4Network&) const = default;
+};
+
+/// Senders whose datagrams reach the participant: this machine, the attached networks of the
+/// interface, and configured peers.
+struct AllowedSenders {
+  bool loopback_only{};
+  unsigned interface_index{};         ///< 0: any interface.
+  std::vector<Ipv4Network> networks;  ///< Of sender addresses.
+  /// No peer is beyond the attached networks: no datagram need leave for an address beyond them.
+  bool attached_only{true};
+};
+
+/// By the present interfaces of the machine. Looks up the names of peers.
+[[nodiscard]] AllowedSenders allowed_senders(const NetworkConfig& config);
+
+/// Restricts this process's sockets at the ports of the domain to these senders, by the kernel and
+/// for good: Cyclone DDS binds its sockets to every address of the machine and answers to any
+/// address that a datagram claims.
+/// @return Error when there are no such sockets, or the system refuses
+[[nodiscard]] Expected<void> restrict_sockets(int domain, const AllowedSenders& senders);
 
 }  // namespace fiducap::dds

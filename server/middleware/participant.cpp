@@ -3,83 +3,50 @@
 #include <dds/dds.h>
 #include <dds/ddsrt/log.h>
 
-#include <algorithm>
 #include <array>
-#include <atomic>
 #include <string_view>
 
 #include "base/log.hpp"
-#include "middleware/fence.hpp"
-#include "middleware/reader.hpp"
 
 namespace fiducap::dds {
 
 namespace {
 
-struct QosDeleter {
-  void operator()(dds_qos_t* qos) const { dds_delete_qos(qos); }
+struct ListenerDeleter {
+  void operator()(dds_listener_t* listener) const { dds_delete_listener(listener); }
 };
-using QosPointer = std::unique_ptr<dds_qos_t, QosDeleter>;
 
-QosPointer make_qos(const Qos& wanted, const std::string& type_hash) {
-  QosPointer qos(dds_create_qos());
-  // A writer never waits for a reader: what it cannot take is counted.
-  dds_qset_reliability(qos.get(),
-                       wanted.reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT, 0);
-  dds_qset_durability(qos.get(), wanted.for_late_joiners ? DDS_DURABILITY_TRANSIENT_LOCAL
-                                                         : DDS_DURABILITY_VOLATILE);
-  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, wanted.depth);
-  if (wanted.deadline_s > 0)
-    dds_qset_deadline(qos.get(), static_cast<dds_duration_t>(wanted.deadline_s * 1e9));
-  // An instance lives until it is disposed of, also when its writer goes.
-  dds_qset_writer_data_lifecycle(qos.get(), false);
-  const std::string text = "typehash=" + type_hash + ";";
-  if (!type_hash.empty()) dds_qset_userdata(qos.get(), text.data(), text.size());
-  return qos;
-}
-
-/// The middleware's warnings go where ours go, a few of them: a cable that is unplugged or a
-/// hostile peer must not fill the disk.
+/// Logs the first warnings only: an unplugged cable or a hostile peer must not fill the disk.
 void log_some(void*, const dds_log_data_t* data) {
   constexpr int kMost = 20;
-  static std::atomic<int> said{0};
+  static std::atomic<int> logged{0};
   if (data->message == nullptr ||
       (data->priority & (DDS_LC_WARNING | DDS_LC_ERROR | DDS_LC_FATAL)) == 0)
     return;
-  const int count = ++said;
+  const int count = ++logged;
   if (count > kMost) return;
   std::string_view text(data->message);
   while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.remove_suffix(1);
   log::warning("dds", text);
-  if (count == kMost) log::warning("dds", "more of this kind is left out");
-}
-
-template <typename T>
-Expected<T> failed(std::int32_t code, const std::string& what, const std::string& where) {
-  return fail(ErrorCode::kUnavailable, what + " (" + error_text(code) + ")", where);
-}
-
-/// Without QoS of its own: a participant may read and write a topic in several ways.
-Expected<Entity> make_topic(const Participant& in, const TopicName& topic) {
-  Entity entity(dds_create_topic(in.handle(), topic.type, topic.name.c_str(), nullptr, nullptr));
-  if (!entity)
-    return failed<Entity>(entity.handle(), "the topic cannot be made", "topic " + topic.name);
-  return entity;
+  if (count == kMost) log::warning("dds", "further warnings are dropped");
 }
 
 }  // namespace
 
-std::string error_text(std::int32_t code) { return dds_strretcode(code); }
+tl::unexpected<Error> failure_of(std::int32_t code, const std::string& what,
+                                 const std::string& context) {
+  return fail(ErrorCode::kUnavailable, what + " (" + dds_strretcode(code) + ")", context);
+}
 
 Entity::~Entity() {
   if (handle_ > 0) dds_delete(handle_);
 }
 
 Expected<std::shared_ptr<Participant>> Participant::open(const NetworkConfig& config,
-                                                         CrowdWatch::Alarm alarm) {
+                                                         ParticipantMonitor::Alarm alarm) {
   const std::string where = "domain " + std::to_string(config.domain);
-  const Neighbours neighbours = neighbours_of(config);
-  const std::string xml = cyclone_xml(config, neighbours.attached_only);
+  const AllowedSenders senders = allowed_senders(config);
+  const std::string xml = cyclone_xml(config, senders.attached_only);
   dds_set_log_sink(log_some, nullptr);
   Entity domain(dds_create_domain(static_cast<dds_domainid_t>(config.domain), xml.c_str()));
   if (domain.handle() == DDS_RETCODE_PRECONDITION_NOT_MET) {
@@ -91,118 +58,81 @@ Expected<std::shared_ptr<Participant>> Participant::open(const NetworkConfig& co
       "cannot take part: is dds.interface = \"" + config.interface +
       "\" one of this machine's (`ip address` lists them), and are there fewer than " +
       std::to_string(config.max_participants) + " participants (dds.max_participants)?";
-  if (!domain) return failed<std::shared_ptr<Participant>>(domain.handle(), remedy, where);
-  if (auto fenced = fence_off(config.domain, neighbours); !fenced)
-    return tl::unexpected(fenced.error());
+  if (!domain) return failure_of(domain.handle(), remedy, where);
+  if (auto restricted = restrict_sockets(config.domain, senders); !restricted)
+    return tl::unexpected(restricted.error());
   Entity participant(
       dds_create_participant(static_cast<dds_domainid_t>(config.domain), nullptr, nullptr));
-  if (!participant)
-    return failed<std::shared_ptr<Participant>>(participant.handle(), remedy, where);
-  auto watch = std::make_unique<CrowdWatch>(std::move(alarm));
-  if (auto watching = watch->watch(participant.handle()); !watching)
-    return tl::unexpected(watching.error());
-  return std::shared_ptr<Participant>(
-      new Participant(std::move(watch), std::move(domain), std::move(participant), config.domain));
+  if (!participant) return failure_of(participant.handle(), remedy, where);
+  auto monitor = std::make_unique<ParticipantMonitor>(std::move(alarm));
+  if (auto watched = monitor->watch(participant.handle()); !watched)
+    return tl::unexpected(watched.error());
+  return std::shared_ptr<Participant>(new Participant(std::move(monitor), std::move(domain),
+                                                      std::move(participant), config.domain));
 }
 
-Expected<Writer> Writer::make(const Participant& in, const TopicName& topic, const Qos& qos) {
-  Writer writer;
-  auto entity = make_topic(in, topic);
-  if (!entity) return tl::unexpected(entity.error());
-  writer.topic_ = std::move(*entity);
-  writer.name_ = topic.name;
-  const auto with = make_qos(qos, topic.type_hash);
-  writer.writer_ =
-      Entity(dds_create_writer(in.handle(), writer.topic_.handle(), with.get(), nullptr));
-  if (!writer.writer_)
-    return failed<Writer>(writer.handle(), "the writer cannot be made", "topic " + topic.name);
-  return writer;
+Expected<void> ParticipantMonitor::watch(std::int32_t participant) {
+  const std::unique_ptr<dds_listener_t, ListenerDeleter> listener(dds_create_listener(this));
+  dds_lset_data_available(listener.get(), [](dds_entity_t reader, void* self) {
+    static_cast<ParticipantMonitor*>(self)->take_samples(reader);
+  });
+  const auto reader =
+      dds_create_reader(participant, DDS_BUILTIN_TOPIC_DCPSPARTICIPANT, nullptr, listener.get());
+  if (reader > 0) return {};
+  return failure_of(reader, "cannot count participants", "dds");
 }
 
-bool Writer::has_readers() const {
-  dds_publication_matched_status_t status{};
-  return dds_get_publication_matched_status(writer_.handle(), &status) == DDS_RETCODE_OK &&
-         status.current_count > 0;
-}
-
-std::vector<std::string> Writer::reading_participants() const {
-  constexpr std::size_t kMost = 256;
-  std::array<dds_instance_handle_t, kMost> readers{};
-  const auto count = dds_get_matched_subscriptions(writer_.handle(), readers.data(), kMost);
-  std::vector<std::string> participants;
-  for (std::size_t i = 0;
-       count > 0 && i < std::min<std::size_t>(static_cast<std::size_t>(count), kMost); ++i) {
-    dds_builtintopic_endpoint_t* reader =
-        dds_get_matched_subscription_data(writer_.handle(), readers[i]);
-    if (reader == nullptr) continue;  // gone in the meantime
-    std::string digits;
-    constexpr std::size_t kPrefix = 12;  // the last four bytes are the same for every participant
-    for (std::size_t k = 0; k < kPrefix; ++k) {
-      constexpr const char* kHex = "0123456789abcdef";
-      digits += kHex[reader->participant_key.v[k] >> 4];
-      digits += kHex[reader->participant_key.v[k] & 15];
-    }
-    participants.push_back(std::move(digits));
-    dds_builtintopic_free_endpoint(reader);
-  }
-  return participants;
-}
-
-bool Writer::write(const void* sample) {
-  const bool taken = dds_write(writer_.handle(), sample) == DDS_RETCODE_OK;
-  ++(taken ? written_ : refused_);
-  return taken;
-}
-
-void Writer::flush() { dds_write_flush(writer_.handle()); }
-
-void Writer::dispose(const void* sample) { dds_dispose(writer_.handle(), sample); }
-
-Expected<Reader> Reader::make(const Participant& in, const TopicName& topic, const Qos& qos) {
-  Reader reader;
-  auto entity = make_topic(in, topic);
-  if (!entity) return tl::unexpected(entity.error());
-  reader.topic_ = std::move(*entity);
-  const auto with = make_qos(qos, topic.type_hash);
-  reader.reader_ =
-      Entity(dds_create_reader(in.handle(), reader.topic_.handle(), with.get(), nullptr));
-  if (!reader.reader_)
-    return failed<Reader>(reader.handle(), "the reader cannot be made", "topic " + topic.name);
-  return reader;
-}
-
-Expected<WaitSet> WaitSet::make(const Participant& in) {
-  WaitSet made;
-  made.set_ = Entity(dds_create_waitset(in.handle()));
-  if (!made.set_) return failed<WaitSet>(made.set_.handle(), "cannot wait for messages", "dds");
-  return made;
-}
-
-Expected<void> WaitSet::add(const Reader& reader) {
-  Entity unread(dds_create_readcondition(reader.handle(), DDS_ANY_STATE));
-  if (!unread) return failed<void>(unread.handle(), "cannot wait for messages", "dds");
-  const auto attached = dds_waitset_attach(set_.handle(), unread.handle(), 0);
-  if (attached != DDS_RETCODE_OK) return failed<void>(attached, "cannot wait for messages", "dds");
-  conditions_.push_back(std::move(unread));
-  return {};
-}
-
-bool WaitSet::wait(Duration patience) {
-  return dds_waitset_wait(set_.handle(), nullptr, 0, patience.count()) > 0;
-}
-
-Reader::Loan::~Loan() {
-  if (sample_ != nullptr) dds_return_loan(reader_, &sample_, 1);
-}
-
-Reader::Loan Reader::take() {
+void ParticipantMonitor::take_samples(std::int32_t reader) {
+  constexpr std::size_t kAtOnce = 16;
+  std::array<void*, kAtOnce> samples{};
+  std::array<dds_sample_info_t, kAtOnce> about{};
   for (;;) {
-    void* sample = nullptr;
-    dds_sample_info_t info{};
-    if (dds_take(reader_.handle(), &sample, &info, 1, 1) <= 0) return {};
-    Loan loan(reader_.handle(), sample);
-    if (info.valid_data) return loan;  // otherwise it only says that a writer went
+    samples[0] = nullptr;  // on loan
+    const auto taken = dds_take(reader, samples.data(), about.data(), kAtOnce, kAtOnce);
+    if (taken <= 0) return;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(taken); ++i)
+      add(about[i].view_state == DDS_VST_NEW, about[i].instance_state == DDS_IST_ALIVE);
+    dds_return_loan(reader, samples.data(), taken);
   }
+}
+
+void ParticipantMonitor::add(bool is_new, bool is_alive) {
+  if (is_new) ++seen_;
+  if (is_new && is_alive) ++present_;
+  if (!is_new && !is_alive) --present_;
+  if (!count().is_plausible() && !flooded_.exchange(true) && alarm_) alarm_(count());
+}
+
+Expected<std::shared_ptr<Participant>> Membership::join() {
+  const std::lock_guard lock(mutex_);
+  const std::string domain = "domain " + std::to_string(config_.domain);
+  if (auto held = participant_.lock()) {
+    if (!held->is_flooded()) return held;
+    return fail(ErrorCode::kUnavailable, "leaves a flooded domain and joins it again soon", domain);
+  }
+  if (!*has_left_)
+    return fail(ErrorCode::kUnavailable, "is still leaving the domain and joins it again soon",
+                domain);
+  auto joined = Participant::open(config_, [this, domain](const ParticipantCount& count) {
+    events_.begin(
+        {.severity = Severity::kWarning,
+         .subject = "dds",
+         .kind = "crowded",
+         .text = "left " + domain + " for a short time: " + std::to_string(count.present) +
+                 " participants at once, " + std::to_string(count.seen) + " since it was joined",
+         .remedy = "If there are fewer ROS nodes, the others are forged: see "
+                   "docs/design/dds-exposure.md"});
+  });
+  if (!joined) return joined;
+  *has_left_ = false;
+  const std::shared_ptr<Participant> held(
+      (*joined).get(), [inner = *joined, left = has_left_](Participant*) mutable {
+        inner.reset();
+        *left = true;
+      });
+  participant_ = held;
+  events_.end("dds", "crowded", "has joined the domain again");
+  return held;
 }
 
 }  // namespace fiducap::dds

@@ -1,23 +1,22 @@
 #pragma once
 
-#include <cstddef>
+#include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <utility>
-#include <vector>
 
+#include "base/event_board.hpp"
 #include "base/expected.hpp"
-#include "middleware/crowd.hpp"
 #include "middleware/network.hpp"
 
-struct dds_topic_descriptor;
-
-/// Cyclone DDS, as far as fiducap uses it. Its header is seen by participant.cpp and by those who
-/// fill its structs.
+/// Membership in a DDS domain. The calls of Cyclone DDS are in this folder; other code includes its
+/// header only to fill its structs.
 namespace fiducap::dds {
 
-/// One entity of the middleware; deletes it, and what hangs on it, at the end.
+/// One entity of the middleware; its destructor deletes it and its children.
 class Entity final {
  public:
   Entity() = default;
@@ -38,83 +37,92 @@ class Entity final {
   std::int32_t handle_{0};
 };
 
-/// What a topic is: its name on the wire and its type.
-struct TopicName {
-  std::string name;                    ///< As on the wire: `rt/tf`.
-  const dds_topic_descriptor* type{};  ///< Made by idlc.
-  std::string type_hash{};  ///< `RIHS01_…`, for ROS 2 from Iron on; empty: not a type of ROS.
+/// Participants of the domain, including this one and forged ones.
+struct ParticipantCount {
+  static constexpr int kMostPresent = 256;
+  static constexpr int kMostSeen = 4096;
+
+  int present{};  ///< Now.
+  int seen{};     ///< Since the domain was joined.
+
+  [[nodiscard]] bool is_plausible() const { return present <= kMostPresent && seen <= kMostSeen; }
 };
 
-struct Qos {
-  bool reliable{true};
-  bool for_late_joiners{false};  ///< Transient local: who comes later gets the newest.
-  int depth{1};                  ///< Of the newest messages per instance, so many are kept.
-  double deadline_s{0};          ///< Offered or asked for; 0: none.
+/// Counts the participants that a participant knows. Thread-safe.
+class ParticipantMonitor final {
+ public:
+  using Alarm = std::function<void(const ParticipantCount&)>;
+
+  /// @param alarm  called once when there are too many, on a thread of the middleware
+  explicit ParticipantMonitor(Alarm alarm) : alarm_(std::move(alarm)) {}
+  /// @param participant  is deleted before the monitor
+  [[nodiscard]] Expected<void> watch(std::int32_t participant);
+  [[nodiscard]] ParticipantCount count() const { return {present_, seen_}; }
+  [[nodiscard]] bool is_flooded() const { return flooded_; }
+
+ private:
+  void take_samples(std::int32_t reader);
+  void add(bool is_new, bool is_alive);
+
+  Alarm alarm_;
+  std::atomic<int> present_{0};
+  std::atomic<int> seen_{0};
+  std::atomic<bool> flooded_{false};
 };
 
-/// A process's membership in one domain. Thread-safe.
+/// The process's membership in one domain. Thread-safe.
 class Participant final {
  public:
-  /// @return Error naming the interface when there is no such one, or when this process is in the
-  /// domain already.
-  /// @param alarm  called once when others crowd the domain, on a thread of the middleware
-  [[nodiscard]] static Expected<std::shared_ptr<Participant>> open(const NetworkConfig& config,
-                                                                   CrowdWatch::Alarm alarm = {});
+  /// @param alarm  called once when the domain is flooded, on a thread of the middleware
+  /// @return Error when the interface does not exist, or when this process is in the domain already
+  [[nodiscard]] static Expected<std::shared_ptr<Participant>> open(
+      const NetworkConfig& config, ParticipantMonitor::Alarm alarm = {});
 
   [[nodiscard]] std::int32_t handle() const { return participant_.handle(); }
   [[nodiscard]] int domain() const { return domain_; }
-  [[nodiscard]] Crowd crowd() const { return watch_->crowd(); }
-  /// More others than can be true: whoever holds it should let go of it, that they are forgotten.
-  [[nodiscard]] bool is_crowded() const { return watch_->is_crowded(); }
+  [[nodiscard]] ParticipantCount count() const { return monitor_->count(); }
+  /// There are more participants than plausible: release this one, so that they are forgotten.
+  [[nodiscard]] bool is_flooded() const { return monitor_->is_flooded(); }
 
  private:
-  Participant(std::unique_ptr<CrowdWatch> watch, Entity domain_entity, Entity participant,
+  Participant(std::unique_ptr<ParticipantMonitor> monitor, Entity domain_entity, Entity participant,
               int domain)
-      : watch_(std::move(watch)),
+      : monitor_(std::move(monitor)),
         domain_entity_(std::move(domain_entity)),
         participant_(std::move(participant)),
         domain_(domain) {}
 
-  std::unique_ptr<CrowdWatch> watch_;  // goes last: is called until the others have gone
+  std::unique_ptr<ParticipantMonitor> monitor_;  // goes last: is called until the others have gone
   Entity domain_entity_;
   Entity participant_;
   int domain_;
 };
 
-/// Writes one topic. Not thread-safe; readers are counted by the middleware's own threads.
-class Writer final {
+/// The process's only participant: made when first needed, deleted when its last owner releases it.
+/// Thread-safe.
+///
+/// Cyclone DDS keeps every participant that a datagram announces for the lease that it claims, and
+/// sends to its address all the time. Only leaving the domain forgets them: owners of a flooded
+/// participant release it and join again later.
+class Membership final {
  public:
-  [[nodiscard]] static Expected<Writer> make(const Participant& in, const TopicName& topic,
-                                             const Qos& qos);
+  Membership(const NetworkConfig& config, EventBoard& events) : config_(config), events_(events) {}
 
-  [[nodiscard]] bool has_readers() const;
-  /// Of each reader the participant it belongs to, as hexadecimal digits. For display: allocates.
-  [[nodiscard]] std::vector<std::string> reading_participants() const;
-  /// Never waits. @param sample  a struct of the topic's type; copied.
-  /// @return false when the middleware does not take it: a reader that must not lose anything is
-  /// too slow
-  bool write(const void* sample);
-  /// Several samples share a packet until `flush`; without it they stay in the machine.
-  void flush();
-  /// The instance of this key is no more.
-  void dispose(const void* sample);
-
-  [[nodiscard]] std::int32_t handle() const { return writer_.handle(); }
-  [[nodiscard]] const std::string& topic() const { return name_; }
-  [[nodiscard]] std::uint64_t written() const { return written_; }
-  [[nodiscard]] std::uint64_t refused() const { return refused_; }
+  /// @return the participant that others hold, or a new one; Error while a flooded one is still
+  ///         held, or the last one is still leaving
+  [[nodiscard]] Expected<std::shared_ptr<Participant>> join();
 
  private:
-  Writer() = default;
-
-  Entity topic_;
-  Entity writer_;
-  std::string name_;
-  std::uint64_t written_{0};
-  std::uint64_t refused_{0};
+  NetworkConfig config_;
+  EventBoard& events_;
+  std::mutex mutex_;
+  std::weak_ptr<Participant> participant_;
+  /// The last participant is deleted; `participant_` expires when its deletion begins.
+  std::shared_ptr<std::atomic<bool>> has_left_{std::make_shared<std::atomic<bool>>(true)};
 };
 
-/// What the middleware means by a negative answer.
-[[nodiscard]] std::string error_text(std::int32_t code);
+/// Error of a negative return code of the middleware.
+[[nodiscard]] tl::unexpected<Error> failure_of(std::int32_t code, const std::string& what,
+                                               const std::string& context);
 
 }  // namespace fiducap::dds

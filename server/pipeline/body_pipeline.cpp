@@ -4,31 +4,44 @@
 #include <cmath>
 #include <utility>
 
-#include "base/assert.hpp"
-#include "base/so3.hpp"
+#include "base/expected.hpp"
+#include "base/pose.hpp"
+#include "base/process.hpp"
 #include "detection/observe.hpp"
 #include "estimation/filter/filter_rules.hpp"
 
 namespace fiducap {
-
 namespace {
 
-// What is learned about cameras changes slowly, and asking for it allocates.
+// The estimated cameras change slowly, and asking for them allocates.
 constexpr Duration kCamerasPeriod = std::chrono::seconds(1);
-// A tag unseen for so long has left the view.
+// A tag unseen for this long has left the view.
 constexpr Duration kOutOfView = std::chrono::seconds(2);
 constexpr Duration kPauseOfImages = std::chrono::seconds(10);
-// Further apart (m and rad), two places of a tag are not the same place.
+// Poses of a tag further apart than this (m and rad) are different.
 constexpr double kSamePlace = 0.1;
+
+/// Adds the CPU time of its scope.
+class CpuMeter final {
+ public:
+  explicit CpuMeter(Duration& sum) : sum_(sum), begin_(thread_cpu_time()) {}
+  ~CpuMeter() { sum_ += thread_cpu_time() - begin_; }
+  CpuMeter(const CpuMeter&) = delete;
+  CpuMeter& operator=(const CpuMeter&) = delete;
+
+ private:
+  Duration& sum_;
+  Duration begin_;
+};
 
 bool agree(const Pose& a, const Pose& b) {
   return (a.p - b.p).norm() < kSamePlace && angle_between(a.q, b.q) < kSamePlace;
 }
 
-/// As many as come within the merger's window, so that images wait for their IMU readings, not for
-/// a full queue.
+/// All images of the merger's window, so that images wait for their IMU readings, not for a full
+/// queue.
 std::size_t images_within_window(const PipelineSetup& setup) {
-  constexpr double kMost = 64;  // of each
+  constexpr double kMost = 64;  // of each camera
   double all = 0;
   for (const CameraMount& camera : setup.sensors.cameras)
     all += std::min(std::ceil(camera.rate_hz * to_seconds(setup.merger.window)) + 2, kMost);
@@ -40,7 +53,7 @@ MergerConfig merger_of(const PipelineSetup& setup) {
   config.has_imu = setup.sensors.imu.has_value();
   config.cameras = static_cast<int>(setup.sensors.cameras.size());
   config.max_images = images_within_window(setup);
-  // An IMU tells the time without pauses; images alone may have pauses.
+  // An IMU has no pauses; images alone may have pauses.
   if (!config.has_imu) config.jump = std::max(config.jump, kPauseOfImages);
   return config;
 }
@@ -60,42 +73,42 @@ BodyPipeline::BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filt
       late_(setup_.sensors.cameras.size()) {
   const bool all = setup_.segments_hold_every_image;
   if (setup_.records_segments) segments_.emplace(setup_.sensors, setup_.estimator, all);
-  if (segments_) filter_->witness_starts(segments_->afresh());
+  if (segments_) filter_->observe_starts(segments_->make_new());
   filter_->set_tag_priors(setup_.priors);
   for (int camera = 0; camera < static_cast<int>(setup_.sensors.cameras.size()); ++camera)
     merger_.set_clock_shift(camera, shift_to_apply(filter_->clock(camera), Duration{0}));
 }
 
 bool BodyPipeline::push(SensorSample sample) {
-  watch_turns(sample);
+  compare_turns(sample);
   if (const auto* imu = std::get_if<ImuSample>(&sample)) {
     newest_imu_ = imu->sampled_at;
-    imu_silence_.reading_came(imu->sampled_at);
+    imu_silence_.reading_arrived(imu->sampled_at);
     return merger_.push(std::move(sample));
   }
   const int camera = camera_of(sample);
   const Instant stamp = time_of(sample);
-  imu_silence_.image_came(stamp);
+  imu_silence_.image_arrived(stamp);
   const std::uint64_t late_before = merger_.statistics().late_dropped;
   const bool has_room = merger_.push(std::move(sample));
   note_late(camera, stamp, merger_.statistics().late_dropped > late_before);
   return has_room;
 }
 
-/// Nobody would learn why: from then on they come when they arrive, for their turns to be compared
-/// with the gyro's.
+/// Images of an excluded camera get the time of arrival: they are not dropped, so that their turns
+/// are compared with the gyro's and the cause is found.
 void BodyPipeline::note_late(int camera, Instant stamp, bool was_dropped) {
   if (!newest_imu_) return;
   using enum LateImages::Change;
   const auto change = late_.note(camera, stamp, was_dropped, *newest_imu_);
-  if (change == kOnlyWatched) merger_.set_clock_shift(camera, *newest_imu_ - stamp);
+  if (change == kExcluded) merger_.set_clock_shift(camera, *newest_imu_ - stamp);
   if (change == kInTime)
     merger_.set_clock_shift(camera, shift_to_apply(filter_->clock(camera), {}));
 }
 
-/// As it came: what the merger drops as late may be late by a clock that is wrong. Tags of images
-/// are found later.
-void BodyPipeline::watch_turns(const SensorSample& sample) {
+/// On arrival, because the merger drops images whose clock is wrong. Corners of images are found
+/// later.
+void BodyPipeline::compare_turns(const SensorSample& sample) {
   if (const auto* imu = std::get_if<ImuSample>(&sample)) return agreement_.add(*imu);
   const auto* corners = std::get_if<CornerFrame>(&sample);
   if (corners == nullptr || !has_finite_corners(*corners)) return;
@@ -156,8 +169,8 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
           update_.seen);
   plausibility_.add(update_.seen, setup_.sensors.cameras[camera].model);
   if (was_found_here) agreement_.add(update_.seen);
-  if (late_.only_watches(corners.camera, corners.exposed_at - corners.clock_shift))
-    return watched_image();
+  if (late_.excludes(corners.camera, corners.exposed_at - corners.clock_shift))
+    return take_excluded_image();
   lose_motion_if_lost();
   for (const int tag_id : view.forget) filter_->release_tag(tag_id);
   view.map->known_among(update_.seen, update_.known);
@@ -178,8 +191,8 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   note_turns();
   note_trust();
   note_shown();
-  update_.estimate = filter_->running() && !update_.withheld ? std::optional(filter_->estimate())
-                                                             : std::optional<BodyEstimate>();
+  update_.estimate.reset();
+  if (filter_->running() && !update_.withheld) update_.estimate = filter_->estimate();
   refresh_cameras();
   if (search_) search_->learn(update_.estimate, update_.cameras);
   note_events();
@@ -190,14 +203,14 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   return &update_;
 }
 
-/// Its time is not known, so it must not touch the filter.
-const BodyUpdate* BodyPipeline::watched_image() {
+/// Its time is unknown, so the filter does not get it.
+const BodyUpdate* BodyPipeline::take_excluded_image() {
   update_.report = {};
   update_.report.exposed_at = update_.seen.exposed_at;
   update_.known.clear();
   update_.contradicted.clear();
   update_.segment.reset();
-  say(BodyEvent::Kind::kTurnsDisagree, late_.take_news(update_.corners.camera));
+  report(BodyEvent::Kind::kTurnsDisagree, late_.take_report(update_.corners.camera));
   note_turns();
   note_shown();
   update_.estimate.reset();
@@ -217,8 +230,8 @@ void BodyPipeline::find_corners(const MapView& view) {
   update_.corners = search_->search(image, update_.beliefs, *view.map);
 }
 
-/// The tags that were dropped as the map has them, by a body that stands in its workspace. One that
-/// the body had elsewhere was its own error.
+/// Dropped tags whose pose in the map is wrong. A tag that the body had elsewhere than the map was
+/// the body's own error.
 void BodyPipeline::note_contradicted() {
   update_.contradicted.clear();
   if (!anchored_ || update_.report.start_is_open) return;
@@ -266,66 +279,59 @@ void BodyPipeline::refresh_cameras() {
   doubts_.learn(update_.cameras);
 }
 
-void BodyPipeline::note(BodyEvent::Kind kind, int tag_id) {
-  update_.events.push_back({kind, update_.seen.exposed_at, tag_id, {}, {}, {}});
+BodyEvent& BodyPipeline::note(BodyEvent::Kind kind, std::string text) {
+  return update_.events.emplace_back(
+      BodyEvent{.kind = kind, .at = update_.seen.exposed_at, .text = std::move(text)});
 }
 
-/// With words, if there are any.
-void BodyPipeline::say(BodyEvent::Kind kind, std::string text) {
-  if (text.empty()) return;
-  note(kind);
-  update_.events.back().text = std::move(text);
+/// If there is a message.
+void BodyPipeline::report(BodyEvent::Kind kind, std::string text) {
+  if (!text.empty()) note(kind, std::move(text));
 }
 
 void BodyPipeline::note_events() {
-  const UpdateReport& report = update_.report;
-  if (generation_ >= 0 && report.generation != generation_) note(BodyEvent::Kind::kReset);
-  generation_ = report.generation;
-  if (report.relocalised) note(BodyEvent::Kind::kRelocalised);
-  if (report.gauge_shift) {
-    note(BodyEvent::Kind::kGaugeShift);
-    update_.events.back().shift = *report.gauge_shift;
-  }
-  say(BodyEvent::Kind::kMapCorrection, corrections_.add(report, update_.estimate));
+  const UpdateReport& done = update_.report;
+  if (generation_ >= 0 && done.generation != generation_) note(BodyEvent::Kind::kReset);
+  generation_ = done.generation;
+  if (done.relocalised) note(BodyEvent::Kind::kRelocalised);
+  if (done.gauge_shift) note(BodyEvent::Kind::kGaugeShift).shift = *done.gauge_shift;
+  report(BodyEvent::Kind::kMapCorrection, corrections_.add(done, update_.estimate));
   const bool anchored = update_.estimate && update_.estimate->anchored;
   if (anchored && !anchored_) note(BodyEvent::Kind::kAnchored);
   anchored_ = anchored;
-  if (report.tags_rejected > 0 && report.tags_used == 0) note(BodyEvent::Kind::kImageRejected);
-  for (const int tag_id : report.named_dropped()) note(BodyEvent::Kind::kTagDropped, tag_id);
+  if (done.tags_rejected > 0 && done.tags_used == 0) note(BodyEvent::Kind::kImageRejected);
+  for (const int tag_id : done.named_dropped()) note(BodyEvent::Kind::kTagDropped).tag_id = tag_id;
   note_imu();
-  note_imu_faults();
   note_mismatches();
-  say(BodyEvent::Kind::kDoubt,
-      doubts_.add(update_.seen, report, update_.estimate, update_.beliefs, update_.known));
+  report(BodyEvent::Kind::kDoubt,
+         doubts_.add(update_.seen, done, update_.estimate, update_.beliefs, update_.known));
 }
 
 void BodyPipeline::note_mismatches() {
-  if (update_.withheld) return;  // a clock or axes are wrong: that has words of its own
+  if (update_.withheld) return;  // a clock or axes are wrong, which has a message of its own
   const Instant now = update_.seen.exposed_at;
   if (mismatches_at_ && now >= *mismatches_at_ && now - *mismatches_at_ < kCamerasPeriod) return;
   mismatches_at_ = now;
   filter_->mismatches(found_);
-  for (const FoundMismatch& news : mismatches_.take(found_, now)) {
-    note(BodyEvent::Kind::kMismatch, news.tag_id);
-    update_.events.back().text = mismatch_text(news, setup_.sensors.cameras);
-  }
+  for (const FoundMismatch& one : mismatches_.take(found_, now))
+    note(BodyEvent::Kind::kMismatch, mismatch_text(one, setup_.sensors.cameras)).tag_id =
+        one.tag_id;
 }
 
 void BodyPipeline::note_turns() {
-  if (const auto& jump = update_.report.clock_jump) {
-    note(BodyEvent::Kind::kClockJumped);
-    update_.events.back().text = agreement_.note_jump(*jump);
-    update_.events.back().clock_jump = from_seconds(jump->change_s);
-  }
-  while (const auto news = agreement_.take_news()) {
+  if (const auto& jump = update_.report.clock_jump)
+    note(BodyEvent::Kind::kClockJumped, agreement_.note_jump(*jump)).clock_jump =
+        from_seconds(jump->change_s);
+  while (const auto found = agreement_.take_report()) {
     using Found = AgreementFinding::Kind;
-    if (news->finding.kind == Found::kAgree) continue;  // said when poses are shown again
-    const bool jumped = news->finding.kind == Found::kJumped;
-    note(jumped ? BodyEvent::Kind::kClockJumped : BodyEvent::Kind::kTurnsDisagree);
-    update_.events.back().text = news->text;
-    if (!jumped) continue;
-    update_.events.back().clock_jump = from_seconds(news->finding.jump_s);
-    filter_->note_clock_jump(news->camera, from_seconds(news->finding.shift_s));
+    const AgreementFinding& finding = found->finding;
+    if (finding.kind == Found::kAgree) continue;  // reported when poses are published again
+    if (finding.kind != Found::kJumped) {
+      note(BodyEvent::Kind::kTurnsDisagree, found->text);
+      continue;
+    }
+    note(BodyEvent::Kind::kClockJumped, found->text).clock_jump = from_seconds(finding.jump_s);
+    filter_->note_clock_jump(found->camera, from_seconds(finding.shift_s));
     trust_.note_clock_jump();
   }
 }
@@ -338,45 +344,38 @@ void BodyPipeline::note_trust() {
   };
   const bool is_room_known = !std::all_of(update_.known.begin(), update_.known.end(), is_own);
   trust_.add(update_.report, is_established, is_room_known);
-  if (!trust_.take_news()) return;
-  note(BodyEvent::Kind::kTurnsDisagree);
-  update_.events.back().text = contradiction_text(is_established);
+  if (trust_.take_report())
+    note(BodyEvent::Kind::kTurnsDisagree, contradiction_text(is_established));
 }
 
 void BodyPipeline::note_shown() {
-  update_.withheld = agreement_.withholds() || late_.watches_any() || imu_silence_.lags();
-  const auto is_told = [](const BodyEvent& event) {
+  update_.withheld = agreement_.withholds() || late_.excludes_any() || imu_silence_.lags();
+  const auto is_reason = [](const BodyEvent& event) {
     return event.kind == BodyEvent::Kind::kTurnsDisagree ||
            event.kind == BodyEvent::Kind::kClockJumped;
   };
   update_.doubted = trust_.withholds();
   update_.is_untested = trust_.is_untested();
   if (update_.withheld || update_.doubted) {
-    disagreement_told_ |= std::any_of(update_.events.begin(), update_.events.end(), is_told);
-    return;
+    disagreement_reported_ |= std::any_of(update_.events.begin(), update_.events.end(), is_reason);
+  } else if (std::exchange(disagreement_reported_, false)) {
+    note(BodyEvent::Kind::kTurnsAgree, "images fit again: poses are published");
   }
-  if (!std::exchange(disagreement_told_, false)) return;
-  note(BodyEvent::Kind::kTurnsAgree);
-  update_.events.back().text = "images fit again: poses are shown";
 }
 
 void BodyPipeline::note_imu() {
-  const std::string_view news = imu_silence_.take_news();
-  say(imu_silence_.is_silent() ? BodyEvent::Kind::kImuSilent : BodyEvent::Kind::kImuBack,
-      std::string(news));
+  const std::string_view silence = imu_silence_.take_report();
+  report(imu_silence_.is_silent() ? BodyEvent::Kind::kImuSilent : BodyEvent::Kind::kImuBack,
+         std::string(silence));
+  while (const auto fault = plausibility_.take_fault())
+    note(is_fatal(*fault) ? BodyEvent::Kind::kImuUnusable : BodyEvent::Kind::kImuDoubtful,
+         plausibility_.text(*fault));
+  if (plausibility_.take_all_clear())
+    note(BodyEvent::Kind::kImuPlausible, "the IMU's readings are plausible again");
 }
 
-void BodyPipeline::note_imu_faults() {
-  while (const auto fault = plausibility_.take_news()) {
-    note(is_fatal(*fault) ? BodyEvent::Kind::kImuUnusable : BodyEvent::Kind::kImuDoubtful);
-    update_.events.back().text = plausibility_.text(*fault);
-  }
-  if (!plausibility_.take_all_clear()) return;
-  say(BodyEvent::Kind::kImuPlausible, "the IMU's readings are plausible again");
-}
-
-/// See BodyTracker: a used or new tag ties the body to the room, and followed points do for a
-/// while.
+/// See BodyTracker: a used or new tag ties the body to the workspace, and so do followed points for
+/// some time.
 void BodyPipeline::note_carried() {
   const UpdateReport& report = update_.report;
   const bool by_points = report.landmarks_used >= filter_rules::kLandmarksToStay && carried_at_;

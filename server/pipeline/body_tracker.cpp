@@ -3,24 +3,22 @@
 #include <algorithm>
 
 #include "estimation/filter/filter_rules.hpp"
-#include "pipeline/pivot.hpp"
 
 namespace fiducap {
-
 namespace {
 
-// About ten images: quick enough to watch a camera slow down, slow enough to be read.
+// About ten images: fast enough to show a slowing camera, slow enough to be readable.
 constexpr double kIntervalSmoothing = 0.1;
 // A longer pause is an interruption, not a rate.
 constexpr double kLongestInterval_s = 1.0;
-// Images that are this many intervals overdue lower the rate shown.
+// Images that are this many intervals overdue lower the displayed rate.
 constexpr double kOverdueIntervals = 3.0;
-// Clients of 10 Hz notice it, too.
+// Long enough for clients of 10 Hz.
 constexpr Duration kHidden = std::chrono::milliseconds(200);
-// Readings that are stamped later than that after an image say nothing of what is published.
+// Readings stamped later than this after an image are ignored here.
 constexpr Duration kLongestLead = std::chrono::seconds(1);
 
-/// The same estimate in axes that stand elsewhere. @param X_new_old  W as it was in W as it is
+/// The same estimate in other axes. @param X_new_old  old W in new W
 BodyEstimate moved(BodyEstimate estimate, const Pose& X_new_old) {
   const Eigen::Matrix3d R = X_new_old.rotation();
   estimate.X_WB = X_new_old * estimate.X_WB;
@@ -72,8 +70,8 @@ void BodyTracker::add_imu(const ImuSample& imu) {
 void BodyTracker::ingest(const std::optional<BodyEstimate>& estimate, const UpdateReport& report,
                          Duration processing, std::uint64_t images_dropped) {
   const Instant from = newest(report, processing);
-  const bool goes_on = follows(estimate, report);
-  const bool is_bridged = goes_on && ramp_.bridges(report.map_shift.has_value(), from);
+  const bool is_bridged =
+      follows(estimate, report) && ramp_.bridges(report.map_shift.has_value(), from);
   const auto shown = is_bridged ? shown_at(from) : std::nullopt;
   if (!shown) ramp_.forget();
   source_lost_ = false;
@@ -106,28 +104,27 @@ void BodyTracker::note_tags(const BodyEstimate& estimate) {
   if (anchored_) last_seen_ = estimate;
 }
 
-/// The poses that come are those before, moved by the map at most.
+/// The new poses continue those before, moved by the map at most.
 bool BodyTracker::follows(const std::optional<BodyEstimate>& estimate,
                           const UpdateReport& report) const {
   return estimate && estimate->anchored && report.generation == report_.generation &&
          !report.gauge_shift && !report.relocalised && !report.start_changed;
 }
 
-/// No frame that was published is about a later instant, except without an IMU, when the image was
-/// long on its way.
+/// No published frame is of a later instant, except without an IMU and with a large image delay.
 Instant BodyTracker::newest(const UpdateReport& report, Duration processing) const {
   return std::clamp(last_imu_at_, report.exposed_at + std::min(processing, kLongestLead),
                     report.exposed_at + kLongestLead);
 }
 
-/// From the pose that was published to the filter's.
+/// From the published pose to the filter's.
 void BodyTracker::bridge(const Pose& shown, Instant from) {
   const BodyEstimate now = *predictor_.predict(from);
   if (report_.map_shift) {
     ramp_.correct(shown, now, from);
   } else if (to_seconds(report_.exposed_at - last_imu_at_) < longest_imu_gap_s_) {
     ramp_.follow(shown, now, from);
-  } else {  // images alone say how it moves: what they change is motion
+  } else {  // by images only: what they change is motion
     BodyEstimate expected = now;
     ramp_.apply(from, expected);
     ramp_.follow(expected.X_WB, now, from);
@@ -185,7 +182,7 @@ bool BodyTracker::within_limits(const BodyPose& pose) const {
          pose.rotation_sigma_rad() <= limits_.max_rotation_sigma_rad;
 }
 
-/// X_WB as it is published; nullopt: it is not valid.
+/// X_WB as published; nullopt: invalid.
 std::optional<Pose> BodyTracker::shown_at(Instant at) const {
   BodyPose pose;
   sample(at, pose);

@@ -14,32 +14,31 @@
 
 namespace fiducap {
 
-/// When a pose may be shown.
+/// When a pose may be published.
 struct BodyLimits {
   double max_position_sigma_m{0.25};
   double max_rotation_sigma_rad{0.2};
   double coast_after_s{0.15};  ///< No used tag for this long: coasting.
-  /// No used tag, nor followed points in its stead, for this long: lost, whatever the sigma says.
+  /// No used tag and no followed points for this long: lost, with any sigma.
   double lose_after_s{5.0};
 
   [[nodiscard]] std::vector<ConfigError> check(const std::string& prefix) const;
 };
 
-/// The life of one body: searching → tracking → coasting → lost, and whether its pose may be shown.
+/// State of one body (searching → tracking → coasting → lost) and validity of its pose.
 ///
-/// searching until a used tag ties the body to the workspace; tracking and coasting by the age of
-/// the last used tag; lost from `lose_after_s` on, when its filter gave the motion up, or when the
-/// source ended, until a tag is used again. A pose is valid while tracking or coasting with both
-/// sigmas inside the limits. An invalid pose is history: what the last used tag said; it moves
-/// along when W is re-defined.
+/// Searching until a used tag ties the body to the workspace; tracking and coasting by the age of
+/// the last used tag; lost after `lose_after_s`, when its filter has given up the motion, or when
+/// the source has ended, until a tag is used again. A pose is valid while tracking or coasting with
+/// both sigmas inside the limits. An invalid pose is that of the last used tag; it moves along when
+/// W is redefined.
 ///
-/// What the map corrects about a body that is shown is published little by little (CorrectionRamp),
-/// and what is left of it is in the sigma, so also in the limits. A correction that does not fit
-/// into them is no ramp: the pose is right at once, and not valid for a moment, so that clients see
-/// that it comes back, elsewhere (PoseJumps counts that). A pose that is not valid needs no ramp,
-/// nor does one that relates to nothing before: a new generation, another start, W re-defined. What
-/// the map has learned comes with images as well, when they show its tags: so no image moves a body
-/// by a sigma in one frame, either, unless there is no IMU to tell corrections from motion.
+/// Corrections of a valid pose by the map are published gradually (CorrectionRamp); the rest is
+/// part of the sigma, so also of the limits. A correction beyond the limits is published at once,
+/// and the pose is invalid for a moment, so that clients notice the jump (PoseJumps counts it). No
+/// ramp for an invalid pose, or after a new generation, another start or a redefinition of W.
+/// Images that show the map's tags bring its corrections as well: no image moves a body by a sigma
+/// in one frame, unless there is no IMU to separate corrections from motion.
 ///
 /// Not thread-safe; Scene guards it.
 class BodyTracker final {
@@ -49,7 +48,7 @@ class BodyTracker final {
 
   /// A reading straight from the device (see OutputPredictor).
   void add_imu(const ImuSample& imu);
-  /// What the filter said to one image, also when no tag was in it.
+  /// The filter's result for one image, with or without tags.
   /// @param estimate    nullopt: the filter does not run
   /// @param processing  arrival of the image → now
   void ingest(const std::optional<BodyEstimate>& estimate, const UpdateReport& report,
@@ -57,8 +56,7 @@ class BodyTracker final {
   void set_pivot(const Pose& X_BP) { X_BP_ = X_BP; }
   /// The source ended or failed: lost until the next image.
   void source_lost();
-  /// The body at one instant, pivot applied (lever arm included), state and validity decided.
-  /// Overwrites all of `out`.
+  /// The body's pivot at one instant, with state and validity. Overwrites all of `out`.
   void sample(Instant at, BodyPose& out) const;
 
  private:
@@ -85,12 +83,12 @@ class BodyTracker final {
   bool source_lost_{false};
   std::optional<BodyEstimate> last_seen_;  ///< The anchored estimate of the last used tag.
   std::optional<Instant> last_tag_at_;
-  std::optional<Instant> last_carried_at_;  ///< The same, or followed points in its stead.
+  std::optional<Instant> last_carried_at_;  ///< The same, or followed points instead.
   std::optional<Instant> last_image_at_;
   Instant last_imu_at_{};
-  double longest_imu_gap_s_;  ///< Beyond, images alone say how the body moves.
+  double longest_imu_gap_s_;  ///< Beyond, the motion is known by images only.
   CorrectionRamp ramp_;
-  std::optional<Instant> hidden_until_;  ///< The map moved it too far for a ramp.
+  std::optional<Instant> hidden_until_;  ///< After a correction too large for a ramp.
   double image_interval_s_{0};           ///< Smoothed; 0: not known.
   UpdateReport report_;                  ///< Of the newest image.
   Duration processing_{};

@@ -3,45 +3,12 @@
 namespace fiducap {
 
 std::string_view name_of(BodyEvent::Kind kind) {
-  switch (kind) {
-    case BodyEvent::Kind::kAnchored:
-      return "anchored";
-    case BodyEvent::Kind::kGaugeShift:
-      return "gauge_shift";
-    case BodyEvent::Kind::kMapCorrection:
-      return "map_correction";
-    case BodyEvent::Kind::kReset:
-      return "reset";
-    case BodyEvent::Kind::kRelocalised:
-      return "relocalised";
-    case BodyEvent::Kind::kMotionLost:
-      return "motion_lost";
-    case BodyEvent::Kind::kImageRejected:
-      return "image_rejected";
-    case BodyEvent::Kind::kTagDropped:
-      return "tag_dropped";
-    case BodyEvent::Kind::kImuSilent:
-      return "imu_silent";
-    case BodyEvent::Kind::kImuBack:
-      return "imu_back";
-    case BodyEvent::Kind::kImuUnusable:
-      return "imu_unusable";
-    case BodyEvent::Kind::kImuDoubtful:
-      return "imu_doubtful";
-    case BodyEvent::Kind::kImuPlausible:
-      return "imu_plausible";
-    case BodyEvent::Kind::kTurnsDisagree:
-      return "turns_disagree";
-    case BodyEvent::Kind::kTurnsAgree:
-      return "turns_agree";
-    case BodyEvent::Kind::kClockJumped:
-      return "clock_jumped";
-    case BodyEvent::Kind::kMismatch:
-      return "mismatch";
-    case BodyEvent::Kind::kDoubt:
-      return "doubt";
-  }
-  return "doubt";
+  constexpr std::array<std::string_view, 18> kNames{
+      "anchored",     "gauge_shift",    "map_correction", "reset",          "relocalised",
+      "motion_lost",  "image_rejected", "tag_dropped",    "imu_silent",     "imu_back",
+      "imu_unusable", "imu_doubtful",   "imu_plausible",  "turns_disagree", "turns_agree",
+      "clock_jumped", "mismatch",       "doubt"};
+  return kNames.at(static_cast<std::size_t>(kind));
 }
 
 const std::optional<BodyEstimate>& BodyUpdate::shown() const {
@@ -50,7 +17,7 @@ const std::optional<BodyEstimate>& BodyUpdate::shown() const {
 }
 
 MapContribution contribution_of(int body_id, const BodyUpdate& update) {
-  // What a body makes of sensors that contradict each other is no knowledge.
+  // Sensors that contradict each other contribute nothing.
   if (update.withheld) return {.body_id = body_id, .at = update.seen.exposed_at, .anchored = false};
   return {.body_id = body_id,
           .at = update.seen.exposed_at,
@@ -60,6 +27,21 @@ MapContribution contribution_of(int body_id, const BodyUpdate& update) {
           .fitting =
               update.report.start_is_open ? std::span<const int>{} : update.report.named_fitting(),
           .segment = update.segment};
+}
+
+PipelineStatistics& PipelineStatistics::operator+=(const PipelineStatistics& other) {
+  imu_samples += other.imu_samples;
+  frames += other.frames;
+  frames_with_pose += other.frames_with_pose;
+  tags_used += other.tags_used;
+  motion_losses += other.motion_losses;
+  propagate_cpu += other.propagate_cpu;
+  detect_cpu += other.detect_cpu;
+  update_cpu += other.update_cpu;
+  skipped += other.skipped;
+  merger += other.merger;
+  search += other.search;
+  return *this;
 }
 
 }  // namespace fiducap

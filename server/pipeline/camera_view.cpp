@@ -5,13 +5,13 @@
 #include <optional>
 
 #include "detection/observe.hpp"
-#include "detection/tag_outline.hpp"
+#include "detection/tag_geometry.hpp"
+#include "pipeline/pose_trust.hpp"
 
 namespace fiducap {
-
 namespace {
 
-/// What one image's sightings are judged by.
+/// Inputs for classifying the sightings of one image.
 struct ViewInput {
   const PipelineSetup& setup;
   const BodyUpdate& update;
@@ -27,21 +27,21 @@ bool is_observed(const BodyUpdate& update, int tag_id) {
 
 /// Before any filter has seen it.
 std::optional<UnusedBecause> why_not_observed(const TagSighting& tag, const ViewInput& in) {
-  switch (refusal_of(tag, in.setup.tags, in.setup.detector)) {
-    case Refusal::kIgnored:
+  switch (rejection_of(tag, in.setup.tags, in.setup.detector)) {
+    case Rejection::kIgnored:
       return UnusedBecause::kIgnored;
-    case Refusal::kCorrectedBits:
+    case Rejection::kCorrectedBits:
       return UnusedBecause::kCorrectedBits;
-    case Refusal::kLowMargin:
+    case Rejection::kLowMargin:
       return UnusedBecause::kLowMargin;
-    case Refusal::kNone:
+    case Rejection::kNone:
       break;
   }
   if (is_observed(in.update, tag.tag_id)) return std::nullopt;
   const auto& all = in.update.corners.tags;
   const auto usable_ones = std::count_if(all.begin(), all.end(), [&](const TagSighting& one) {
     return one.tag_id == tag.tag_id &&
-           refusal_of(one, in.setup.tags, in.setup.detector) == Refusal::kNone;
+           rejection_of(one, in.setup.tags, in.setup.detector) == Rejection::kNone;
   });
   return usable_ones > 1 ? UnusedBecause::kIdTwice : UnusedBecause::kOutsideLens;
 }
@@ -60,8 +60,8 @@ const TagBelief* find_own(int tag_id, const BodyUpdate& update) {
   return found == update.beliefs.end() ? nullptr : &*found;
 }
 
-/// What the filter did with it follows from what it says of the tag afterwards: a tag of its own is
-/// dated when it was used, one of the map is named when it fitted (of the first kMostFitting).
+/// By the filter's state afterwards: an own tag has the time of its last use, a fitting tag of the
+/// map is listed (up to kMostFitting).
 bool is_used(int tag_id, const BodyUpdate& update) {
   const UpdateReport& report = update.report;
   const TagBelief* own = find_own(tag_id, update);
@@ -72,7 +72,7 @@ bool is_used(int tag_id, const BodyUpdate& update) {
          report.tags_fitting > static_cast<int>(UpdateReport::kMostFitting);
 }
 
-/// It had a place for the filter, in its own state or by the map.
+/// Its pose was known, by the filter's state or the map.
 bool has_place(int tag_id, const BodyUpdate& update) {
   return find_own(tag_id, update) != nullptr ||
          std::any_of(update.known.begin(), update.known.end(),
@@ -95,7 +95,7 @@ UnusedBecause why_not_used(const TagSighting& tag, const ViewInput& in) {
                                                      : UnusedBecause::kGate;
   }
   if (report.tags_pending > 0) return UnusedBecause::kPending;
-  return report.running ? UnusedBecause::kRestless : UnusedBecause::kNoPlace;
+  return report.running ? UnusedBecause::kUnstable : UnusedBecause::kNoPlace;
 }
 
 double fit_of(int tag_id, const UpdateReport& report) {
@@ -120,7 +120,7 @@ ViewOutline outline_of(const TagSighting& tag, UnusedBecause why, const BodyUpda
   return out;
 }
 
-/// Of a point so far before the camera.
+/// Of a point at this depth.
 double speed_at(const Eigen::Vector2d& px, double depth_m, const CameraMount& camera,
                 const BodyEstimate& body) {
   const CameraModel& model = camera.model;
@@ -174,17 +174,17 @@ void fill(CameraView& view, const BodyPipeline& pipeline, const BodyUpdate& upda
   view.outlines.clear();
   view.sightings.clear();
   const ViewInput input{pipeline.setup(), update, map, pipeline.mismatches()};
-  const bool only_watched =
-      pipeline.late().only_watches(corners.camera, corners.exposed_at - corners.clock_shift);
+  const bool is_excluded =
+      pipeline.late().excludes(corners.camera, corners.exposed_at - corners.clock_shift);
   for (const TagSighting& tag : corners.tags) {
     if (view.outlines.size() == CameraView::kMostOutlines) break;
     view.sightings.push_back(tag);
-    const auto why = only_watched ? UnusedBecause::kLate : why_not_used(tag, input);
+    const auto why = is_excluded ? UnusedBecause::kLate : why_not_used(tag, input);
     view.outlines.push_back(outline_of(tag, why, update));
   }
   for (const ExpectedTag& tag : pipeline.expected()) {
     if (view.outlines.size() == CameraView::kMostOutlines) break;
-    if (!tag.known) continue;  // where it was seen before, not where the map has it
+    if (!tag.known) continue;  // predicted by its last sighting, not by the map
     ViewOutline out;
     out.kind = ViewOutline::Kind::kExpected;
     out.tag_id = tag.tag_id;

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
-#include "base/so3.hpp"
+#include <fmt/format.h>
 
 namespace fiducap {
-
 namespace {
 
 using Eigen::Vector3d;
@@ -16,29 +16,29 @@ using Part = CorrectionRamp::Part;
 constexpr double kFramesPerRoot = 5.26;
 constexpr double kStrayShare = 0.25;  // of a sigma per frame
 constexpr double kAtOnce = 0.25;      // of a sigma; with the two above: one
-// Nobody looks closer: a sigma of zero would take forever.
+// A sigma of zero would take forever.
 constexpr double kLeastSigma = 1e-5;
 
-/// The largest axis' of a block.
+/// Of the largest axis of a block.
 double sigma_of(const BodyEstimate& estimate, int block) {
   return std::max(kLeastSigma,
                   std::sqrt(estimate.covariance.diagonal().segment<3>(block).maxCoeff()));
 }
 
-/// How much of the speed leads to zero; 1: all that is needed for it within the time.
+/// Share of the speed that leads to zero within the time; 1: as much as needed.
 double onward_share(const Part& part, double seconds) {
   const double square = part.rest.squaredNorm();
   if (square == 0) return 0;
   return std::clamp(-part.speed.dot(part.rest) * seconds / (2 * square), 0.0, 1.0);
 }
 
-/// So that no frame moves by more than half a sigma.
+/// For at most half a sigma per frame.
 double seconds_needed(const Part& part, double seconds, double sigma, double frame_s) {
   const double standing = 1 + 2 * (1 - onward_share(part, seconds));
   return kFramesPerRoot * frame_s * std::sqrt(standing * part.rest.norm() / sigma);
 }
 
-/// Beside what leads to zero no more than a share of a sigma per frame.
+/// Limits the speed that does not lead to zero to a share of a sigma per frame.
 void limit_speed(Part& part, double seconds, double sigma, double frame_s) {
   const Vector3d onward = -2 * onward_share(part, seconds) / seconds * part.rest;
   const Vector3d stray = part.speed - onward;
@@ -53,11 +53,22 @@ Part part_at(const Part& begin, double seconds, double u) {
           left * ((1 - 3 * u) * begin.speed - 6 * u / seconds * begin.rest)};
 }
 
+constexpr double kMm = 1e3;
+constexpr double kDegrees = 180 / std::numbers::pi;
+constexpr double kReported_m = 0.01;
+constexpr double kReported_rad = 0.5 / kDegrees;
+
+bool is_reportable(const Eigen::Vector3d& moved, double least, const BodyEstimate& estimate,
+                   int block) {
+  const double variance = estimate.covariance.diagonal().segment<3>(block).maxCoeff();
+  return moved.norm() > std::max(least, std::sqrt(variance));
+}
+
 }  // namespace
 
 bool CorrectionRamp::is_over(Instant at) const { return to_seconds(at - begun_at_) >= seconds_; }
 
-/// None when it is over.
+/// Zero when it is over.
 CorrectionRamp::Rest CorrectionRamp::at(Instant at) const {
   if (is_over(at)) return {};
   const double u = std::max(0.0, to_seconds(at - begun_at_) / seconds_);
@@ -107,10 +118,33 @@ void CorrectionRamp::apply(Instant at, BodyEstimate& shown) const {
   const Rest left = this->at(at);
   shown.X_WB.p += left.place.rest;
   shown.X_WB.q = (exp_so3(left.turn.rest) * shown.X_WB.q).normalized();
-  // The error of what is shown is the filter's and this.
+  // The published error is the filter's plus the rest.
   Eigen::Matrix<double, 6, 1> rest;
   rest << left.place.rest, left.turn.rest;
   shown.covariance.topLeftCorner<6, 6>() += rest * rest.transpose();
+}
+
+std::string MapCorrections::add(const UpdateReport& report,
+                                const std::optional<BodyEstimate>& estimate) {
+  const bool continues = estimate && estimate->anchored && report.generation == generation_;
+  generation_ = report.generation;
+  if (!continues) {
+    place_.setZero();
+    turn_.setZero();
+    return {};
+  }
+  if (!report.map_shift) return {};
+  place_ += estimate->X_WB.p - report.map_shift->inverse() * estimate->X_WB.p;
+  turn_ += log_so3(report.map_shift->q);
+  if (!is_reportable(place_, kReported_m, *estimate, estimate_block::kPosition) &&
+      !is_reportable(turn_, kReported_rad, *estimate, estimate_block::kAttitude))
+    return {};
+  std::string text =
+      fmt::format("a correction of the map has moved it by {:.0f} mm and {:.2f} degrees",
+                  kMm * place_.norm(), kDegrees * turn_.norm());
+  place_.setZero();
+  turn_.setZero();
+  return text;
 }
 
 }  // namespace fiducap

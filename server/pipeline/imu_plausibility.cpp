@@ -1,23 +1,39 @@
 #include "pipeline/imu_plausibility.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <numbers>
-#include <utility>
 
-#include "base/so3.hpp"
-#include "detection/tag_pose.hpp"
+#include <fmt/format.h>
+
+#include "base/pose.hpp"
+#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
 namespace {
 
+constexpr Duration kFlowWindow = std::chrono::seconds(5);
+// After a longer gap the device may have been reopened.
+constexpr Duration kFlowPause = std::chrono::seconds(1);
+// The configured rate is often the usual one and not the device's; half of it is no fault.
+constexpr double kSlow = 0.4;
+// Longer gaps lose the attitude, at any rate.
+constexpr Duration kHole = std::chrono::milliseconds(50);
+constexpr double kStepsInAHole = 4;  // for slow devices
+constexpr int kFewHoles = 2;         // in a window; a busy machine leaves some
+// At rest a coarse unit repeats itself, but seldom in all six numbers at once.
+constexpr double kMany = 0.4;
+constexpr int kFewReadings = 20;
+constexpr int kSoundWindows = 3;
+
 constexpr double kDegree = std::numbers::pi / 180;
 // 400 forces then take four seconds at least: longer than a jump or a shake.
 constexpr Duration kForceStep = std::chrono::milliseconds(10);
-// Between two looks: long enough for a turn, short enough for a gyro with a bias.
+// Between two images: long enough for a rotation, short enough for a gyro with a bias.
 constexpr Duration kShortestTurn = std::chrono::milliseconds(240);
 constexpr Duration kLongestTurn = std::chrono::milliseconds(1000);
-// The gyro is not known over a pause.
+// A longer step is a gap of the gyro.
 constexpr Duration kLongestStep = std::chrono::milliseconds(100);
 // One tag's attitude is good to a degree or two.
 constexpr double kSmallestTurn_rad = 3 * kDegree;
@@ -25,9 +41,9 @@ constexpr double kTolerance_rad = 1.5 * kDegree;
 constexpr double kTolerance = 0.25;
 constexpr int kVotes = 8;
 constexpr int kMostComparisons = 400;
-// After it the device may have been opened again, or be another one.
+// After a longer gap the device may have been reopened or replaced.
 constexpr Duration kPause = std::chrono::seconds(1);
-// So many sound judgements in a row end a fault of the forces: 12 s.
+// Sound judgements in a row that end a fault of the forces: 12 s.
 constexpr int kSoundForces = 3;
 
 bool explains(double turned_rad, double seen_rad) {
@@ -44,26 +60,98 @@ std::optional<ImuFault> fault_of_force(double median_m_s2) {
 
 }  // namespace
 
+void ImuFlow::add(const ImuSample& imu) {
+  if (configured_hz_ <= 0) return;
+  const std::optional<ImuSample> before = std::exchange(last_, imu);
+  const Duration step = before ? imu.sampled_at - before->sampled_at : Duration{0};
+  if (!before || step > kFlowPause || step < Duration{0}) {
+    window_ = {.began = imu.sampled_at};
+    seen_.reset();
+    return;
+  }
+  ++window_.readings;
+  if (imu.w_WB_B == before->w_WB_B && imu.f_B == before->f_B) ++window_.repeated;
+  if (step > std::max(kHole, from_seconds(kStepsInAHole / configured_hz_))) ++window_.holes;
+  window_.longest = std::max(window_.longest, step);
+  if (imu.sampled_at - *window_.began >= kFlowWindow) end_window(imu.sampled_at);
+}
+
+std::optional<FlowFault> ImuFlow::judge(double seconds) const {
+  const double rate_hz = window_.readings / seconds;
+  if (window_.readings >= kFewReadings && window_.repeated == window_.readings)
+    return FlowFault::kFrozen;
+  if (rate_hz < kSlow * configured_hz_) return FlowFault::kSlow;
+  if (window_.holes > kFewHoles) return FlowFault::kHoles;
+  if (window_.repeated > kMany * window_.readings) return FlowFault::kRepeated;
+  return std::nullopt;
+}
+
+void ImuFlow::end_window(Instant at) {
+  const double seconds = to_seconds(at - *window_.began);
+  const std::optional<FlowFault> found = judge(seconds);
+  if (found && found == seen_ && found != fault_) {
+    fault_ = found;
+    faulty_ = window_;
+    faulty_s_ = seconds;
+  }
+  seen_ = found;
+  sound_windows_ = found ? 0 : sound_windows_ + 1;
+  if (sound_windows_ >= kSoundWindows) fault_.reset();
+  window_ = {.began = at};
+}
+
+std::string ImuFlow::text() const {
+  if (!fault_) return {};
+  const double rate_hz = faulty_.readings / faulty_s_;
+  switch (*fault_) {
+    case FlowFault::kFrozen:
+      return fmt::format(
+          "the IMU's readings are frozen: {} in a row are exactly the same. A working sensor has "
+          "noise: check its driver, its bus and its power",
+          faulty_.readings);
+    case FlowFault::kSlow:
+      return fmt::format(
+          "the IMU gives {:.0f} readings a second, {:.0f} are configured (rate_hz): its driver is "
+          "set to another rate, or its link is too slow. Below 100 fast rotations are inaccurate",
+          rate_hz, configured_hz_);
+    case FlowFault::kHoles:
+      return fmt::format(
+          "the IMU's readings have gaps: {} in {:.0f} s, of up to {:.0f} ms. Check its link "
+          "(Wi-Fi, "
+          "baud rate) and the load of this machine",
+          faulty_.holes, faulty_s_, to_seconds(faulty_.longest) * 1e3);
+    case FlowFault::kRepeated:
+      return fmt::format(
+          "{:.0f} % of the IMU's readings repeat the one before: they are sent more often than the "
+          "sensor measures. Request the sensor's own rate",
+          100.0 * faulty_.repeated / faulty_.readings);
+  }
+  return {};
+}
+
 std::string_view text_of(ImuFault fault) {
   switch (fault) {
     case ImuFault::kForceInG:
-      return "the accelerometer seems to give g: its median is about 1, expected are m/s² (9.81 at "
+      return "the accelerometer seems to be in g: its median is about 1, expected are m/s² (9.81 "
+             "at "
              "rest). Multiply its readings by 9.80665";
     case ImuFault::kForceInMilliG:
-      return "the accelerometer seems to give thousandths of g: its median is about 1000, expected "
+      return "the accelerometer seems to be in thousandths of g: its median is about 1000, "
+             "expected "
              "are m/s² (9.81 at rest). Multiply its readings by 0.00980665";
     case ImuFault::kForceWithoutGravity:
       return "the accelerometer shows no gravity: its median is about 0, expected is 9.81 m/s² at "
-             "rest. Take its raw readings, not the linear acceleration of an attitude filter, or "
-             "look at the sensor";
+             "rest. Use its raw readings, not the linear acceleration of an attitude filter, or "
+             "check the sensor";
     case ImuFault::kForceUnlikely:
-      return "the accelerometer's median is far from gravity (9.81 m/s²). Look at its unit, its "
-             "range and its scale";
+      return "the accelerometer's median is far from gravity (9.81 m/s²). Check its unit, range "
+             "and "
+             "scale";
     case ImuFault::kRateInDegreesPerSecond:
-      return "the gyro seems to give degrees per second: its turns are 57 times those that the "
-             "tags show; expected are rad/s. Multiply its readings by 0.0174533";
+      return "the gyro seems to be in degrees per second: its rotations are 57 times those of the "
+             "tags; expected are rad/s. Multiply its readings by 0.0174533";
     case ImuFault::kFlow:
-      return "the IMU's readings do not come as they should";
+      return "the IMU's readings do not arrive as expected";
   }
   return {};
 }
@@ -73,7 +161,7 @@ bool is_fatal(ImuFault fault) {
 }
 
 void ImuPlausibility::add(const ImuSample& imu) {
-  if (last_at_ && imu.sampled_at - *last_at_ > kPause) judge_anew();
+  if (last_at_ && imu.sampled_at - *last_at_ > kPause) restart_checks();
   last_at_ = imu.sampled_at;
   flow_.add(imu);
   if (flow_.fault() != flow_fault_) judge_flow();
@@ -86,19 +174,19 @@ void ImuPlausibility::add(const ImuSample& imu) {
   const std::optional<ImuSample> before = std::exchange(last_, imu);
   if (!before) return;
   const Duration step = imu.sampled_at - before->sampled_at;
-  if (step > kLongestStep || step <= Duration{0}) return look_.reset();
+  if (step > kLongestStep || step <= Duration{0}) return view_.reset();
   const Eigen::Vector3d turn = 0.5 * to_seconds(step) * (before->w_WB_B + imu.w_WB_B);
   turned_ = (turned_ * exp_so3(turn)).normalized();
   turned_by_degrees_ = (turned_by_degrees_ * exp_so3(kDegree * turn)).normalized();
 }
 
-/// What was found stands until the opposite is found.
-void ImuPlausibility::judge_anew() {
+/// A fault holds until the opposite is found.
+void ImuPlausibility::restart_checks() {
   forces_ = 0;
   sound_forces_ = 0;
   last_force_at_.reset();
   last_.reset();
-  look_.reset();
+  view_.reset();
   comparisons_ = for_radians_ = for_degrees_ = 0;
 }
 
@@ -107,36 +195,36 @@ void ImuPlausibility::judge_forces() {
   std::nth_element(forces_m_s2_.begin(), middle, forces_m_s2_.end());
   const std::optional<ImuFault> found = fault_of_force(*middle);
   sound_forces_ = found ? 0 : sound_forces_ + 1;
-  if (found && found != force_fault_) force_fault_ = force_news_ = found;
+  if (found && found != force_fault_) force_fault_ = new_force_fault_ = found;
   if (!force_fault_) return;
-  forces_ = 0;  // looked at until it is mended
+  forces_ = 0;  // checked until the fault ends
   if (sound_forces_ < kSoundForces) return;
   force_fault_.reset();
-  say_what_is_left();
+  report_remaining();
 }
 
 void ImuPlausibility::judge_rates() {
   const bool degrees = for_degrees_ >= kVotes;
-  if (degrees && !rate_fault_) rate_fault_ = rate_news_ = ImuFault::kRateInDegreesPerSecond;
+  if (degrees && !rate_fault_) rate_fault_ = new_rate_fault_ = ImuFault::kRateInDegreesPerSecond;
   if (!rate_fault_) return;
   if (for_radians_ >= kVotes) {
     rate_fault_.reset();
-    say_what_is_left();
+    report_remaining();
   } else {
-    comparisons_ = for_radians_ = for_degrees_ = 0;  // looked at until it is mended
+    comparisons_ = for_radians_ = for_degrees_ = 0;  // checked until the fault ends
   }
 }
 
 void ImuPlausibility::judge_flow() {
   flow_fault_ = flow_.fault();
-  flow_news_ = flow_fault_.has_value();
-  if (!flow_fault_) say_what_is_left();
+  has_new_flow_fault_ = flow_fault_.has_value();
+  if (!flow_fault_) report_remaining();
 }
 
-void ImuPlausibility::say_what_is_left() {
-  force_news_ = force_fault_;
-  rate_news_ = rate_fault_;
-  flow_news_ = flow_fault_.has_value();
+void ImuPlausibility::report_remaining() {
+  new_force_fault_ = force_fault_;
+  new_rate_fault_ = rate_fault_;
+  has_new_flow_fault_ = flow_fault_.has_value();
   all_clear_ = !force_fault_ && !rate_fault_ && !flow_fault_;
 }
 
@@ -146,23 +234,24 @@ bool ImuPlausibility::rates_are_judged() const {
 
 void ImuPlausibility::add(const TagObservations& seen, const CameraModel& camera) {
   if (rates_are_judged() || !last_ || seen.tags.empty()) return;
-  if (look_ && seen.exposed_at - look_->at < kShortestTurn) return;
-  if (look_ && seen.exposed_at - look_->at > kLongestTurn) look_.reset();
-  if (look_ && look_->camera != seen.camera) return;
+  if (view_ && seen.exposed_at - view_->at < kShortestTurn) return;
+  if (view_ && seen.exposed_at - view_->at > kLongestTurn) view_.reset();
+  if (view_ && view_->camera != seen.camera) return;
   const auto same = std::find_if(
       seen.tags.begin(), seen.tags.end(),
-      [&](const TagObservation& tag) { return look_ && tag.tag_id == look_->tag.tag_id; });
+      [&](const TagObservation& tag) { return view_ && tag.tag_id == view_->tag.tag_id; });
   const bool again = same != seen.tags.end();
-  const Look now{seen.camera, seen.exposed_at, again ? *same : seen.tags.front(), turned_,
-                 turned_by_degrees_};
-  if (again) compare(*look_, now, camera);
-  look_ = now;
+  const TagView now{seen.camera, seen.exposed_at, again ? *same : seen.tags.front(), turned_,
+                    turned_by_degrees_};
+  if (again) compare(*view_, now, camera);
+  view_ = now;
   if (rates_are_judged()) judge_rates();
 }
 
-void ImuPlausibility::compare(const Look& before, const Look& now, const CameraModel& camera) {
+void ImuPlausibility::compare(const TagView& before, const TagView& now,
+                              const CameraModel& camera) {
   const double turned_rad = angle_between(before.turned, now.turned);
-  if (turned_rad < kSmallestTurn_rad) return;  // then it explains nothing in degrees either
+  if (turned_rad < kSmallestTurn_rad) return;  // far too small in degrees, too
   ++comparisons_;
   const Eigen::Quaterniond q_TV_before = solve_tag_pose(before.tag, camera)[0].X_VT.q.conjugate();
   const Eigen::Quaterniond q_TV_now = solve_tag_pose(now.tag, camera)[0].X_VT.q.conjugate();
@@ -174,10 +263,10 @@ void ImuPlausibility::compare(const Look& before, const Look& now, const CameraM
   if (radians != degrees) ++(radians ? for_radians_ : for_degrees_);
 }
 
-std::optional<ImuFault> ImuPlausibility::take_news() {
-  if (force_news_) return std::exchange(force_news_, std::nullopt);
-  if (rate_news_) return std::exchange(rate_news_, std::nullopt);
-  return std::exchange(flow_news_, false) ? std::optional(ImuFault::kFlow) : std::nullopt;
+std::optional<ImuFault> ImuPlausibility::take_fault() {
+  if (new_force_fault_) return std::exchange(new_force_fault_, std::nullopt);
+  if (new_rate_fault_) return std::exchange(new_rate_fault_, std::nullopt);
+  return std::exchange(has_new_flow_fault_, false) ? std::optional(ImuFault::kFlow) : std::nullopt;
 }
 
 std::string ImuPlausibility::text(ImuFault fault) const {

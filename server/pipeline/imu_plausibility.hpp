@@ -11,91 +11,128 @@
 #include "capture/imu_sample.hpp"
 #include "capture/lens/camera_model.hpp"
 #include "detection/tag_observation.hpp"
-#include "pipeline/imu_flow.hpp"
 
 namespace fiducap {
 
-/// What an IMU's readings say about their units.
+/// Faults in the flow of an IMU's readings.
+enum class FlowFault {
+  kFrozen,    ///< All six numbers stay exactly the same.
+  kSlow,      ///< Far fewer than configured.
+  kHoles,     ///< Readings are missing again and again.
+  kRepeated,  ///< Many are exactly the one before.
+};
+
+/// Checks rate, gaps and changes of the readings in windows of five seconds. Two windows in a row
+/// with the same fault begin it, three sound ones end it. Allocates nothing but the texts.
+class ImuFlow final {
+ public:
+  /// @param configured_hz  0: not known, nothing is checked
+  explicit ImuFlow(double configured_hz) : configured_hz_(configured_hz) {}
+
+  void add(const ImuSample& imu);
+  [[nodiscard]] const std::optional<FlowFault>& fault() const { return fault_; }
+  /// The fault with figures, its likely cause and a remedy, as one sentence.
+  [[nodiscard]] std::string text() const;
+
+ private:
+  struct Window {
+    std::optional<Instant> began;
+    int readings{0};
+    int repeated{0};
+    int holes{0};
+    Duration longest{0};
+  };
+  [[nodiscard]] std::optional<FlowFault> judge(double seconds) const;
+  void end_window(Instant at);
+
+  double configured_hz_;
+  std::optional<ImuSample> last_;
+  Window window_;
+  Window faulty_;  ///< That showed the present fault.
+  double faulty_s_{1};
+  std::optional<FlowFault> seen_;  ///< In the window before.
+  std::optional<FlowFault> fault_;
+  int sound_windows_{0};
+};
+
+/// Faults of an IMU's units, or of the flow of its readings.
 enum class ImuFault {
   kForceInG,                ///< Specific force around 1: in g.
   kForceInMilliG,           ///< … around 1000: in thousandths of g.
-  kForceWithoutGravity,     ///< … around 0: gravity was taken out, or the sensor is dead.
+  kForceWithoutGravity,     ///< … around 0: gravity was removed, or the sensor is dead.
   kForceUnlikely,           ///< … far from gravity in another way.
-  kRateInDegreesPerSecond,  ///< Turns are 57 times those that the tags show.
-  kFlow,                    ///< Nothing is wrong with the unit but with how readings come: ImuFlow.
+  kRateInDegreesPerSecond,  ///< Rotations are 57 times those of the tags.
+  kFlow,                    ///< See ImuFlow.
 };
 
-/// With the fault what is probably wrong and what to do, as one sentence.
+/// The fault, its likely cause and a remedy, as one sentence.
 [[nodiscard]] std::string_view text_of(ImuFault fault);
-/// Nothing sensible comes of such readings.
+/// The readings are unusable.
 [[nodiscard]] bool is_fatal(ImuFault fault);
 
-/// Physics against units: looks at an IMU's first seconds, again after each pause, and while
-/// something is wrong with it.
+/// Checks an IMU's units in its first seconds, after each pause, and while a fault holds.
 ///
-/// The specific force of what moves by hand, on wheels or in the air has its median near gravity.
-/// The turn between two images is known from a tag that both show, whatever its size and place; the
-/// gyro is compared with it as it is and as if it gave degrees. Turns below three degrees say
-/// nothing, and cost nothing. How readings come is judged all the time, see ImuFlow. Compares four
-/// times a second at most, and no more once it knows: no allocation from then on.
+/// The median specific force of anything carried, driving or flying is near gravity. The rotation
+/// between two images is known from a tag that both show, of any size and pose; the gyro's is
+/// compared as it is and as if it were in degrees, beyond three degrees and at most four times a
+/// second, until decided. The flow is checked all the time. No allocation once decided.
 class ImuPlausibility final {
  public:
-  /// How readings come is not judged.
+  /// Without checking the flow.
   ImuPlausibility() = default;
-  /// @param promised_hz  the configured rate
-  explicit ImuPlausibility(double promised_hz) : flow_(promised_hz) {}
+  explicit ImuPlausibility(double configured_hz) : flow_(configured_hz) {}
 
   void add(const ImuSample& imu);
   /// An image, in the order of SampleMerger: after the IMU samples before it.
   void add(const TagObservations& seen, const CameraModel& camera);
 
-  /// What was found since the last call; each fault once, and again when it is what is left of two.
-  [[nodiscard]] std::optional<ImuFault> take_news();
+  /// Each fault once, and again when it remains of several.
+  [[nodiscard]] std::optional<ImuFault> take_fault();
   /// As `text_of`, with figures where there are some.
   [[nodiscard]] std::string text(ImuFault fault) const;
-  /// Since the last call the last fault was found to be mended.
+  /// Whether the last fault has ended since the last call.
   [[nodiscard]] bool take_all_clear() { return std::exchange(all_clear_, false); }
 
  private:
   static constexpr std::size_t kForces = 400;
 
   /// One tag in one image of one camera.
-  struct Look {
+  struct TagView {
     int camera{};
     Instant at{};
     TagObservation tag{};
-    /// The gyro's turn since the first sample, as it is and read as degrees.
+    /// The gyro's rotation since the first sample, as it is and read as degrees.
     Eigen::Quaterniond turned{};
     Eigen::Quaterniond turned_by_degrees{};
   };
-  void judge_anew();
+  void restart_checks();
   void judge_forces();
   void judge_rates();
   void judge_flow();
-  void say_what_is_left();
-  void compare(const Look& before, const Look& now, const CameraModel& camera);
+  void report_remaining();
+  void compare(const TagView& before, const TagView& now, const CameraModel& camera);
   [[nodiscard]] bool rates_are_judged() const;
 
   std::array<double, kForces> forces_m_s2_{};
   std::size_t forces_{0};
   int sound_forces_{0};  ///< Judgements in a row.
   std::optional<ImuFault> force_fault_;
-  std::optional<ImuFault> force_news_;
+  std::optional<ImuFault> new_force_fault_;
 
   std::optional<Instant> last_at_;
   std::optional<ImuSample> last_;
   std::optional<Instant> last_force_at_;
   Eigen::Quaterniond turned_{Eigen::Quaterniond::Identity()};
   Eigen::Quaterniond turned_by_degrees_{Eigen::Quaterniond::Identity()};
-  std::optional<Look> look_;
+  std::optional<TagView> view_;
   int comparisons_{0};
   int for_radians_{0};
   int for_degrees_{0};
   std::optional<ImuFault> rate_fault_;
-  std::optional<ImuFault> rate_news_;
+  std::optional<ImuFault> new_rate_fault_;
   ImuFlow flow_{0};
   std::optional<FlowFault> flow_fault_;
-  bool flow_news_{false};
+  bool has_new_flow_fault_{false};
   bool all_clear_{false};
 };
 

@@ -1,10 +1,11 @@
 #include "scene/body_name.hpp"
 
+#include <algorithm>
 #include <array>
 
 #include <fmt/format.h>
 
-#include "base/utf8.hpp"
+#include "base/text.hpp"
 
 namespace fiducap {
 
@@ -23,31 +24,30 @@ bool is_ascii_of_names(char32_t c) {
 
 template <std::size_t N>
 bool is_in(char32_t c, const std::array<Range, N>& ranges) {
-  for (const Range& range : ranges) {
-    if (c >= range.first && c <= range.last) return true;
-  }
-  return false;
+  return std::any_of(ranges.begin(), ranges.end(),
+                     [c](const Range& range) { return c >= range.first && c <= range.last; });
 }
 
-// The Unicode Standard: C1; soft hyphen; Arabic letter mark; Mongolian separator; zero width,
-// direction; line and paragraph separator, embeddings, overrides; word joiner to isolates and old
-// format; selectors; byte order mark; annotations; tags; private use and what is no character.
-constexpr std::array<Range, 16> kUnseen{{{0x00, 0x1f},
-                                         {0x7f, 0x9f},
-                                         {0xad, 0xad},
-                                         {0x61c, 0x61c},
-                                         {0x115f, 0x1160},
-                                         {0x180b, 0x180f},
-                                         {0x200b, 0x200f},
-                                         {0x2028, 0x202e},
-                                         {0x2060, 0x206f},
-                                         {0x3164, 0x3164},
-                                         {0xe000, 0xf8ff},
-                                         {0xfdd0, 0xfdef},
-                                         {0xfe00, 0xfe0f},
-                                         {0xfeff, 0xfeff},
-                                         {0xfff0, 0xffff},
-                                         {0xe0000, 0x10ffff}}};
+// The Unicode Standard: C0; C1; soft hyphen; Arabic letter mark; fillers; Mongolian separator; zero
+// width, direction; line and paragraph separator, embeddings, overrides; word joiner to isolates
+// and old formats; private use; noncharacters; selectors; byte order mark; annotations; tags and
+// beyond.
+constexpr std::array<Range, 16> kInvisible{{{0x00, 0x1f},
+                                            {0x7f, 0x9f},
+                                            {0xad, 0xad},
+                                            {0x61c, 0x61c},
+                                            {0x115f, 0x1160},
+                                            {0x180b, 0x180f},
+                                            {0x200b, 0x200f},
+                                            {0x2028, 0x202e},
+                                            {0x2060, 0x206f},
+                                            {0x3164, 0x3164},
+                                            {0xe000, 0xf8ff},
+                                            {0xfdd0, 0xfdef},
+                                            {0xfe00, 0xfe0f},
+                                            {0xfeff, 0xfeff},
+                                            {0xfff0, 0xffff},
+                                            {0xe0000, 0x10ffff}}};
 constexpr std::array<Range, 6> kOtherSpaces{{{0xa0, 0xa0},
                                              {0x1680, 0x1680},
                                              {0x2000, 0x200a},
@@ -56,7 +56,7 @@ constexpr std::array<Range, 6> kOtherSpaces{{{0xa0, 0xa0},
                                              {0x3000, 0x3000}}};
 constexpr std::array<Range, 5> kMarks{
     {{0x300, 0x36f}, {0x1ab0, 0x1aff}, {0x1dc0, 0x1dff}, {0x20d0, 0x20ff}, {0xfe20, 0xfe2f}}};
-// Look like ASCII that is not allowed: quotes, slashes, full-width forms.
+// They look like ASCII that is not allowed: quotes, slashes, full-width forms.
 constexpr std::array<Range, 6> kLookalikes{{{0xab, 0xab},
                                             {0xbb, 0xbb},
                                             {0x2018, 0x201f},
@@ -67,18 +67,17 @@ constexpr std::array<Range, 6> kLookalikes{{{0xab, 0xab},
 std::string code_of(char32_t c) { return fmt::format("U+{:04X}", static_cast<unsigned>(c)); }
 
 std::optional<std::string> character_fault(char32_t c) {
-  if (is_in(c, kUnseen)) return "must not have characters that are not seen, as " + code_of(c);
+  if (is_in(c, kInvisible)) return "must not have invisible characters, has " + code_of(c);
   if (c < 0x80) {
     if (is_ascii_of_names(c)) return std::nullopt;
     return std::string("must not have ") + static_cast<char>(c) +
            ": letters, digits, spaces and _ - . + ( ) are allowed";
   }
-  if (is_in(c, kOtherSpaces))
-    return "must have no other space than the usual one, has " + code_of(c);
+  if (is_in(c, kOtherSpaces)) return "must have no other space than U+0020, has " + code_of(c);
   if (is_in(c, kMarks))
-    return "must have letters in one piece (ä), not a letter and a mark, as " + code_of(c);
+    return "must have composed letters (ä) instead of combining marks, has " + code_of(c);
   if (is_in(c, kLookalikes))
-    return "must not have what looks like quotes or signs, as " + code_of(c);
+    return "must not have characters that look like quotes or signs, has " + code_of(c);
   return std::nullopt;
 }
 
@@ -88,8 +87,8 @@ std::optional<std::string> body_name_fault(std::string_view name) {
   if (name.empty()) return "must not be empty";
   if (name.size() > kMaxBodyName) {
     return fmt::format(
-        "must have at most {} bytes, has {} (a letter of ASCII takes one, others 2 to 4)",
-        kMaxBodyName, name.size());
+        "must have at most {} bytes, has {} (an ASCII letter takes 1, others 2 to 4)", kMaxBodyName,
+        name.size());
   }
   for (std::string_view left = name; !left.empty();) {
     const auto c = take_character(left);
@@ -111,7 +110,7 @@ std::string shown_name(std::string_view name) {
     const auto bytes = before.substr(0, before.size() - name.size());
     if (!c) {
       shown += fmt::format("\\x{:02x}", static_cast<unsigned char>(bytes.front()));
-    } else if (is_in(*c, kUnseen) || is_in(*c, kOtherSpaces)) {
+    } else if (is_in(*c, kInvisible) || is_in(*c, kOtherSpaces)) {
       const auto code = static_cast<unsigned>(*c);
       shown += *c < 0x80 ? fmt::format("\\x{:02x}", code) : fmt::format("\\u{:04x}", code);
     } else {

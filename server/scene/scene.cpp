@@ -1,6 +1,6 @@
 #include "scene/scene.hpp"
 
-#include "base/assert.hpp"
+#include "base/expected.hpp"
 
 namespace fiducap {
 
@@ -10,7 +10,7 @@ Scene::Scene(const std::vector<SceneBody>& bodies) {
     bodies_.push_back(std::make_unique<Guarded>(BodyTracker(
         body.description.id, body.X_BP, body.limits, body.sensors, body.estimator, body.ramp)));
   }
-  renew_roster();
+  update_roster();
 }
 
 std::shared_ptr<const Scene::Roster> Scene::roster() const {
@@ -20,7 +20,7 @@ std::shared_ptr<const Scene::Roster> Scene::roster() const {
 
 std::shared_ptr<const SceneModel> Scene::model() const { return roster()->model; }
 
-void Scene::renew_roster() {
+void Scene::update_roster() {
   auto model = std::make_shared<SceneModel>();
   if (roster_) model->generation = roster_->model->generation + 1;
   auto next = std::make_shared<Roster>();
@@ -38,7 +38,7 @@ void Scene::set_enabled(std::size_t body, bool enabled) {
   const std::lock_guard lock(list_mutex_);
   if (list_[body].enabled == enabled) return;
   list_[body].enabled = enabled;
-  renew_roster();
+  update_roster();
 }
 
 void Scene::rename(std::size_t body, const std::string& name) {
@@ -46,7 +46,7 @@ void Scene::rename(std::size_t body, const std::string& name) {
   const std::lock_guard lock(list_mutex_);
   if (list_[body].description.name == name) return;
   list_[body].description.name = name;
-  renew_roster();
+  update_roster();
 }
 
 void Scene::set_pivot(std::size_t body, const Pose& X_BP) {
@@ -78,7 +78,7 @@ void Scene::add_imu(std::size_t body, const ImuSample& imu) {
 
 void Scene::ingest(std::size_t body, const std::optional<BodyEstimate>& estimate,
                    const UpdateReport& report, Duration processing, std::uint64_t images_dropped) {
-  if (estimate && estimate->anchored) tag_fits_.note(report);
+  if (estimate && estimate->anchored) tag_fits_.add(report);
   Guarded& one = guarded(body);
   const std::lock_guard lock(one.mutex);
   one.tracker.ingest(estimate, report, processing, images_dropped);
@@ -101,14 +101,14 @@ std::shared_ptr<const SceneFrame> Scene::sample(Instant at, Instant published_at
   frame->rate_hz = rate_hz;
   const auto listed = roster();
   frame->model = listed->model;
-  frame->map = room_.of(std::move(map));
+  frame->map = room_.set_map(std::move(map));
   frame->axes = room_.number();
   frame->bodies.resize(listed->bodies.size());
   for (std::size_t i = 0; i < listed->bodies.size(); ++i) {
     Guarded& one = guarded(listed->bodies[i]);
     const std::lock_guard lock(one.mutex);
     one.tracker.sample(at, frame->bodies[i]);
-    room_.bring(frame->bodies[i]);
+    room_.transform(frame->bodies[i]);
   }
   return frame;
 }

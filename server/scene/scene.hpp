@@ -5,11 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "base/object_pool.hpp"
+#include "base/handover.hpp"
 #include "pipeline/body_tracker.hpp"
-#include "scene/room_axes.hpp"
 #include "scene/scene_frame.hpp"
-#include "scene/tag_fits.hpp"
 
 namespace fiducap {
 
@@ -22,30 +20,29 @@ struct SceneBody {
   RampConfig ramp;
 };
 
-/// All bodies. The one object that several threads enter: one mutex per body inside, held for the
-/// few microseconds of that body's prediction and never two at a time; immutable frames out.
+/// All bodies, and the frames that are made of them. Thread-safe: each body has a mutex, which is
+/// held for the few microseconds of its prediction, never two at a time. Frames are immutable.
 class Scene final {
  public:
   explicit Scene(const std::vector<SceneBody>& bodies);
 
-  /// @param body  index in the constructor's list; what the calls mean is said in BodyTracker
+  /// See BodyTracker. @param body  index in the constructor's list
   void add_imu(std::size_t body, const ImuSample& imu);
   void ingest(std::size_t body, const std::optional<BodyEstimate>& estimate,
               const UpdateReport& report, Duration processing, std::uint64_t images_dropped);
   void source_lost(std::size_t body);
-  /// How well the sightings of tags fit. From any thread.
+  /// How well the sightings of tags fit.
   [[nodiscard]] const TagFits& tag_fits() const { return tag_fits_; }
 
-  /// Every body brought to `at`, bodies and map in the room's axes (RoomAxes). One caller (the
-  /// publisher). Allocates nothing after warm-up, but for a new map that is aligned to the room.
+  /// Predicts the enabled bodies to `at`; bodies and map are in the room's axes (RoomAxes). For one
+  /// thread, the publisher. Allocates nothing after warm-up, except for a new aligned map.
   [[nodiscard]] std::shared_ptr<const SceneFrame> sample(Instant at, Instant published_at,
                                                          Duration utc_offset, double rate_hz,
                                                          std::shared_ptr<const TagMap> map);
-  /// The enabled bodies. From any thread.
+  /// The enabled bodies.
   [[nodiscard]] std::shared_ptr<const SceneModel> model() const;
 
-  /// A disabled body is followed on, but no client sees it. From any thread, like the two below;
-  /// each change of the list makes a new generation of the model.
+  /// A disabled body is estimated but not in frames. Like `rename`, makes a new model generation.
   void set_enabled(std::size_t body, bool enabled);
   void rename(std::size_t body, const std::string& name);
   void set_pivot(std::size_t body, const Pose& X_BP);
@@ -63,22 +60,21 @@ class Scene final {
     BodyTracker tracker;
     explicit Guarded(BodyTracker t) : tracker(std::move(t)) {}
   };
-  /// Which bodies a frame holds, immutable.
+  /// The bodies of a frame; immutable.
   struct Roster {
     std::shared_ptr<const SceneModel> model;
     std::vector<std::size_t> bodies;  ///< Index in bodies_, order of model->bodies.
   };
   [[nodiscard]] Guarded& guarded(std::size_t body) const;
   [[nodiscard]] std::shared_ptr<const Roster> roster() const;
-  void renew_roster();
+  void update_roster();
 
   std::vector<std::unique_ptr<Guarded>> bodies_;
   TagFits tag_fits_;
-  mutable std::mutex
-      list_mutex_;  ///< For the two below; held to read or change them, never while computing.
+  mutable std::mutex list_mutex_;  ///< Protects the next two; never held while computing.
   std::vector<Listed> list_;
   std::shared_ptr<const Roster> roster_;
-  RoomAxes room_;  ///< Of the publisher.
+  RoomAxes room_;  ///< Used by the publisher only.
   ObjectPool<SceneFrame> frames_;
   std::uint64_t next_number_{1};
 };

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <set>
 
+#include "base/text.hpp"
 #include "detection/tag_family.hpp"
 #include "simulation/room_shape.hpp"
 #include "simulation/simulation.hpp"
@@ -10,13 +11,7 @@ namespace fiducap::simulation {
 
 namespace {
 
-constexpr double kUnitNorm = 1e-3;  // how far a written quaternion may be from unit length
-
-std::string one_of(const std::vector<std::string>& names) {
-  std::string rule = "must be one of";
-  for (const std::string& name : names) rule += " " + name;
-  return rule;
-}
+constexpr double kUnitNorm = 1e-3;  // tolerance of the norm of a written quaternion
 
 bool contains(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
@@ -92,7 +87,8 @@ std::vector<ConfigError> check(const TrajectoryConfig& trajectory, const std::st
   static const std::vector<std::string> kKinds{"survey", "hover",   "table", "sparse",
                                                "loop",   "ceiling", "file"};
   return Checker{prefix}
-      .require(contains(kKinds, trajectory.kind), "kind", trajectory.kind, one_of(kKinds))
+      .require(contains(kKinds, trajectory.kind), "kind", trajectory.kind,
+               must_be_one_of(kKinds, trajectory.kind))
       .require(trajectory.kind != "file" || !trajectory.file.empty(), "file", trajectory.file,
                "must name a file when kind is file")
       .not_negative("duration_s", trajectory.duration_s)
@@ -119,7 +115,8 @@ std::vector<ConfigError> check(const RoomConfig& room, const std::string& prefix
   static const std::vector<std::string> kTextures{"clutter", "sharp", "plain"};
   Checker checker{prefix};
   checker
-      .require(contains(room_presets(), room.preset), "preset", room.preset, one_of(room_presets()))
+      .require(contains(room_presets(), room.preset), "preset", room.preset,
+               must_be_one_of(room_presets(), room.preset))
       .require(is_tag_family(room.family), "family", room.family, tag_family_rule(room.family))
       .positive("tag_size_m", room.tag_size_m)
       .within("gravity_m_s2", room.gravity_m_s2, 0, 30)
@@ -128,7 +125,8 @@ std::vector<ConfigError> check(const RoomConfig& room, const std::string& prefix
                    (room.daylight.low.array() < room.daylight.high.array()).all(),
                "daylight.high", room.daylight.high.transpose(),
                "must be above daylight.low on every axis")
-      .require(contains(kTextures, room.texture), "texture", room.texture, one_of(kTextures))
+      .require(contains(kTextures, room.texture), "texture", room.texture,
+               must_be_one_of(kTextures, room.texture))
       .require(room.preset != "custom" || !room.tags.empty(), "tags", room.tags.size(),
                "must name at least one tag when preset is custom");
   std::set<int> ids;
@@ -160,8 +158,8 @@ std::vector<ConfigError> check(const SimulatedBodyConfig& body, const std::strin
     const double readout_s = body.cameras[i].readout_s;
     checker.require(!body.camera.images || readout_s == 0,
                     "cameras[" + std::to_string(i) + "].readout_s", readout_s,
-                    "must be 0: images are drawn as by a global shutter; only corners "
-                    "(camera.images: false) know rolling ones");
+                    "must be 0 with images, which have a global shutter; corners "
+                    "(camera.images: false) support rolling ones");
   }
   append(checker.errors, check(body.imu, prefix + "imu."));
   append(checker.errors, check(body.camera, prefix + "camera."));
@@ -178,8 +176,8 @@ std::vector<ConfigError> check_source(const SimulatedBodyConfig& robot,
       .require(!around.cameras.empty(), "cameras", "[]",
                "a simulated body needs at least one camera")
       .require(!around.has_imu_source, "imu_source", "{…}",
-               "cannot be: a simulated body brings its IMU");
-  // Cameras that a file describes are checked when the file has been read.
+               "is not allowed: a simulated body has its own IMU");
+  // Cameras of a calibration file are checked when it has been read.
   if (robot.cameras.empty() && around.calibrated_by_files) return rules.errors;
   SimulatedBodyConfig as_simulated = robot;
   if (robot.cameras.empty()) as_simulated.cameras = around.cameras;

@@ -8,8 +8,7 @@
 
 namespace fiducap::simulation {
 
-/// What random numbers are drawn for. Each purpose has streams of its own, so that switching one
-/// thing off changes nothing else.
+/// Use of random numbers. Each has separate streams: switching one off changes no other.
 enum class Purpose : std::uint64_t {
   kRoom = 1,
   kMotion,
@@ -27,11 +26,9 @@ enum class Purpose : std::uint64_t {
   kStampFaults
 };
 
-/// Random numbers that depend on nothing but their key: the same on every machine, in any order of
-/// asking.
+/// Random numbers that depend only on their key: equal on all machines and in any order of streams.
 ///
-/// Generator: SplitMix64 (Steele, Lea, Flood, OOPSLA 2014). Unlike mt19937_64 it has no state to
-/// fill, so every sample and every image can have a stream of its own.
+/// Generator: SplitMix64 (Steele, Lea, Flood, OOPSLA 2014). Small state: a stream per sample.
 class Random final {
  public:
   Random(std::uint64_t seed, Purpose purpose, std::uint64_t a = 0, std::uint64_t b = 0)
@@ -41,8 +38,7 @@ class Random final {
   /// In [0, 1).
   double uniform() { return static_cast<double>(bits() >> 11) * 0x1p-53; }
   double uniform(double low, double high) { return low + (high - low) * uniform(); }
-  /// In a box. (Two draws must not be arguments of one call: compilers evaluate those in different
-  /// orders.)
+  /// Uniform in a box. (Draws in sequence: the order of evaluation of arguments is unspecified.)
   Eigen::Vector3d inside(const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
     const double x = uniform(low.x(), high.x());
     const double y = uniform(low.y(), high.y());

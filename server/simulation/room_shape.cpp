@@ -5,7 +5,7 @@
 #include <map>
 #include <numbers>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "simulation/random.hpp"
 
 namespace fiducap::simulation {
@@ -19,8 +19,7 @@ constexpr double kHallHalfX_m = 5.0;
 constexpr double kHallHalfY_m = 4.0;
 constexpr double kHallHeight_m = 3.5;
 
-// Loop: straight legs of the rounded rectangle follow from its length, its width and the radius of
-// its corners.
+// Loop: the straight legs of the rounded rectangle follow from its length, width and corner radius.
 constexpr double kLoopWidth_m = 20.0;
 constexpr double kLoopRadius_m = 3.0;
 constexpr double kLoopTagDistance_m = 2.0;
@@ -31,8 +30,7 @@ RecordedTag tag(int id, double edge, const Eigen::Vector3d& p, const Eigen::Quat
 
 std::vector<RecordedTag> hall(double edge) {
   // Evenly spread over each wall, ids counter-clockwise from tag 0 in the middle of the wall at y =
-  // +4. Heights follow a low-discrepancy sequence in 1.0..2.2 m, so that neighbours differ and no
-  // tag's corners line up with the next.
+  // +4. Heights are a low-discrepancy sequence in 1.0..2.2 m: corners of neighbours do not align.
   struct Wall {
     Eigen::Vector3d middle, along, normal;
     double length;
@@ -72,7 +70,7 @@ std::vector<RecordedTag> sparse() {
   constexpr double kEdge_m = 0.232;
   struct Place {
     Eigen::Vector3d p;
-    double aside, up, roll;  // how far the tag is turned from facing the middle
+    double aside, up, roll;  // rotation from the direction to the centre
   };
   const std::array<Place, 3> places{{{{-1.80, 0.70, 1.75}, 0.35, -0.25, 0.15},
                                      {{0.70, 1.90, 1.20}, -0.30, 0.20, -0.10},
@@ -211,7 +209,7 @@ RoomBox box_of(const RoomConfig& room) {
   }
   box.low -= margin;
   box.high += margin;
-  box.low.z() = std::min(box.low.z(), 0.0);  // there is a floor below every ceiling
+  box.low.z() = std::min(box.low.z(), 0.0);  // the floor is at 0 or below
   return box;
 }
 

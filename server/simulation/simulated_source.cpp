@@ -3,25 +3,23 @@
 #include <utility>
 
 #include "detection/tag_family.hpp"
-#include "simulation/corner_camera.hpp"
-#include "simulation/faults.hpp"
 #include "simulation/images/image_camera.hpp"
-#include "simulation/imu_model.hpp"
 #include "simulation/room_shape.hpp"
+#include "simulation/sensor_models.hpp"
 #include "simulation/simulation.hpp"
 
 namespace fiducap::simulation {
 
 namespace {
 
-/// Images do not fall on IMU samples: a real camera does not do that favour either.
+// Exposures do not coincide with IMU samples, as with a real camera.
 constexpr Duration kFirstExposure = std::chrono::microseconds(1300);
 constexpr int kImu = -1;
 
-// Further behind the present, nothing is drawn until it has caught up.
-constexpr Duration kPatience = std::chrono::milliseconds(50);
-// So late a thread may wake without any lack of time.
-constexpr Duration kHiccup = std::chrono::milliseconds(5);
+// Further behind the clock no image is drawn.
+constexpr Duration kMostBehind = std::chrono::milliseconds(50);
+// Ordinary delay of a thread that wakes.
+constexpr Duration kWakeDelay = std::chrono::milliseconds(5);
 
 /// The sample that a sensor delivers next.
 struct Pending {
@@ -29,8 +27,8 @@ struct Pending {
   double rate_hz{};
   Duration first{0};
   std::uint64_t k{0};
-  Duration taken{0};    ///< When it is true, after the start.
-  Duration arrives{0};  ///< When it comes out, after the start; never before the one before it.
+  Duration taken{0};    ///< Time of the sample after the start.
+  Duration arrives{0};  ///< Time of its delivery after the start; never decreases.
 };
 
 class Simulation final : public SimulatedSource {
@@ -56,12 +54,12 @@ class Simulation final : public SimulatedSource {
     while (!stop.stop_requested()) {
       Pending& first = first_to_arrive();
       if (ended(first)) return std::nullopt;
-      if (clock_ != nullptr && first.sensor == kImu && !is_behind(first, kPatience)) draw_ahead();
+      if (clock_ != nullptr && first.sensor == kImu && !is_behind(first, kMostBehind)) draw_ahead();
       if (clock_ != nullptr && !clock_->wait_until(start_ + first.arrives, stop))
         return std::nullopt;
       const Pending now = first;
       schedule(first, now.k + 1);
-      if (now.sensor != kImu && cannot_be_drawn(now)) continue;
+      if (now.sensor != kImu && is_too_late_to_draw(now)) continue;
       if (!dropped(now)) return std::optional<SensorSample>(take(now));
     }
     return std::nullopt;
@@ -79,7 +77,7 @@ class Simulation final : public SimulatedSource {
   [[nodiscard]] const std::vector<CameraMount>& cameras() const override { return body_.cameras; }
 
  private:
-  /// Of those that arrive together the IMU comes first, then the cameras by index.
+  /// With equal times the IMU comes first, then the cameras by index.
   [[nodiscard]] Pending& first_to_arrive() {
     Pending* first = &pending_.front();
     for (Pending& sensor : pending_) {
@@ -88,16 +86,15 @@ class Simulation final : public SimulatedSource {
     return *first;
   }
 
-  /// A computer too busy to draw every image in time leaves some out, as a camera would whose
-  /// buffers are full; the present is not left behind for them. IMU readings all come.
-  [[nodiscard]] bool cannot_be_drawn(const Pending& sample) const {
-    if (images_.empty() || !is_behind(sample, kHiccup)) return false;
-    // Most of it was drawn between the IMU readings, unless there was no time for that.
+  /// A busy machine drops images, as a camera with full buffers does, but no IMU samples.
+  [[nodiscard]] bool is_too_late_to_draw(const Pending& sample) const {
+    if (images_.empty() || !is_behind(sample, kWakeDelay)) return false;
+    // Most of an image is drawn between IMU samples if there is time.
     const auto camera = static_cast<std::size_t>(sample.sensor);
     const bool mostly_drawn =
         images_[camera].begun == sample.k &&
         images_[camera].renderer->rows_left() < body_.cameras[camera].model.height / 2;
-    return !mostly_drawn || is_behind(sample, kPatience);
+    return !mostly_drawn || is_behind(sample, kMostBehind);
   }
 
   [[nodiscard]] bool is_behind(const Pending& sample, Duration by) const {
@@ -142,13 +139,13 @@ class Simulation final : public SimulatedSource {
       return CameraFrame{sample.sensor, stamp, images_[camera].renderer->take()};
     }
     const CameraMount& mount = body_.cameras[camera];
-    hang_tags(sample);
+    set_frame_tags(sample);
     CornerFrame frame{sample.sensor, stamp, {}};
     const auto camera_at = [&](double row) {
       return trajectory_->at(t_s + row * mount.readout_s).X_WB * mount.X_BV;
     };
     sight_corners(mount.model, camera_at, frame_tags_, body_.camera, key_of(sample), frame.tags);
-    faults_.cover(sample.sensor, sample.k, frame.tags);
+    faults_.cover_corners(sample.sensor, sample.k, frame.tags);
     return frame;
   }
 
@@ -156,10 +153,10 @@ class Simulation final : public SimulatedSource {
     return {body_.seed, sample.sensor, sample.k};
   }
 
-  /// The tags as they hang, or are reported, in this image.
-  void hang_tags(const Pending& sample) {
+  /// Sets the tags as they are, or are reported, in this image.
+  void set_frame_tags(const Pending& sample) {
     frame_tags_ = tags_;
-    faults_.touch(sample.sensor, sample.k, to_seconds(sample.taken), frame_tags_);
+    faults_.change_tags(sample.sensor, sample.k, to_seconds(sample.taken), frame_tags_);
   }
 
   struct DrawnCamera {
@@ -182,12 +179,11 @@ class Simulation final : public SimulatedSource {
     DrawnCamera& camera = images_[static_cast<std::size_t>(sample.sensor)];
     if (camera.begun == sample.k) return;
     camera.begun = sample.k;
-    hang_tags(sample);
+    set_frame_tags(sample);
     camera.renderer->begin(key_of(sample), *trajectory_, to_seconds(sample.taken), frame_tags_);
   }
 
-  /// Between two IMU samples a slice of the next image is drawn, so that no IMU sample waits for a
-  /// whole image.
+  /// Draws a slice of the next image between two IMU samples, so that none waits for a whole image.
   void draw_ahead() {
     int rows = rows_ahead_;
     for (std::size_t i = 0; i < images_.size() && rows > 0; ++i) {
@@ -208,8 +204,8 @@ class Simulation final : public SimulatedSource {
   Instant start_;
   const Clock* clock_;
   std::vector<Pending> pending_;
-  std::vector<RecordedTag> frame_tags_;  ///< Kept for its memory.
-  std::vector<DrawnCamera> images_;      ///< Empty when corners are wanted.
+  std::vector<RecordedTag> frame_tags_;  ///< Reuses its memory.
+  std::vector<DrawnCamera> images_;      ///< Empty without images.
   int rows_ahead_{0};
 };
 

@@ -1,16 +1,20 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
-#include "base/clock.hpp"
 #include "base/event_board.hpp"
 #include "base/expected.hpp"
+#include "base/log.hpp"
+#include "base/time.hpp"
 #include "scene/scene_frame.hpp"
 
 namespace boost::asio {
@@ -20,19 +24,19 @@ class io_context;
 namespace fiducap {
 
 class CameraViews;
-class OperatorDesk;
-class SetupDesk;
+class OperatorApi;
+class SetupApi;
 namespace dds {
 class Participant;
 }
 
-/// How the server's clock stands to a client's.
+/// Offset between the server's clock and a client's.
 struct ClockOffset {
   double offset_s{};  ///< Server's clock minus the client's.
-  double sigma_s{};   ///< As its measurement says: 1-sigma, or half of a round trip.
+  double sigma_s{};   ///< 1-sigma, or half of a round trip.
 };
 
-/// One client as the page lists it.
+/// One client in the page's list.
 struct ClientStatus {
   std::string protocol;  ///< `vrpn`, `native`, `web`, …
   std::string peer;      ///< Address and transport, e.g. `127.0.0.1:41522 udp`
@@ -40,19 +44,18 @@ struct ClientStatus {
   std::uint64_t frames_sent{};
   std::uint64_t frames_dropped{};
   double connected_s{};
-  std::optional<ClockOffset> clock{};  ///< Nothing: not measured in this protocol, or not yet.
+  std::optional<ClockOffset> clock{};  ///< nullopt: not measured.
 };
 
-/// One protocol server. It lives on one I/O thread, that of the frames or, where its configuration
-/// says `kCanWait`, that of the pages; nothing here blocks.
+/// One protocol server. Lives on the I/O thread of the frames or, when its configuration has
+/// `kCanWait`, on that of the pages; never blocks.
 class Streamer {
  public:
   virtual ~Streamer() = default;
   [[nodiscard]] virtual std::string_view protocol() const = 0;
-  /// The first port that it listens on, also when the configuration asked for any free one; 0: it
-  /// has none of its own.
+  /// The first port that it listens on, also when any free one was configured; 0: it has none.
   [[nodiscard]] virtual std::uint16_t port() const { return 0; }
-  /// Encodes once, sends to every client; a slow client loses frames, nobody waits for it.
+  /// Encodes once, sends to every client; a slow client loses frames.
   virtual void publish(const std::shared_ptr<const SceneFrame>& frame) = 0;
   /// Appends one entry per connected client.
   virtual void append_clients(std::vector<ClientStatus>& out) const = 0;
@@ -60,20 +63,78 @@ class Streamer {
   virtual void stop() = 0;
 };
 
-/// What protocol servers are made from; everything outlives them.
+/// Inputs of all protocol servers; everything outlives them.
 struct ProtocolContext {
-  boost::asio::io_context& io;  ///< Of the thread that it lives on.
+  boost::asio::io_context& io;  ///< Of the server's thread.
   std::shared_ptr<const SceneModel> model;
-  OperatorDesk& desk;
+  OperatorApi& operator_api;
   const EventBoard& events;
   const Clock& clock;
   double rate_hz{};  ///< Of the frames.
   std::string_view version{};
   std::function<Expected<std::shared_ptr<dds::Participant>>()> join_dds{};
-  /// Of all protocols; of those on the other thread as they were a moment ago.
+  /// Of all protocols; those of the other thread with a short delay.
   std::function<std::vector<ClientStatus>()> clients{};
-  CameraViews* views{};  ///< nullptr: there are no pictures. For one protocol only.
-  SetupDesk* setup{};    ///< nullptr: no set-up goes on.
+  CameraViews* views{};  ///< nullptr: no pictures. For one protocol only.
+  SetupApi* setup{};     ///< nullptr: no set-up is running.
+};
+
+/// Gives each frame to every protocol of one I/O thread. An exception costs one protocol one frame.
+class StreamHub final {
+ public:
+  void add(std::unique_ptr<Streamer> streamer) { streamers_.push_back(std::move(streamer)); }
+
+  [[nodiscard]] bool empty() const { return streamers_.empty(); }
+
+  void publish(const std::shared_ptr<const SceneFrame>& frame) {
+    each([&](Streamer& streamer) { streamer.publish(frame); });
+    if (wanted_) show_clients();
+  }
+  [[nodiscard]] std::vector<ClientStatus> clients() {
+    std::vector<ClientStatus> all;
+    each([&](const Streamer& streamer) { streamer.append_clients(all); });
+    return all;
+  }
+  /// From any thread: the clients at the first frame after the previous call.
+  [[nodiscard]] std::shared_ptr<const std::vector<ClientStatus>> shown_clients() {
+    wanted_ = true;
+    const std::lock_guard lock(showing_);
+    return shown_;
+  }
+  void stop() {
+    each([](Streamer& streamer) { streamer.stop(); });
+  }
+
+ private:
+  void show_clients() {
+    log::guarded(
+        "streaming", [] { return "the list of clients"; },
+        [this] {
+          auto now = std::make_shared<const std::vector<ClientStatus>>(clients());
+          // Frames do not wait for a reader that holds the lock.
+          const std::unique_lock lock(showing_, std::try_to_lock);
+          if (!lock) return;
+          shown_.swap(now);
+          wanted_ = false;
+        });
+  }
+  template <typename Work>
+  void each(Work&& work) {
+    // The first failure and one of a thousand are logged.
+    const auto whose = [this] {
+      return failures_++ % 1000 == 0 ? std::string("a frame") : std::string();
+    };
+    for (const auto& streamer : streamers_) {
+      log::guarded(streamer->protocol(), whose, [&] { work(*streamer); });
+    }
+  }
+
+  std::vector<std::unique_ptr<Streamer>> streamers_;
+  std::uint64_t failures_{0};
+  std::atomic<bool> wanted_{false};
+  std::mutex showing_;
+  std::shared_ptr<const std::vector<ClientStatus>> shown_{
+      std::make_shared<const std::vector<ClientStatus>>()};
 };
 
 }  // namespace fiducap

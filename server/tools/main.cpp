@@ -1,4 +1,3 @@
-#include <cstdio>
 #include <exception>
 #include <iostream>
 
@@ -11,7 +10,7 @@
 int main(int argc, char** argv) {
   const fiducap::Terminal terminal{std::cout, std::cerr, ::isatty(STDOUT_FILENO) == 1,
                                    ::isatty(STDERR_FILENO) == 1};
-  ::umask(::umask(0) | 0027);  // maps and recordings are the lab's, not the world's
+  ::umask(::umask(0) | 0027);  // maps and recordings are not for other users
   fiducap::log::set_level(fiducap::log::Level::kWarning);
   try {
     return fiducap::run_command_line(argc, argv, terminal);

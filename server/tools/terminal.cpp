@@ -1,6 +1,18 @@
 #include "tools/terminal.hpp"
 
+#include <csignal>
+
 namespace fiducap {
+namespace {
+
+volatile std::sig_atomic_t g_interrupted = 0;
+
+void on_signal(int signal) {
+  g_interrupted = 1;
+  std::signal(signal, SIG_DFL);
+}
+
+}  // namespace
 
 int report(const Terminal& terminal, const Error& error) {
   terminal.err << "fiducap: " << error.text() << std::endl;
@@ -19,5 +31,12 @@ void ProgressLine::show(const std::string& text) {
   last_ = now;
   shown_ = true;
 }
+
+void catch_interrupt() {
+  std::signal(SIGINT, on_signal);
+  std::signal(SIGTERM, on_signal);
+}
+
+bool interrupted() { return g_interrupted != 0; }
 
 }  // namespace fiducap

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <chrono>
-#include <functional>
 #include <ostream>
 #include <string>
 
@@ -14,22 +13,19 @@ inline constexpr int kExitOk = 0;
 inline constexpr int kExitFailed = 1;
 inline constexpr int kExitUsage = 2;
 
-/// Where a verb speaks: results to `out`, everything else to `err`.
+/// Where a verb writes: results to `out`, everything else to `err`.
 struct Terminal {
   std::ostream& out;
   std::ostream& err;
-  bool out_is_live{false};  ///< A person looks at `out` right now: lines may be redrawn.
+  bool out_is_live{false};  ///< `out` is a terminal: lines may be redrawn.
   bool err_is_live{false};
 };
 
-/// What the command line asks for, to be run when all of it has been read. @return exit code
-using ChosenVerb = std::function<int(const Terminal&)>;
-
-/// Says what went wrong. @return kExitFailed
+/// Writes the error to `err`. @return kExitFailed
 int report(const Terminal& terminal, const Error& error);
 
-/// One line on `err` that grows old gracefully: redrawn at most five times a second, wiped at the
-/// end; nothing at all when it is no terminal.
+/// A line on `err` that is redrawn at most five times a second and wiped at the end; nothing when
+/// `err` is no terminal.
 class ProgressLine final {
  public:
   explicit ProgressLine(const Terminal& terminal) : terminal_(terminal) {}
@@ -44,5 +40,10 @@ class ProgressLine final {
   std::chrono::steady_clock::time_point last_{};
   bool shown_{false};
 };
+
+/// From now on the first Ctrl-C or SIGTERM only makes interrupted() true; the second ends the
+/// process as usual.
+void catch_interrupt();
+[[nodiscard]] bool interrupted();
 
 }  // namespace fiducap

@@ -39,7 +39,7 @@ std::vector<Promise> promises() {
   EXPECT_TRUE(file);
   std::vector<Promise> all;
   for (std::string line; std::getline(file, line);) {
-    if (!line.starts_with("| ") || line.starts_with("| promise ")) continue;
+    if (!line.starts_with("| ") || line.starts_with("| guarantee ")) continue;
     Promise promise{line, {}};
     const std::string held = line.substr(line.find('|', 1));
     for (std::sregex_iterator it(held.begin(), held.end(), kNamed), end; it != end; ++it)

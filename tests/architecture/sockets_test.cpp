@@ -1,4 +1,4 @@
-// No UDP socket outside the two that keep the rule of senders (middleware/net/sender_rule.hpp).
+// No UDP socket outside the two that keep the rule of senders (middleware/net/networks.hpp).
 #include <gtest/gtest.h>
 
 #include <map>
@@ -15,8 +15,8 @@ const std::map<std::string, std::string> kMayOpen{
     {"server/streaming/net/bind.cpp", "the UDP socket of protocols, for udp_server"},
     {"server/streaming/net/bind.hpp", "the same"},
     {"server/streaming/net/udp_server.cpp", "the same"},
-    {"server/middleware/fence.cpp", "looks at those of Cyclone DDS, opens none"},
-    {"server/daemon/watch/service_manager.cpp", "AF_UNIX, to systemd"},
+    {"server/middleware/network.cpp", "looks at those of Cyclone DDS, opens none"},
+    {"server/daemon/watch/health_watch.cpp", "AF_UNIX, to systemd"},
     {"server/tools/doctor/network_check.cpp", "asks multicast of a card, in another process"}};
 
 TEST(SocketsTest, EveryUdpSocketIsUnderTheRuleOfSenders) {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "base/this_thread.hpp"
+#include "base/process.hpp"
 
 namespace fiducap::bench {
 

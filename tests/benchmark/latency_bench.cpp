@@ -4,7 +4,7 @@
 
 #include "bench.hpp"
 #include "daemon/server.hpp"
-#include "daemon/system_clock.hpp"
+#include "daemon/system.hpp"
 #include "fiducap/client.hpp"
 
 namespace fiducap::bench {

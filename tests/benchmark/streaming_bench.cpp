@@ -1,7 +1,7 @@
 #include "bench.hpp"
 #include "scene/scene.hpp"
-#include "streaming/native/frame_encoder.hpp"
-#include "streaming/vrpn/report_encoder.hpp"
+#include "streaming/native/frames.hpp"
+#include "streaming/vrpn/codec.hpp"
 #include "support/scene_builder.hpp"
 
 namespace fiducap::bench {

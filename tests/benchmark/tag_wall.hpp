@@ -4,9 +4,9 @@
 #include <random>
 #include <vector>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "capture/camera_frame.hpp"
-#include "detection/corner_projection.hpp"
+#include "detection/tag_geometry.hpp"
 #include "estimation/body_filter.hpp"
 #include "mapping/tag_map.hpp"
 

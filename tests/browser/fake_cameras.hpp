@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "capture/gray_image.hpp"
-#include "daemon/views/view_desk.hpp"
+#include "daemon/views/camera_preview.hpp"
 #include "unit/detection/drawn_tag.hpp"
 
 namespace fiducap {
@@ -35,7 +35,7 @@ class FakeCameras final {
     making_ = std::jthread([this](std::stop_token stop) { desk_.run(std::move(stop)); });
   }
 
-  [[nodiscard]] ViewDesk& desk() { return desk_; }
+  [[nodiscard]] CameraPreview& desk() { return desk_; }
   /// So often a second.
   static constexpr double kRate_hz = 10;
   void expose() {
@@ -63,7 +63,7 @@ class FakeCameras final {
   };
 
   const Clock& clock_;
-  ViewDesk desk_;
+  CameraPreview desk_;
   std::vector<Body> bodies_;
   std::jthread making_;
 };

@@ -138,7 +138,7 @@ step('quarantines a tag, after having asked', async () => {
   await button(page, 'Cancel').click();
   assert.equal(await rowOf(page, 9).locator('td').first().textContent(), 'calibrated');
   await deed(page, 'Quarantine…', 'Quarantine 9');
-  await waitFor(page, 'good', /^Tag 9 is not used any more, an operator says so/);
+  await waitFor(page, 'good', /^Tag 9 is not used any more, by an operator/);
   await page.waitForSelector('#versions tr[data-tag="9"] td.quarantined');
 });
 
@@ -163,7 +163,7 @@ step('aligns by measured tags, and refuses what cannot be', async () => {
   await waitFor(page, 'bad', /^Refused: .*tag/);
   await button(page, 'Origin…').click();
   await deed(page, 'I have measured places…', 'Align', '0 10 5 0\n1 12.4 5 0\n4 10, 7.4, 0');
-  await waitFor(page, 'good', /^The map lies in the room as 3 measured tags say, within 0 mm\.$/);
+  await waitFor(page, 'good', /^The map is aligned to 3 measured tags, within 0 mm\.$/);
   await standsAt(page, 1, [12.4, 5, 0]);
 });
 
@@ -176,7 +176,7 @@ step('moves the origin by three picked tags, by dragging and by numbers', async 
   }
   await shoot(page, 'origin-picked', false);
   await button(page, 'This is the origin').click();
-  await waitFor(page, 'good', /^The map lies in the room as \d+ measured tags say, within 0 mm\.$/);
+  await waitFor(page, 'good', /^The map is aligned to \d+ measured tags, within 0 mm\.$/);
   await standsAt(page, 0, [0, 0, 0]);
   await standsAt(page, 4, [2.4, 0, 0]);
   await standsAt(page, 1, [0, -2.4, 0]);
@@ -189,7 +189,7 @@ step('moves the origin by three picked tags, by dragging and by numbers', async 
   assert.match(await page.textContent('dialog .fault'), /“y, m” is no number/);
   await page.fill('dialog [name=y]', '0.0137'); // between two steps of the field
   await button(page, 'This is the origin').click();
-  await waitFor(page, 'good', /^The map lies in the room/);
+  await waitFor(page, 'good', /^The map is aligned/);
 
   await button(page, 'Origin…').click();
   // What lies below a handle is clicked at through it.

@@ -25,11 +25,11 @@
 
 #include "base/event_board.hpp"
 #include "base/log.hpp"
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "fake_cameras.hpp"
-#include "scene/room_axes.hpp"
+#include "scene/scene_frame.hpp"
 #include "served_map.hpp"
-#include "streaming/web/web_server.hpp"
+#include "streaming/web/web.hpp"
 
 namespace {
 
@@ -150,7 +150,7 @@ void trouble(std::vector<BodyPose>& bodies) {
 class Hall final {
  public:
   /// @param map  nullptr: one that never changes
-  Hall(boost::asio::io_context& io, web::WebServer& server, std::shared_ptr<const SceneModel> model,
+  Hall(boost::asio::io_context& io, Streamer& server, std::shared_ptr<const SceneModel> model,
        bool troubled, const ServedMap* map, FakeCameras& cameras)
       : timer_(io),
         server_(server),
@@ -182,7 +182,7 @@ class Hall final {
         std::chrono::system_clock::now().time_since_epoch() - frame->at.time_since_epoch();
     frame->rate_hz = 100;
     frame->model = model_;
-    frame->map = served_ != nullptr ? room_.of(served_->snapshot()) : map_;
+    frame->map = served_ != nullptr ? room_.set_map(served_->snapshot()) : map_;
     const double t = static_cast<double>(number_) * to_seconds(kPeriod);
     for (std::size_t i = 0; i < model_->bodies.size(); ++i) {
       frame->bodies.push_back(body(static_cast<int>(i), t));
@@ -198,7 +198,7 @@ class Hall final {
 
   SteadyClock clock_;
   boost::asio::steady_timer timer_;
-  web::WebServer& server_;
+  Streamer& server_;
   std::shared_ptr<const SceneModel> model_;
   const ServedMap* served_;
   RoomAxes room_;
@@ -226,7 +226,7 @@ std::vector<TagFit> fits(Instant now) {
   return all;
 }
 
-void obey(std::istream& line, EventBoard& events, const ViewDesk& views) {
+void obey(std::istream& line, EventBoard& events, const CameraPreview& views) {
   std::string command, subject, kind, text;
   line >> command >> subject >> kind >> std::ws;
   std::getline(line, text);
@@ -266,7 +266,7 @@ int main(int argc, char** argv) {
   const SteadyClock clock;
   const auto model = robots(bodies);
   FakeCameras cameras(bodies, clock);
-  std::unique_ptr<web::WebServer> server;
+  std::unique_ptr<Streamer> server;
   web::WebSources sources;
   EventBoard events(utc_now_ns);
   sources.events = &events;

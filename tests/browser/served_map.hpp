@@ -6,9 +6,9 @@
 #include <utility>
 #include <vector>
 
-#include "daemon/control_desk.hpp"
-#include "daemon/system_clock.hpp"
-#include "streaming/web/web_server.hpp"
+#include "daemon/operator_service.hpp"
+#include "daemon/system.hpp"
+#include "streaming/web/web.hpp"
 
 namespace fiducap {
 
@@ -24,10 +24,10 @@ class ServedMap final {
         desk_({std::move(token), {}}, scene_, map_, recorder_, events, &keeper_),
         keeping_([this](std::stop_token stop) { keeper_.run(stop); }) {}
 
-  [[nodiscard]] ControlDesk& desk() { return desk_; }
+  [[nodiscard]] OperatorService& desk() { return desk_; }
   [[nodiscard]] std::shared_ptr<const TagMap> snapshot() const { return map_.snapshot(); }
   void serve(web::WebSources& sources) {
-    sources.desk = &desk_;
+    sources.operator_api = &desk_;
     sources.map_mode = [this] {
       return std::string(desk_.map_mode() == MapMode::kFrozen ? "frozen" : "mapping");
     };
@@ -43,7 +43,7 @@ class ServedMap final {
   MapBuilder map_;
   MapKeeper keeper_;
   SessionRecorder recorder_;
-  ControlDesk desk_;
+  OperatorService desk_;
   std::jthread keeping_;
 };
 

@@ -250,13 +250,13 @@ export class SetupServer {
         parts: ['icm-42688-p', 'bmi088', 'icm-20948', 'mpu-6050', 'lsm6dso'],
       },
       rest: step === 'rest'
-        ? { share: done, hint: `Let it lie on a table that nobody touches: ${left} s more.` }
+        ? { share: done, hint: `Let it lie on a table, do not touch it: ${left} s more.` }
         : null,
       wave: step === 'wave'
         ? {
           turned: [Math.min(1, 1.5 * done), done >= 1 ? 1 : 0.6 * done, done],
           shaken: done, seen: done,
-          hint: 'Quickly to and fro, with the tags in view: pitch it up and down.',
+          hint: 'Quickly back and forth, with the tags in view: pitch it up and down.',
         }
         : null,
       verdict: this.verdict,

@@ -146,12 +146,12 @@ step('the lens: coverage, a hint, a refusal, and once more', async () => {
   await waitForText('.setup-verdict', /Not usable.*1176 and 1504 px/);
   assert.equal(await button('Next').count(), 0);
   await look('4-refused');
-  await press('Go on without calibrating…');
+  await press('Continue without calibrating…');
   await waitForText('dialog', /can be wrong by centimetres/);
   await press('Cancel');
   await press('Do it again');
   await waitForText('.setup-verdict', /Good31 views, 0\.21 px/);
-  assert.ok(await button('Go on without calibrating…').isHidden());
+  assert.ok(await button('Continue without calibrating…').isHidden());
   await look('4-good');
   await press('Next');
 });
@@ -182,7 +182,7 @@ step('at rest, until it is long enough', async () => {
   await title('Let the robot lie still');
   server.done = 0.4;
   await waitForText('.setup-hint', /36 s more/);
-  assert.ok(await button('Go on without measuring').isEnabled());
+  assert.ok(await button('Continue without measuring').isEnabled());
   await look('6-rest');
   server.pace = 0.3;
   await waitForText('.setup-verdict', /Good/);
@@ -218,7 +218,7 @@ step('waved until everything is seen', async () => {
   server.pace = 0.3;
   await waitForText('.setup-verdict', /Usable, but not good.*clock 4\.1 ms late/);
   await look('8-verdict');
-  await press('Take it and go on');
+  await press('Accept and continue');
 });
 
 step('a server that talks nonsense, or not at all, is named', async () => {

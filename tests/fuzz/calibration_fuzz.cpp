@@ -1,7 +1,6 @@
 // Calibrations of other programs. The first byte chooses: one camera, Kalibr's cameras, Kalibr's
 // IMU.
-#include "capture/lens/camera_calibration_file.hpp"
-#include "capture/lens/kalibr_file.hpp"
+#include "capture/lens/calibration_files.hpp"
 #include "fuzz/memory_file.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -1,7 +1,7 @@
 // Corners of other programs, and what they are of: any bytes give an error or sightings whose
 // points lie on their target.
 #include "fuzz/memory_file.hpp"
-#include "tools/calibrate/corner_file.hpp"
+#include "tools/calibrate/calibrate.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace fiducap;

@@ -1,6 +1,6 @@
 // Covariances of a run: what is read is written, and read again as the same.
 #include "fuzz/memory_file.hpp"
-#include "tools/replay/covariance_file.hpp"
+#include "tools/replay/trajectory_files.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace fiducap;

@@ -1,5 +1,5 @@
 // An image of a recording or a calibration: any file that OpenCV may take for one.
-#include "capture/recording/gray_file.hpp"
+#include "capture/gray_image.hpp"
 #include "fuzz/memory_file.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

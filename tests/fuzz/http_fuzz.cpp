@@ -9,7 +9,7 @@
 #include "streaming/net/bind.hpp"
 #include "streaming/web/web_session.hpp"
 #include "support/fake_clock.hpp"
-#include "support/fake_desk.hpp"
+#include "support/fake_operator_api.hpp"
 #include "support/fake_views.hpp"
 #include "support/scene_builder.hpp"
 #include "unit/streaming/web/temporary_page.hpp"
@@ -42,11 +42,11 @@ struct Page {
   boost::asio::io_context io;
   FakeClock clock{instant_from_ns(1'000'000'000)};
   TemporaryPage files;
-  FakeDesk operators;
+  FakeOperatorApi operators;
   FakeViews views;
   std::shared_ptr<SceneFrame> frame = make_scene_frame({"arm", "drone"});
-  std::shared_ptr<WebDesk> desk =
-      std::make_shared<WebDesk>(config(), sources(), frame->model, clock);
+  std::shared_ptr<WebContext> context =
+      std::make_shared<WebContext>(config(), sources(), frame->model, clock);
 
   [[nodiscard]] WebConfig config() const {
     WebConfig config;
@@ -55,7 +55,7 @@ struct Page {
   }
   [[nodiscard]] WebSources sources() {
     WebSources sources;
-    sources.desk = &operators;
+    sources.operator_api = &operators;
     sources.views = &views;
     sources.clients = [] { return std::vector<ClientStatus>(); };
     sources.map_mode = [] { return std::string("frozen"); };
@@ -71,7 +71,7 @@ class Stranger final {
     fuzz::require(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends_) == 0);
     net::Socket socket(new net::TcpSocket{boost::asio::ip::tcp::socket(page.io)});
     socket->asio.assign(boost::asio::ip::tcp::v4(), ends_[1]);
-    session_ = make_session(std::move(socket), {0x7f000001, 4000}, page.desk);
+    session_ = make_session(std::move(socket), {0x7f000001, 4000}, page.context);
     session_->start();
   }
   ~Stranger() {
@@ -79,8 +79,8 @@ class Stranger final {
     session_.reset();
     ::close(ends_[0]);
     run();
-    fuzz::require(page_.desk->feed().connections().empty());
-    fuzz::require(page_.desk->view_feed().connections().empty());
+    fuzz::require(page_.context->feed().connections().empty());
+    fuzz::require(page_.context->view_feed().connections().empty());
     for (const auto& [camera, wish] : page_.views.watched) fuzz::require(!wish.has_value());
   }
   Stranger(const Stranger&) = delete;
@@ -132,9 +132,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     stranger.say(std::as_bytes(std::span(frame)));
   };
   say(input.bytes.first(cut));
-  page.desk->feed().publish(page.frame);
+  page.context->feed().publish(page.frame);
   for (std::size_t i = 0; i < page.views.all.size(); ++i) page.views.make(i, "a picture");
-  page.desk->view_feed().tick(page.clock.now());
+  page.context->view_feed().tick(page.clock.now());
   stranger.tick();
   say(input.bytes.subspan(cut));
   const auto answer = stranger.hear();

@@ -1,5 +1,5 @@
 // An image of a USB camera: whatever arrives over the cable and says that it is a JPEG.
-#include "capture/v4l2/jpeg_gray.hpp"
+#include "capture/v4l2/pixel_format.hpp"
 #include "fuzz/memory_file.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

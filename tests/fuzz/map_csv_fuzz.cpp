@@ -1,6 +1,6 @@
 // Tags of other programs, as lines: what is read is written, and read again as the same map.
 #include "fuzz/memory_file.hpp"
-#include "mapping/formats/map_yaml.hpp"
+#include "mapping/formats/map_format.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace fiducap;

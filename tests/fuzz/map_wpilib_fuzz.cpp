@@ -1,7 +1,6 @@
 // Field layouts of WPILib. The first byte chooses the size of the tags, which is not in the file.
 #include "fuzz/memory_file.hpp"
-#include "mapping/formats/foreign_map.hpp"
-#include "mapping/formats/map_yaml.hpp"
+#include "mapping/formats/map_format.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace fiducap;

@@ -2,7 +2,7 @@
 // record is its length, what it is from and how much time has passed, then its bytes.
 #include <algorithm>
 
-#include "base/byte_reader.hpp"
+#include "base/bytes.hpp"
 #include "capture/imu/vehicle_imu.hpp"
 #include "fuzz/memory_file.hpp"
 
@@ -23,10 +23,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       last = sample->sampled_at;
     }
     out.clear();
-    vehicle.speak(now, out);
+    vehicle.append_due(now, out);
     (void)vehicle.challenge(now, out);
     fuzz::require(out.size() < 1024);  // nobody makes it flood somebody else
-    while (vehicle.take_news()) {
+    while (vehicle.take_event()) {
     }
   }
   return 0;

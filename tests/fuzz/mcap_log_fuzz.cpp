@@ -1,5 +1,5 @@
 // An MCAP file as anybody may have written it.
-#include "capture/import/mcap_log.hpp"
+#include "capture/import/message_log.hpp"
 #include "fuzz/message_log_stage.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

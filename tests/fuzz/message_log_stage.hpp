@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <span>
 
-#include "capture/import/log_survey.hpp"
+#include "capture/import/import_parts.hpp"
 #include "fuzz/memory_file.hpp"
 
 namespace fiducap::fuzz {

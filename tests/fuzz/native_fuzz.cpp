@@ -12,7 +12,7 @@ using namespace fiducap::native;
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   Registry registry({4, 2, std::chrono::seconds(3)}, {1, 2}, 77);
   registry.offer_multicast({{239, 255, 42, 16}, 21601});
-  registry.introduce_as(ServerCard{"host", "0.1.0", 3, 100, 21600});
+  registry.set_discovery(ServerCard{"host", "0.1.0", 3, 100, 21600});
   Peer peer;
   peer.port = 1000;
   const Instant now = instant_from_ns(50'000'000'000);

@@ -9,12 +9,12 @@
 #include <cstdint>
 #include <span>
 
-#include "base/assert.hpp"
-#include "base/byte_reader.hpp"
+#include "base/bytes.hpp"
+#include "base/expected.hpp"
 #include "base/log.hpp"
 #include "streaming/natnet/conversation.hpp"
 #include "support/scene_builder.hpp"
-#include "unit/streaming/natnet/fake_desk.hpp"
+#include "unit/streaming/natnet/fake_operator_api.hpp"
 
 namespace fiducap::natnet {
 namespace {
@@ -42,9 +42,10 @@ constexpr Duration kForgetting = std::chrono::seconds(30);
 
 struct World {
   std::shared_ptr<SceneFrame> frame = make_scene_frame({"arm", "drone", "left,leg"});
-  FakeDesk desk;
+  FakeOperatorApi operator_api;
   Instant now = instant_from_ns(1'000'000'000'000);
-  Conversation conversation{config(), frame->model, &desk, 100, 1, net::TrustedNetworks({}), now};
+  Conversation conversation{config(), frame->model, &operator_api, 100, 1, net::TrustedNetworks({}),
+                            now};
 
   static NatNetConfig config() {
     NatNetConfig config;
@@ -65,7 +66,7 @@ void check_frames(World& world) {
 
 void play(std::span<const std::byte> input) {
   static World world;
-  world.desk = {};
+  world.operator_api = {};
   world.now += kForgetting;
   (void)world.conversation.expire(world.now);
   FIDUCAP_ASSERT(world.conversation.subscribers().empty());

@@ -4,21 +4,21 @@
 #include <cstdint>
 #include <span>
 
-#include "base/assert.hpp"
+#include "base/expected.hpp"
 #include "base/log.hpp"
-#include "streaming/natnet/command_words.hpp"
-#include "streaming/natnet/request.hpp"
-#include "streaming/natnet/wire.hpp"
+#include "streaming/natnet/codec.hpp"
+#include "streaming/natnet/commands.hpp"
 #include "support/scene_builder.hpp"
-#include "unit/streaming/natnet/fake_desk.hpp"
+#include "unit/streaming/natnet/fake_operator_api.hpp"
 
 namespace fiducap::natnet {
 namespace {
 
 void obey(const CommandRequest& request) {
   static const auto frame = make_scene_frame({"arm", "drone", "left,leg"});
-  static FakeDesk desk;
-  static ServerView server{NatNetConfig{}, &desk, 100, frame->model, frame->model->bodies, frame};
+  static FakeOperatorApi operator_api;
+  static ServerView server{NatNetConfig{}, &operator_api,        100,
+                           frame->model,   frame->model->bodies, frame};
   static CommandWords words;
   Subscriber subscriber;
   const auto answer =

@@ -6,10 +6,10 @@
 #include <span>
 #include <vector>
 
-#include "streaming/qualisys/connection.hpp"
-#include "streaming/qualisys/settings.hpp"
+#include "streaming/qualisys/session.hpp"
+#include "streaming/qualisys/xml.hpp"
 #include "support/scene_builder.hpp"
-#include "unit/streaming/qualisys/fake_desk.hpp"
+#include "unit/streaming/qualisys/fake_operator_api.hpp"
 
 namespace {
 
@@ -22,12 +22,12 @@ void require(bool holds) {
 
 void converse(Dialect dialect, std::size_t piece, std::span<const std::byte> bytes) {
   static const auto frame = make_scene_frame({"arm", "drone"}, 9);
-  static FakeDesk desk;
-  static SharedState room(QualisysConfig{}, &desk);
+  static FakeOperatorApi operator_api;
+  static SharedState room(QualisysConfig{}, &operator_api);
   static std::vector<std::byte> out;
   // What an input may have changed; the rest of the room costs more than most inputs do.
-  desk = {};
-  room.control = Control(&desk);
+  operator_api = {};
+  room.control = Control(&operator_api);
   room.wrong_passwords = {};
   out.clear();
   room.bodies.update(*frame->model);

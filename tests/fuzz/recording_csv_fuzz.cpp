@@ -1,6 +1,6 @@
 // The tables of a recording, and a session's turns. The first byte chooses the table; for corners a
 // line `---` ends them and begins the list of images.
-#include "capture/recording/recording_streams.hpp"
+#include "capture/recording/recording_source.hpp"
 #include "fuzz/recording_stage.hpp"
 #include "pipeline/replay/map_turns.hpp"
 

@@ -5,7 +5,6 @@
 
 #include "capture/recording/recording.hpp"
 #include "capture/recording/recording_layout.hpp"
-#include "capture/recording/recording_yaml.hpp"
 #include "fuzz/memory_file.hpp"
 #include "support/temporary_folder.hpp"
 

@@ -5,8 +5,8 @@
 #include <cstdlib>
 #include <string_view>
 
-#include "base/byte_reader.hpp"
-#include "capture/encoded_size.hpp"
+#include "base/bytes.hpp"
+#include "capture/gray_image.hpp"
 #include "capture/ros_image.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -1,6 +1,6 @@
 // Samples with any stamps, in any order: through the mapping of a host's clock and into the merger,
 // which gives them out in order, whatever came. A record has 10 bytes: what it is, its stamp.
-#include "base/byte_reader.hpp"
+#include "base/bytes.hpp"
 #include "capture/sample_merger.hpp"
 #include "capture/stamp_mapper.hpp"
 #include "fuzz/memory_file.hpp"

@@ -1,6 +1,6 @@
 // Trajectories of other programs: what is read is written, and read again as the same.
 #include "fuzz/memory_file.hpp"
-#include "tools/replay/tum_file.hpp"
+#include "tools/replay/trajectory_files.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace fiducap;

@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "streaming/vicon/connection.hpp"
 #include "streaming/vicon/frame_board.hpp"
+#include "streaming/vicon/session.hpp"
 #include "support/scene_builder.hpp"
 
 namespace {
@@ -30,7 +30,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::size_t cut = data[0] == 0 ? in.size() : 1 + data[0] % 64;
   ProfileTable profiles;
   const Instant now = frame->published_at;
-  board.put_up(*frame, now);  // a new frame for every input: packets of the last one are let go
+  board.update(*frame, now);  // a new frame for every input: packets of the last one are let go
   Connection connection(profiles, now);
   (void)connection.greeting();
   std::vector<std::byte> answers;

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "streaming/vrpn/codec.hpp"
-#include "streaming/vrpn/connection.hpp"
+#include "streaming/vrpn/session.hpp"
 #include "support/scene_builder.hpp"
 
 namespace {

@@ -1,5 +1,5 @@
 // A ZIP archive: its directory, and what is in it.
-#include "capture/import/zip_archive.hpp"
+#include "capture/import/input_file.hpp"
 #include "fuzz/memory_file.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

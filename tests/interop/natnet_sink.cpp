@@ -9,9 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ctime>
 #include <iostream>
-#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -19,9 +17,9 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/udp.hpp>
 
-#include "base/byte_reader.hpp"
-#include "base/byte_writer.hpp"
-#include "streaming/natnet/wire.hpp"
+#include "base/bytes.hpp"
+#include "key_values.hpp"
+#include "streaming/natnet/codec.hpp"
 
 namespace fiducap::natnet {
 namespace {
@@ -32,11 +30,7 @@ using asio::ip::udp;
 constexpr int kReceiveBuffer = 8 << 20;
 constexpr double kFloat = 1e-5;  // f32 on the wire, metres of some tens
 
-std::int64_t now_ns() {
-  timespec t{};
-  clock_gettime(CLOCK_MONOTONIC, &t);
-  return std::int64_t{t.tv_sec} * 1'000'000'000 + t.tv_nsec;
-}
+std::int64_t now_ns() { return read_ns(CLOCK_MONOTONIC); }
 
 struct Tally {
   std::uint64_t frames{};
@@ -103,24 +97,21 @@ std::vector<std::byte> keep_alive() {
   return bytes;
 }
 
-int run(std::map<std::string, std::string> given) {
-  const auto number = [&](const std::string& key, int otherwise) {
-    return given.count(key) == 0 ? otherwise : std::stoi(given[key]);
-  };
-  const int bodies = number("bodies", 1000);
+int run(const KeyValues& given) {
+  const int bodies = static_cast<int>(given.number("bodies", 1000));
+  const auto duration_ns = static_cast<std::int64_t>(given.number("seconds", 10)) * 1'000'000'000;
   asio::io_context io;
   udp::socket socket(io, udp::endpoint(udp::v4(), 0));
   socket.set_option(asio::socket_base::receive_buffer_size(kReceiveBuffer));
-  const udp::endpoint server(
-      asio::ip::make_address(given.count("server") == 0 ? "127.0.0.1" : given["server"]),
-      static_cast<std::uint16_t>(number("port", 1510)));
+  const udp::endpoint server(asio::ip::make_address(given.text("server", "127.0.0.1")),
+                             static_cast<std::uint16_t>(given.number("port", 1510)));
   socket.send_to(asio::buffer(connect_request()), server);
   socket.send_to(asio::buffer(keep_alive()), server);
   Tally tally;
   std::vector<std::byte> buffer(65536);
   const std::int64_t start = now_ns();
   std::int64_t asked = start;
-  while (now_ns() - start < number("seconds", 10) * 1'000'000'000LL) {
+  while (now_ns() - start < duration_ns) {
     if (now_ns() - asked > 1'000'000'000) {
       socket.send_to(asio::buffer(keep_alive()), server);
       asked = now_ns();
@@ -134,7 +125,7 @@ int run(std::map<std::string, std::string> given) {
     if (!check(std::span<const std::byte>(buffer).first(size), bodies, tally)) ++tally.broken;
   }
   if (tally.frames == 0) {
-    std::cout << "no frame came\n";
+    std::cout << "no frame received\n";
     return 1;
   }
   auto& latency = tally.latency_ns;
@@ -152,15 +143,6 @@ int run(std::map<std::string, std::string> given) {
 }  // namespace fiducap::natnet
 
 int main(int argc, char** argv) {
-  std::map<std::string, std::string> given;
-  for (int i = 1; i < argc; ++i) {
-    const std::string_view argument = argv[i];
-    const auto equals = argument.find('=');
-    if (equals == std::string_view::npos) {
-      std::cerr << "key=value expected, came " << argument << '\n';
-      return 2;
-    }
-    given[std::string(argument.substr(0, equals))] = argument.substr(equals + 1);
-  }
-  return fiducap::natnet::run(given);
+  fiducap::KeyValues given;
+  return given.parse(argc, argv) ? fiducap::natnet::run(given) : 2;
 }

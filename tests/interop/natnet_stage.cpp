@@ -7,26 +7,18 @@
 // Body k (from 1) is called `body<k>`. In frame n it is at (0.01 k, 0.001 (n mod 1000), 1.5) in the
 // workspace, turned by 0.01 k rad about (1, 2, 3). Body 3 is lost in every second hundred of
 // frames. At the end: what was sent, and the CPU time it took.
-#include <ctime>
-
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <iostream>
-#include <map>
 #include <string>
 #include <string_view>
 
-#include "base/so3.hpp"
-#include "streaming/natnet/natnet_server.hpp"
+#include "base/pose.hpp"
+#include "key_values.hpp"
+#include "streaming/natnet/natnet.hpp"
 
 namespace fiducap {
 namespace {
-
-std::int64_t read_ns(clockid_t id) {
-  timespec t{};
-  clock_gettime(id, &t);
-  return std::int64_t{t.tv_sec} * 1'000'000'000 + t.tv_nsec;
-}
 
 class MonotonicClock final : public Clock {
  public:
@@ -108,21 +100,18 @@ class Stage final {
   std::chrono::steady_clock::time_point next_;
 };
 
-int run(std::map<std::string, std::string> given) {
-  const auto number = [&](const std::string& key, double otherwise) {
-    return given.count(key) == 0 ? otherwise : std::stod(given[key]);
-  };
-  const Script script{static_cast<int>(number("bodies", 3)), number("rate", 100),
-                      number("seconds", 10)};
+int run(const KeyValues& given) {
+  const Script script{static_cast<int>(given.number("bodies", 3)), given.number("rate", 100),
+                      given.number("seconds", 10)};
   natnet::NatNetConfig config;
-  if (given.count("address") != 0) config.address = given["address"];
-  config.unicast = number("unicast", 1) != 0;
-  config.port = static_cast<std::uint16_t>(number("port", config.port));
-  config.data_port = static_cast<std::uint16_t>(number("data_port", config.data_port));
-  config.multicast = number("multicast", 0) != 0;
-  if (given.count("bitstream") != 0) config.bitstream = given["bitstream"];
-  if (given.count("target") != 0) config.targets = {given["target"]};
-  if (given["up"] == "z") config.up = UpAxis::kZ;
+  config.address = given.text("address", config.address);
+  config.unicast = given.number("unicast", 1) != 0;
+  config.port = static_cast<std::uint16_t>(given.number("port", config.port));
+  config.data_port = static_cast<std::uint16_t>(given.number("data_port", config.data_port));
+  config.multicast = given.number("multicast", 0) != 0;
+  config.bitstream = given.text("bitstream", config.bitstream);
+  if (given.has("target")) config.targets = {given.text("target")};
+  if (given.text("up") == "z") config.up = UpAxis::kZ;
   for (const auto& broken : config.check()) std::cerr << broken.text() << '\n';
   boost::asio::io_context io{1};
   const MonotonicClock clock;
@@ -148,15 +137,6 @@ int run(std::map<std::string, std::string> given) {
 }  // namespace fiducap
 
 int main(int argc, char** argv) {
-  std::map<std::string, std::string> given;
-  for (int i = 1; i < argc; ++i) {
-    const std::string_view argument = argv[i];
-    const auto equals = argument.find('=');
-    if (equals == std::string_view::npos) {
-      std::cerr << "key=value expected, came " << argument << '\n';
-      return 2;
-    }
-    given[std::string(argument.substr(0, equals))] = argument.substr(equals + 1);
-  }
-  return fiducap::run(given);
+  fiducap::KeyValues given;
+  return given.parse(argc, argv) ? fiducap::run(given) : 2;
 }

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "base/so3.hpp"
-#include "streaming/qualisys/qualisys_server.hpp"
+#include "base/pose.hpp"
+#include "streaming/qualisys/qualisys.hpp"
 #include "support/client_process.hpp"
 #include "support/fake_clock.hpp"
 #include "support/scene_builder.hpp"

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "base/so3.hpp"
-#include "streaming/vicon/vicon_server.hpp"
+#include "base/pose.hpp"
+#include "streaming/vicon/vicon.hpp"
 #include "support/client_process.hpp"
 #include "support/fake_clock.hpp"
 #include "support/scene_builder.hpp"
@@ -74,7 +74,7 @@ class ViconSdkClient : public testing::Test {
   ViconConfig config_;
   bool arm_valid_{true};
   std::uint64_t number_{0};
-  std::unique_ptr<ViconStreamer> server_;
+  std::unique_ptr<Streamer> server_;
 };
 
 const std::vector<std::string> kDrone{"Name: drone", "Root Segment: drone",

@@ -7,8 +7,8 @@
 #include <cstdlib>
 #include <string>
 
-#include "base/so3.hpp"
-#include "streaming/vrpn/vrpn_server.hpp"
+#include "base/pose.hpp"
+#include "streaming/vrpn/vrpn.hpp"
 #include "support/client_process.hpp"
 #include "support/fake_clock.hpp"
 #include "support/scene_builder.hpp"
@@ -77,7 +77,7 @@ class VrpnPrintDevices : public testing::Test {
   FakeClock clock_;
   VrpnConfig config_{.port = 0};
   std::uint64_t number_{0};
-  std::unique_ptr<VrpnStreamer> server_;
+  std::unique_ptr<Streamer> server_;
 };
 
 constexpr const char* kPose = "pos ( 1.25, -2.50,  0.75); quat ( 0.50,  0.50,  0.50,  0.50)";

@@ -1,5 +1,5 @@
-// Cameras and gyros that do not fit together, before a whole pipeline: what is said, when, and that
-// no pose is given afterwards. Seeds by the hundred are in the report of the change.
+// Cameras and gyroscopes that do not fit together, in a whole pipeline: the report, its time, and
+// that no pose is published afterwards.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "pipeline/body_pipeline.hpp"
 #include "simulation/simulation.hpp"
 
@@ -22,10 +22,10 @@ constexpr double kSeconds = 25;
 // The motion begins after a second at rest; then a few seconds have to do.
 constexpr double kSaidWithin_s = 12;
 
-/// What is wrong between the sensors and what is told of them.
+/// Errors of the configuration of the sensors.
 struct Mistake {
   Eigen::Quaterniond camera_turn{
-      Eigen::Quaterniond::Identity()};  ///< True camera axes → told ones.
+      Eigen::Quaterniond::Identity()};  ///< True camera axes → configured ones.
   Eigen::Matrix3d imu_axes{Eigen::Matrix3d::Identity()};
   double stamp_error_s{0};
   double stamp_error_from_s{0};
@@ -38,7 +38,7 @@ struct Outcome {
   };
   std::vector<Said> said;  ///< About turns and clocks.
   int poses{0};
-  int poses_after{0};  ///< … that were given after the first word.
+  int poses_after{0};  ///< … published after the first report.
   bool is_established{false};
   std::optional<ClockJump> jump;
 };
@@ -155,7 +155,7 @@ TEST(AgreementSimulation, SaysHowFarStampsAreOffThatTheMergerWouldDrop) {
     EXPECT_LT(by_turns.at_s, kSaidWithin_s);
     EXPECT_THAT(by_turns.event.text, HasSubstr(error_s > 0 ? " s late" : " s early"));
     EXPECT_THAT(by_turns.event.text, testing::ContainsRegex("stamped 0\\.(49|50|51|52) s"));
-    // Who never turns hears at least that all of them come too late.
+    // Without rotation at least the late images are reported.
     if (error_s < 0) {
       EXPECT_THAT(late.said.front().event.text, HasSubstr("too late to be used"));
     }

@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "base/so3.hpp"
-#include "detection/corner_projection.hpp"
+#include "base/pose.hpp"
+#include "detection/tag_geometry.hpp"
 #include "support/bound/linearisation.hpp"
 #include "support/jacobian_check.hpp"
 
@@ -103,8 +103,8 @@ TEST(RelativeRowsOf, TheLevelAxesAgreeWithDifferences) {
 /// biases.
 TruthSample carried(const TruthSample& from, const VectorXd& d, const Vector3d& force_W,
                     const Vector3d& w_B, double dt) {
-  // What the IMU says was made by the unperturbed motion; the perturbed one takes its own biases
-  // off. Many small steps.
+  // IMU samples of the unperturbed motion; the perturbed one subtracts its own biases. Many small
+  // steps.
   constexpr int kSteps = 2000;
   const double h = dt / kSteps;
   Pose true_X = from.X_WB;

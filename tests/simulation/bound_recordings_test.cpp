@@ -102,7 +102,7 @@ TEST_P(OpenRecordingsByAllData, HaveTheSmoothingBoundThatWasFoundIndependently) 
   if (!folder) GTEST_SKIP() << kNoSharedData;
   const auto data = load_estimation_data((*folder / expected.recording).string());
   ASSERT_TRUE(data.has_value()) << data.error().text();
-  // Theirs is of every image, this of so many.
+  // Images used here; theirs is of every image.
   constexpr int kImages = 20;
   const BoundRun run =
       run_bound(*data, {expected.knowledge}, images_spread(*data, kImages, kSettled_s));

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "base/assert.hpp"
+#include "base/expected.hpp"
 
 namespace fiducap {
 

@@ -40,7 +40,7 @@ struct Closure {
 };
 [[nodiscard]] std::optional<Closure> closure_of(const EstimationData& data);
 
-/// So many images, spread evenly over those from an instant on.
+/// Images spread evenly over those from an instant on.
 [[nodiscard]] std::vector<Instant> images_spread(const EstimationData& data, int count,
                                                  double from_s);
 

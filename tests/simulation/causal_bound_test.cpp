@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "simulation/simulation.hpp"
 #include "support/bound/causal_bound.hpp"
 

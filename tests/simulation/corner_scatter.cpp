@@ -8,7 +8,7 @@
 
 #include "detection/corner_sigma.hpp"
 #include "detection/observe.hpp"
-#include "detection/tag_outline.hpp"
+#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
 
@@ -20,7 +20,7 @@ constexpr double kMisread_px = 1.0;
 constexpr double kMisreadSigmas = 10.0;
 // Images further apart than this are no neighbours.
 constexpr double kNext_s = 0.15;
-// Pairs of sightings that tell how much lasts, and others that tell for how long.
+// Pairs of sightings for the persistent part, and others for its duration.
 constexpr double kNear_s = 0.3;
 constexpr double kFarFrom_s = 0.75;
 constexpr double kFarTo_s = 1.25;

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "detection/corner_projection.hpp"
+#include "detection/tag_geometry.hpp"
 #include "simulation/bound_run.hpp"
 #include "simulation/estimation_data.hpp"
 
@@ -16,7 +16,7 @@ struct CornerError {
   int tag_id{};
   std::array<Eigen::Vector2d, 4> seen_px{};  ///< Raw.
   Vector8d off_px{Vector8d::Zero()};         ///< Seen − true, raw pixels.
-  double sigma_px{};                         ///< What the detector says of it; 0: nothing.
+  double sigma_px{};                         ///< Of the detector; 0: none.
 };
 
 /// Of all sightings of tags whose place is known, in order of time; true extrinsics, true lens.
@@ -35,7 +35,7 @@ struct CornerScatter {
   static constexpr double kNarrow_px = 2.5;
 
   double rms_px{};      ///< Of a coordinate.
-  double chi_square{};  ///< Of a coordinate, by the detector's sigma; NaN where it says none.
+  double chi_square{};  ///< Of a coordinate, by the detector's sigma; NaN: none.
   /// Correlation of a coordinate with the same one in the next image: 0 is white noise, 1 an error
   /// that stays.
   double to_next{};
@@ -48,10 +48,10 @@ struct CornerScatter {
   [[nodiscard]] double excess() const;
 };
 
-/// @param runs  of the same experiment: one of them has too few sightings to tell what lasts
+/// @param runs  of the same experiment: a single one has too few sightings
 [[nodiscard]] CornerScatter corner_scatter(std::span<const std::vector<CornerError>> runs);
 
-/// The bound for corners that scatter so, if all their errors were white and alike …
+/// The bound for corners with this scatter, if all errors were white and equal …
 [[nodiscard]] BoundRun white_bound(const EstimationData& data, KnowledgeCase knowledge,
                                    const CornerScatter& scatter);
 /// … and as they are.

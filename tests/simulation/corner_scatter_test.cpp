@@ -1,4 +1,4 @@
-// What lasts while a tag is in view, told from what is new in every image.
+// Separates persistent corner errors from those that are new in every image.
 #include "simulation/corner_scatter.hpp"
 
 #include <gtest/gtest.h>

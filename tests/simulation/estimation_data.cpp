@@ -7,10 +7,10 @@
 #include <random>
 #include <stdexcept>
 
-#include "base/assert.hpp"
-#include "base/so3.hpp"
+#include "base/expected.hpp"
+#include "base/pose.hpp"
 #include "capture/sample_merger.hpp"
-#include "daemon/system_clock.hpp"
+#include "daemon/system.hpp"
 #include "pipeline/body_pipeline.hpp"
 #include "simulation/rendered_corners.hpp"
 #include "simulation/told_lens.hpp"
@@ -19,7 +19,7 @@ namespace fiducap {
 
 namespace {
 
-// What config/demo.yaml says of sharp, rendered images.
+// Corner noise of sharp, rendered images in config/demo.yaml.
 constexpr double kRenderedNoise_px = 0.15;
 constexpr Instant kStart = instant_from_ns(1'000'000'000);
 
@@ -59,7 +59,7 @@ std::vector<CameraMount> simulated_rig(const SimulatedDataSetup& setup) {
   return rig;
 }
 
-/// The lens as it is told.
+/// The configured lens.
 CameraModel drawn_lens(CameraModel lens, const SimulatedDataSetup& setup, std::uint64_t camera) {
   std::mt19937_64 random(setup.seed * 131 + camera);
   std::normal_distribution<double> gauss;
@@ -215,7 +215,7 @@ void collect(EstimationData& data, const SimulatedDataSetup& setup,
   pipeline.sensors.cameras.front().X_BV = data.nominal_X_BV;
   pipeline.tags = data.tag_set;
   data.samples = found_by(pipeline, source, end);
-  data.corner_noise_px = EstimatorConfig{}.corner_noise_px;  // what a server believes of its own
+  data.corner_noise_px = EstimatorConfig{}.corner_noise_px;  // default of a server
 }
 
 }  // namespace

@@ -22,10 +22,10 @@ struct EstimationData {
   std::vector<RecordedTag> tags;  ///< True poses, sorted by id.
   TagSetConfig tag_set;
   CameraMount camera;                      ///< True place, prior sigmas.
-  Pose nominal_X_BV;                       ///< What the filter is told when it shall estimate it.
-  std::vector<CameraMount> other_cameras;  ///< Of a rig, as the filter is told.
+  Pose nominal_X_BV;                       ///< Prior of the filter when it estimates it.
+  std::vector<CameraMount> other_cameras;  ///< Of a rig, as configured.
   std::optional<ImuNoise> imu;
-  double gravity_m_s2{kUsualGravity_m_s2};  ///< As the filter is told, with …
+  double gravity_m_s2{kUsualGravity_m_s2};  ///< As configured, with …
   double gravity_sigma_m_s2{kUsualGravitySigma_m_s2};
   double corner_noise_px{0.4};
   int reference_tag{};
@@ -41,7 +41,7 @@ struct EstimationData {
   [[nodiscard]] double path_m(Instant at) const;
 };
 
-/// Where a camera is said to be, as far off as its sigmas tell.
+/// Configured pose of a camera, drawn with its sigmas.
 [[nodiscard]] Pose drawn_extrinsics(const CameraMount& mount, std::uint64_t seed);
 
 /// A body of the simulator, its tags as corners with noise or as found in images.
@@ -57,8 +57,8 @@ struct SimulatedDataSetup {
   /// RoomConfig::texture: images are rendered, tags found and points followed in them
   /// (rendered_corners.hpp). Empty: corners with white noise.
   std::string texture{};
-  /// How far the nominal extrinsics are off: drawn with these sigmas per axis, and told to the
-  /// filter as prior.
+  /// Error of the nominal extrinsics, drawn with these sigmas per axis, which are the filter's
+  /// prior.
   double extrinsics_sigma_m{0.005};
   double extrinsics_sigma_rad{0.00873};
   /// Not empty: images are rendered through a VI-Sensor's lens, and the corners are those that the
@@ -67,9 +67,9 @@ struct SimulatedDataSetup {
   simulation::DaylightConfig daylight{};  ///< Of images.
   double exposure_s{0.005};               ///< Of images: motion blur.
   double readout_s{0};                    ///< Rolling shutter as it is …
-  double readout_told_s{0};               ///< … and as the filter is told …
+  double readout_told_s{0};               ///< … and as configured …
   double readout_sigma_s{0};              ///< … with this sigma.
-  double imu_noise_factor{1};             ///< Of all densities, beyond what the filter is told.
+  double imu_noise_factor{1};             ///< Factor of all configured densities.
   int cameras{1};          ///< More than one: they look along x, -x, y and -y of the body.
   double tag_size_m{0};    ///< Of the hall, whose walk stays as it is; 0: its own.
   double min_side_px{16};  ///< Smaller tags are not seen.
@@ -77,13 +77,13 @@ struct SimulatedDataSetup {
   simulation::RingConfig ring{};
   double from{0};
   double share{1};
-  /// Lenses are told wrongly, drawn with these sigmas.
+  /// Errors of the configured lenses, drawn with these sigmas.
   double focal_error{0};
   double centre_error_px{0};
-  /// … by a calibration that leaves so much (told_lens), of a lens that bends.
+  /// … of a calibration of a distorting lens (told_lens).
   double lens_error_px{0};
   double corner_noise_px{0.4};              ///< Of corners without images.
-  double gravity_m_s2{kUsualGravity_m_s2};  ///< As it is; the filter is not told.
+  double gravity_m_s2{kUsualGravity_m_s2};  ///< True; not known to the filter.
 };
 
 /// The tag that is seen most, but not the reference; -1: no other is seen.

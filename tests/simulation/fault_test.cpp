@@ -35,7 +35,7 @@ Socket connect(asio::io_context& io, std::uint16_t port) {
   return socket;
 }
 
-/// Says `what` to a port. @return whether anything is answered
+/// Sends `what` to a port. @return whether there is a reply
 template <typename Socket>
 bool answers(std::uint16_t port, std::string_view what) {
   asio::io_context io;
@@ -65,7 +65,7 @@ class ServerUnderFaults : public testing::Test {
   }
   /// Which protocols do not answer; `all` is empty when everything is well.
   std::string deaf() {
-    const ServerPorts ports = server_->ports();
+    const ProtocolPorts ports = server_->ports();
     std::string all;
     const auto ask = [&](const char* name, bool answered) {
       if (!answered) all += std::string(name) + " ";
@@ -110,7 +110,7 @@ TEST_F(ServerUnderFaults, EveryProtocolGoesOnAfterAllocationsThatFailed) {
   int failed = 0;
   for (int i = 0; i < 300; ++i) {
     AllocationFault::arm(nth(random));
-    const ServerPorts ports = server_->ports();
+    const ProtocolPorts ports = server_->ports();
     {
       asio::io_context io;
       boost::system::error_code ignored;

@@ -25,7 +25,7 @@ namespace {
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 
-/// A pipe that takes not one byte more, like `| less` that nobody scrolls.
+/// A full pipe, like `| less` without scrolling.
 class FullPipe final {
  public:
   FullPipe() {
@@ -210,7 +210,7 @@ TEST(Fiducapd, LeadsASetupOnThePageAndServesWhatComesOfIt) {
   for (const char* command : {"next", "next", "sheet?size_mm=400", "next", "guess",
                               "imu?source=", "next", "next", "write"})
     say(command);
-  // The same process goes on with it: no set-up any more, a robot instead.
+  // The same process continues with a robot instead of the set-up.
   EXPECT_THAT(health(port), HasSubstr(" 200 ")) << program.output();
   ASSERT_TRUE(program.prints("serving 1 bodies")) << program.output();
   EXPECT_TRUE(std::filesystem::exists(file));

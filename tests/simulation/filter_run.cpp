@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/assert.hpp"
-#include "base/so3.hpp"
+#include "base/expected.hpp"
+#include "base/pose.hpp"
 #include "pipeline/body_tracker.hpp"
 #include "pipeline/replay/bodies_replay.hpp"
 #include "simulation/truth_errors.hpp"

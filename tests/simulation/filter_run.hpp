@@ -30,17 +30,17 @@ struct FilterChoice {
   std::string filter{"robocentric"};
   KnowledgeCase knowledge{'A'};
   EstimatorConfig estimator{};
-  /// The map grows with what the bodies see and is handed back to them, as in the server. False: it
-  /// is what the knowledge case says, and stays so.
+  /// The map grows with what the bodies see and is returned to them, as in the server. False: it is
+  /// that of the knowledge case.
   bool live{false};
-  bool frozen{false};             ///< A live map that does not change.
-  std::optional<TagMap> start{};  ///< What the map knows beforehand; nullopt: what the case says.
+  bool frozen{false};                                   ///< A live map that does not change.
+  std::optional<TagMap> start{};                        ///< Initial map; nullopt: of the case.
   double refine_period_s{MapConfig{}.refine_period_s};  ///< Of a live map.
   /// Called at every image with an anchored pose.
   std::function<void(const FilterMoment&)> watch{};
   /// Called at every image with what its body, counted from 0, made of it, and the map it had.
   std::function<void(std::size_t, const BodyUpdate&, const TagMap&)> listen{};
-  /// Called with what the map says, after the image that made it say so.
+  /// Called with each map event, after its image.
   std::function<void(const MapEvent&, Instant)> hear{};
 };
 
@@ -68,7 +68,7 @@ struct FilterRun {
     double level_rotation_rad{};
     double velocity_m_s{};  ///< Body axes.
     double rate_rad_s{};    ///< Body axes.
-    double sigma_m{};       ///< What the filter says about level_position_m: root of the trace.
+    double sigma_m{};       ///< Of level_position_m by the filter: root of the trace.
     bool valid{};           ///< Certain enough to be shown (BodyLimits).
     Nees nees;
     double nis{};

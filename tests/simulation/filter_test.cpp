@@ -104,7 +104,7 @@ TEST_P(FilterAccuracy, TableIsKnownToMillimetres) {
 }
 
 TEST_P(FilterAccuracy, WithoutImuTheMotionModelCarriesTheBody) {
-  // Without IMU nothing tells extrinsics from pose: they are taken as given.
+  // Without IMU extrinsics and pose cannot be separated: they are exact.
   const FilterRun one =
       run({.filter = GetParam(), .data = {.world = "table", .has_imu = false}, .knowledge = 'B'});
   // Single images of three tags of 60 px at 1 m with 0.4 px noise give about 7 mm.
@@ -140,8 +140,8 @@ TEST_P(FilterFaults, AMovedTagLeavesTheState) {
   EXPECT_LT(one.position_rmse_m(), 0.01);
 }
 
-// 70 m through oblique tags before the first is seen again: where a filter that thinks it knows its
-// heading breaks.
+// 70 m along oblique tags before the first is seen again: a filter that is overconfident of its
+// heading fails.
 TEST(WorldFilterLoop, StaysHonestAndClosesTheLoopWithoutLosingATag) {
   constexpr int kLoops = 6;
   double nees = 0;
@@ -285,7 +285,7 @@ TEST(WorldFilterBlindness, AGyroAtItsEndInQuickMotionLeavesNoWrongPlaceBehind) {
     const FilterRun one = run({.filter = "world", .data = data}).scored_after(20.0);
     EXPECT_LT(one.mean([](const FilterRun::At& at) { return at.nees.pose / 6; }), 2.0)
         << "seed " << seed;
-    // No pose is told while it is lost, and that is shorter than the gyro was blind (20 images a
+    // No pose is published while it is lost, for less time than the gyro was saturated (20 images a
     // second).
     EXPECT_LT(one.frames_with_tags - one.frames_with_pose, 60) << "seed " << seed;
   }

@@ -6,9 +6,9 @@
 
 #include <Eigen/Cholesky>
 
-#include "base/so3.hpp"
-#include "mapping/graph/graph_datum.hpp"
+#include "base/pose.hpp"
 #include "mapping/graph/map_graph.hpp"
+#include "mapping/tag_map.hpp"
 #include "pipeline/body_pipeline.hpp"
 #include "simulation/estimation_data.hpp"
 #include "simulation/room_shape.hpp"
@@ -29,16 +29,16 @@ struct RobotSetup {
   std::uint64_t seed{1};
   double seconds{12};
   simulation::RoomConfig room{table()};
-  /// False: it stays in axes of its own, for its map says nothing.
+  /// False: it stays in its own axes, as its map is empty.
   bool may_define_workspace{true};
   bool has_imu{true};
   std::optional<int> reference_tag{};
   simulation::FaultConfig faults{};
-  std::map<int, double> larger{};  ///< Prints, by id, than they are told to be, relative.
-  double told_focal{1};            ///< So many times the lens's.
+  std::map<int, double> larger{};  ///< Relative size offset of tags, by id.
+  double told_focal{1};            ///< Configured focal length relative to the true one.
 };
 
-/// What a body's pipeline tells the graph of a motion over three tags on a table.
+/// Segments of a body's pipeline for a motion over three tags on a table.
 struct Robot {
   explicit Robot(const RobotSetup& setup) : id(setup.id) {
     simulation::SimulatedBodyConfig body;
@@ -107,7 +107,7 @@ template <class Place>
 Pose level_between(const std::vector<GraphTagEstimate>& tags, const Place& place) {
   std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
   for (const GraphTagEstimate& tag : tags) points.emplace_back(tag.X_WT.p, place(tag.tag_id).p);
-  return lay_over(points);
+  return fit_yaw_and_shift(points);
 }
 
 struct Score {
@@ -115,7 +115,7 @@ struct Score {
   double worst_m{};
 };
 
-/// Place and heading of all tags together are taken out: nothing says where the room is.
+/// Without the common position and heading of all tags, which are not observable.
 inline Score score(const std::vector<GraphTagEstimate>& tags, const std::map<int, Pose>& truth) {
   const Pose level = level_between(tags, [&](int tag_id) { return truth.at(tag_id); });
   Matrix6d turn = Matrix6d::Zero();

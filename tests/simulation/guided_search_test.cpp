@@ -6,7 +6,7 @@
 #include <cmath>
 #include <memory>
 
-#include "detection/side_bend.hpp"
+#include "detection/observe.hpp"
 #include "pipeline/body_pipeline.hpp"
 #include "simulation/room_shape.hpp"
 #include "simulation/simulation.hpp"
@@ -91,7 +91,7 @@ class Loop {
       return;
     }
     ++outcome_.images;
-    // Where the image was taken, not where the filter thinks that it was.
+    // True time of the image, not the filter's.
     const Instant taken_at = at - update.corners.clock_shift;
     const Pose X_VW = (source.truth(taken_at).X_WB * mount().X_BV).inverse();
     for (const TagSighting& tag : update.corners.tags) compare(tag, X_VW);

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "base/so3.hpp"
-#include "mapping/graph/graph_datum.hpp"
+#include "base/pose.hpp"
+#include "mapping/tag_map.hpp"
 #include "simulation/simulation.hpp"
 #include "support/bound/causal_bound.hpp"
 #include "support/bound/joint_map_bound.hpp"
@@ -22,7 +22,7 @@ constexpr int kReference = 4;
 const std::vector<int> kOfFirst{4, 9};
 const std::vector<int> kOfSecond{9, 14};
 
-/// Two bodies that move differently, in a room that stands somewhere.
+/// Two bodies with different motions, in a room at an arbitrary pose.
 struct Scene {
   Pose X_WR;  ///< Level: a shift and a turn about the vertical.
   [[nodiscard]] TruthSample truth(int body, int k) const {
@@ -114,7 +114,7 @@ MatrixXd tags_at_once(const Scene& scene) {
   for (int body = 0; body < 2; ++body) {
     const int first = body * per_body;
     const int camera = first + kBody * kLooks;
-    // As CausalBound begins; where the second one is nobody knows.
+    // As CausalBound begins; the second body is unknown.
     know(first + kRotation, 2, 0.5);
     know(first + kVelocity, 3, 1.0);
     know(first + kBiasW, 3, 0.02);
@@ -179,7 +179,7 @@ TEST(JointMapBound, HoldsPlaceAndHeadingOfTheReferenceTagButNotItsTilt) {
   EXPECT_LT((heading * map.P.block<3, 3>(3, 3) * heading.transpose()).value(), kRounding * tilt);
 }
 
-// The definition of W says nothing about the room: what is told against it halves as well.
+// The definition of W has no information about the room: errors relative to it halve as well.
 TEST(JointMapBound, HalvesWhenAllIsSeenTwice) {
   const Scene scene;
   std::vector<TagsCovariance> bodies = scene.both();
@@ -243,7 +243,7 @@ TEST(JointMapBound, LaysItsMapOverTheTruthAsScoresOfMapsDo) {
       points.emplace_back(p + kSmall * errors.col(k).segment<3>(6 * static_cast<Eigen::Index>(i)),
                           p);
     }
-    const Pose level = lay_over(points);
+    const Pose level = fit_yaw_and_shift(points);
     for (const auto& [found, truth] : points) squares += (level * found - truth).squaredNorm();
   }
   const double level_m = std::sqrt(squares / static_cast<double>(map.tags.size())) / kSmall;

@@ -4,7 +4,7 @@
 #include <future>
 #include <thread>
 
-#include "base/this_thread.hpp"
+#include "base/process.hpp"
 #include "simulation/graph_robot.hpp"
 
 namespace fiducap {
@@ -69,7 +69,7 @@ TEST(MapGraphSimulation, WhatIsFoldedIsKnownAsBefore) {
   ASSERT_EQ(found->tags.size(), expected->tags.size());
   for (std::size_t i = 0; i < found->tags.size(); ++i)
     EXPECT_EQ(found->tags[i].sightings, expected->tags[i].sightings);
-  // Biases are lost at each fold, and what the body's path between two segments said.
+  // Each fold drops biases and the information of the path between two segments.
   const Difference apart = difference(*expected, *found);
   EXPECT_LT(apart.sigmas, 0.5);
   EXPECT_GT(apart.ratio_least, 0.95) << "nothing is counted twice";
@@ -92,7 +92,7 @@ std::size_t most_kept(const Robots& robots, MapGraph& graph, std::optional<Graph
   return most;
 }
 
-// Three tags: 168 segments, however long they are looked at.
+// Three tags: 168 segments for any duration.
 constexpr std::size_t kMostOfATable = 168;
 
 TEST(MapGraphSimulation, AMapHasASizeHoweverLongItIsLookedAt) {
@@ -139,7 +139,7 @@ TEST(MapGraphSimulation, AStoredMapGoesOnLearning) {
   ASSERT_TRUE(expected && before);
   MapGraph second(stored(*before));
   for (MotionSegment segment : robots[1].segments) {
-    // Its filter stands in the axes of the stored map.
+    // Its filter is in the axes of the stored map.
     const auto as_it_has = [&](int tag_id) {
       const auto& tags = robots[1].segments.back().tags;
       return std::find_if(tags.begin(), tags.end(),

@@ -90,7 +90,7 @@ TEST(MapGraphSimulation, ABodyThatFindsTheWorkspaceOnItsWayTakesWhatItKnowsAlong
   ASSERT_TRUE(solution);
   ASSERT_EQ(solution->tags.size(), 3u);
   EXPECT_LT(score(solution->tags, robot.truth).worst_m, 0.003);
-  constexpr double kFirstSight_m = 0.05;  // nobody said where W is: tags stay where they came to be
+  constexpr double kFirstSight_m = 0.05;  // W is not defined: tags keep their initial poses
   EXPECT_LT((solution->tags.front().X_WT.p - expected.p).norm(), kFirstSight_m);
 }
 
@@ -102,7 +102,7 @@ TEST(MapGraphSimulation, TwoBodiesWithoutAWorkspaceAreOneComponent) {
   EXPECT_NE(component, 0);
   for (const GraphNode& node : graph.state().nodes) EXPECT_EQ(node.component, component);
   ASSERT_EQ(graph.state().tags.size(), 3u);
-  // Before anything is solved, the second one stands where its tags say.
+  // Before the first solution, the second one is placed by its tags.
   std::map<int, Pose> places;
   for (const GraphTag& tag : graph.state().tags) places[tag.tag_id] = tag.X_WT;
   for (const auto& [tag_id, X] : places) {
@@ -241,7 +241,7 @@ TEST(MapGraphSimulation, AMapThatHangsOnItsReferenceTagGoesOnDoingSo) {
       EXPECT_LT((after->tags[i].X_WT.p - before->tags[i].X_WT.p).norm(), 1e-5);
       continue;
     }
-    // A second more says little of the heading that the others' places hang on.
+    // One more second has little information about the heading that the others depend on.
     EXPECT_LT(is, 1.01 * was);
     EXPECT_GT(is, 0.3 * was);
   }

@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include "base/so3.hpp"
-#include "mapping/graph/graph_datum.hpp"
+#include "base/pose.hpp"
+#include "mapping/tag_map.hpp"
 #include "simulation/filter_run.hpp"
 
 namespace fiducap {
@@ -45,7 +45,7 @@ TEST(MapRefinerSimulation, TwoRobotsMakeOneMapThatKnowsHowGoodItIs) {
   std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
   for (const KnownTag& tag : run.map.known->tags)
     points.emplace_back(tag.X_WT.p, robots.front().tag(tag.tag_id)->X_WT.p);
-  const Pose level = lay_over(points);
+  const Pose level = fit_yaw_and_shift(points);
   double square = 0;
   for (const KnownTag& tag : run.map.known->tags)
     square += (level * tag.X_WT.p - robots.front().tag(tag.tag_id)->X_WT.p).squaredNorm();

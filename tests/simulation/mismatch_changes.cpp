@@ -7,10 +7,10 @@
 #include <numbers>
 #include <utility>
 
-#include "base/so3.hpp"
-#include "simulation/corner_camera.hpp"
+#include "base/pose.hpp"
 #include "simulation/random.hpp"
 #include "simulation/room_shape.hpp"
+#include "simulation/sensor_models.hpp"
 
 namespace fiducap::mismatch {
 

@@ -9,8 +9,7 @@
 
 #include "simulation/estimation_data.hpp"
 
-// What can be done to simulated samples so that they, or what a filter is told, are not as the
-// configuration says.
+// Changes of simulated samples or of the configuration that make them disagree.
 namespace fiducap::mismatch {
 
 /// Every image with its number and its time since the first sample.
@@ -18,16 +17,16 @@ void for_images(EstimationData& data,
                 const std::function<void(CornerFrame&, std::size_t k, double t_s)>& work);
 /// Seconds from the first sample to the last.
 [[nodiscard]] double length_s(const EstimationData& data);
-/// The tags that are seen most, without the reference; fewer when there are not so many.
+/// At most `count` tags that are seen most, without the reference.
 [[nodiscard]] std::vector<int> often_seen(const EstimationData& data, std::size_t count);
 
 void shift_stamps(EstimationData& data, double from_s, double by_s);
 void jitter_stamps(EstimationData& data, double sigma_s, std::uint64_t seed);
-/// Prints are so much larger than the filter is told. @param only  nullopt: all
+/// Tags are larger than configured. @param only  nullopt: all
 void print_larger(EstimationData& data, double factor, std::optional<int> only = {});
 void lengthen_told_lens(EstimationData& data, double factor);
 void move_told_centre(EstimationData& data, const Eigen::Vector2d& by_px);
-/// The lens has more distortion than is told, by so much of its first two coefficients.
+/// The lens has more distortion than configured, by these first two coefficients.
 void bend_images(EstimationData& data, double k1, double k2 = 0);
 /// No tags in [k · every, k · every + length), k > 0.
 void blind(EstimationData& data, double every_s, double length_s);
@@ -39,7 +38,7 @@ void swap_imu_axes(EstimationData& data);
 void turn_told_camera(EstimationData& data, double angle_rad);
 /// From a time on each of the two tags is reported with the other one's id.
 void swap_ids(EstimationData& data, int a, int b, double from_s);
-/// From a time on the tag hangs where it is said to. @param key  of its noise
+/// Moves the tag from a time on. @param key  of its noise
 void carry(EstimationData& data, int tag_id, double from_s,
            const std::function<Pose(double t_s)>& X_WT, std::uint64_t key);
 /// Where a tag on a door hangs. @param share  0: closed, in its place … 1: open by 60°

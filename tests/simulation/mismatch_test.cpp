@@ -1,5 +1,5 @@
-// A world that is not as the configuration says costs accuracy in proportion, the sigma covers the
-// error, and the cause is named: through the live path, a few seeds of each. The whole table is
+// Wrong configuration costs accuracy in proportion, the sigma covers the error, and the cause is
+// reported: through the live path, a few seeds of each. The whole table is
 // `fiducap_estimation_bench mismatch` (docs/design/mismatch.md).
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -86,16 +86,16 @@ TEST_P(MismatchedTable, CostsLittleIsCoveredAndNamed) {
   EXPECT_LT(nees, expected.most_nees);
 }
 
-// Before any of this was reckoned with: prints 9 mm and NEES 15, misread reference 590 mm, IMU NEES
-// 15, and not a word. An IMU that is noisier than declared is noticed after some seconds, and the
-// start is followed again with what was learned.
+// Without these tests: tag sizes 9 mm and NEES 15, misread reference 590 mm, IMU NEES 15, and no
+// report. An IMU noisier than configured is detected after some seconds, and the start is processed
+// again with the learned noise.
 INSTANTIATE_TEST_SUITE_P(
     ElevenWorlds, MismatchedTable,
     testing::Values(Expected{"nothing", 0.005, 2.0, nullptr},
                     Expected{"prints 2 %", 0.005, 3.0, "all tags seem"},
                     Expected{"focal 1 %", 0.005, 3.0, "the lens seems"},
                     Expected{"barrel", 0.005, 2.5, "distortion k1 seems"},
-                    Expected{"readout 15 ms", 0.005, 2.5, "exposed in turn"},
+                    Expected{"readout 15 ms", 0.005, 2.5, "rolling shutter"},
                     Expected{"stamps 3 ms", 0.005, 2.5, "stamps seem to jitter"},
                     Expected{"IMU x5", 0.016, 3.0, "times as noisy"},
                     Expected{"jump 0.2 s", 0.005, 2.5, "has jumped by 0.20 s"},
@@ -118,8 +118,8 @@ TEST(MismatchedSparse, AJumpIsBridgedWithWhatTheImuKnows) {
   EXPECT_THAT(done.said, testing::Contains(testing::HasSubstr("has jumped by 0.2")));
 }
 
-// Before it was told, or estimated: 13.7 mm where 2.3 were possible, NEES 25, and prints were
-// blamed.
+// Neither configured nor estimated: 13.7 mm where 2.3 were possible, NEES 25, and tag sizes
+// reported.
 TEST(MismatchedGravity, CostsNothingOnceItIsToldAndBlamesNoPrint) {
   constexpr double kAsGood = 1.2;
   for (const char* world : {"table", "sparse"}) {
@@ -138,7 +138,7 @@ TEST(MismatchedAxes, NeverGiveAPoseThatIsElsewhere) {
     EXPECT_LT(outcome_of(mismatch, "table", 31).largest_m, 0.5) << mismatch;
 }
 
-/// A camera alone, a table, and a lens that is 8 % longer than what is told.
+/// A single camera, a table, and a lens that is 8 % longer than configured.
 FilterRun guessed_lens(double focal_sigma, bool refines) {
   EstimationData data = simulate({.world = "table", .seconds = 25, .seed = 41, .has_imu = false});
   mismatch::lengthen_told_lens(data, 1 / 1.08);
@@ -160,8 +160,8 @@ TEST(GuessedLens, IsLearnedWhenItsSigmaIsTold) { expect_refined(guessed_lens(0.1
 
 TEST(GuessedLens, IsLearnedWhenLensesAreRefined) { expect_refined(guessed_lens(0, true)); }
 
-/// A lens that is told as one without distortion, its sigmas with it, and has two coefficients of
-/// it: of which only the first is learned.
+/// A lens configured without distortion, with sigmas, that has two coefficients: only the first is
+/// learned.
 TEST(GuessedLens, HasMoreDistortionThanIsLearnedWithoutBeingSureOfIt) {
   EstimationData data = simulate({.world = "table", .seconds = 25, .seed = 41});
   mismatch::bend_images(data, -0.12, 0.04);
@@ -176,7 +176,7 @@ TEST(GuessedLens, HasMoreDistortionThanIsLearnedWithoutBeingSureOfIt) {
   EXPECT_THAT(run.said, testing::Contains(testing::HasSubstr("k1 -0.1")));
 }
 
-/// Rendered images of a lens that is 8 % shorter than what is told as exact.
+/// Rendered images of a lens that is 8 % shorter than configured as exact.
 double rmse_behind_a_wrong_lens(std::uint64_t seed) {
   EstimationData data =
       simulate({.world = "table", .seconds = 25, .seed = seed, .images_for = "world"});
@@ -187,8 +187,8 @@ double rmse_behind_a_wrong_lens(std::uint64_t seed) {
   return run_filter(data, choice).scored_after(10).position_rmse_m();
 }
 
-/// 4 to 6 mm; 4 to 70 when images are gated by what sharp corners allow before the lens is doubted,
-/// 5 to 28 when a start that is followed again believes in the lens once more.
+/// 4 to 6 mm; 4 to 70 when images are gated with sharp corners before the lens is opened, 5 to 28
+/// when a start that is processed again begins with the configured lens.
 TEST(ToldLens, IsDoubtedSoonAndForGood) {
   for (std::uint64_t seed = 41; seed <= 45; ++seed)
     EXPECT_LT(rmse_behind_a_wrong_lens(seed), 0.012) << "seed " << seed;
@@ -203,7 +203,7 @@ TEST(MismatchedSparse, SwappedPrintsAreGivenUpAndFoundAgainWithoutAReset) {
 struct BehindALens {
   double map_nees{};
   double pose_nees{};
-  int wronged{};  ///< Tags that were taken out of the map, or said to be elsewhere.
+  int wronged{};  ///< Tags removed from the map, or reported as moved.
   std::size_t said{};
 };
 

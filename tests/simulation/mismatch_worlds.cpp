@@ -20,7 +20,7 @@ void outages(SimulatedDataSetup& setup, const EstimationData& clean) {
   setup.faults.moved_by_m = {0.2, 0.2, 0.1};
 }
 
-/// Late by a clock, with lost readings and a camera that sits elsewhere (told with that sigma).
+/// Late by a clock, with lost samples and a displaced camera (configured with that sigma).
 void thirty_five_ms(SimulatedDataSetup& setup, const EstimationData&) {
   setup.faults.image_stamp_error_s = 0.035;
   setup.faults.drop_imu = 0.02;
@@ -61,7 +61,7 @@ std::vector<Mismatch> of_sensors() {
       {"gravity 9.78 told", at_equator,
        [](EstimationData& d, std::uint64_t) {
          d.gravity_m_s2 = kAtEquator_m_s2;
-         d.gravity_sigma_m_s2 = kToldGravitySigma_m_s2;
+         d.gravity_sigma_m_s2 = kGivenGravitySigma_m_s2;
        }},
   };
 }

@@ -9,7 +9,7 @@
 
 namespace fiducap {
 
-/// One way in which a world is not as the configuration says.
+/// One difference between world and configuration.
 struct Mismatch {
   using Setup = std::function<void(SimulatedDataSetup&)>;
   using Faults = std::function<void(SimulatedDataSetup&, const EstimationData& clean)>;
@@ -17,7 +17,7 @@ struct Mismatch {
 
   std::string name;
   Faults faults{};  ///< What the simulator does otherwise, …
-  Data data{};      ///< … what becomes of its samples, or of what the filter is told.
+  Data data{};      ///< … changes of its samples or of the configuration.
   /// What differs from the other rows without being wrong: the run that this one is compared with
   /// has it too. Rows with the same word in `base` share that run.
   std::string base{};

@@ -1,9 +1,9 @@
-// A tag that somebody moves while robots map: pipelines, builder and refiner as in the server, in
-// virtual time.
+// A tag that is moved while robots map: pipelines, builder and refiner as in the server, in virtual
+// time.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "simulation/filter_run.hpp"
 
 namespace fiducap {
@@ -16,7 +16,7 @@ constexpr double kMovedAt_s = 20;
 constexpr double kRefine_s = 2;
 const Eigen::Vector3d kMovedBy(0.2, -0.2, 0.1);
 
-/// Two that walk the same part of the ring: whoever sees the tag, both have to use it.
+/// Two that walk the same part of the ring: both have to use the tag that one of them sees.
 class MovedTagSimulation : public testing::Test {
  protected:
   MovedTagSimulation() {

@@ -18,7 +18,7 @@
 #include "support/fiducapd_process.hpp"
 #include "support/frozen_file.hpp"
 #include "support/running_server.hpp"
-#include "tools/live/control_command.hpp"
+#include "tools/live/live_verbs.hpp"
 
 namespace fiducap {
 namespace {
@@ -61,8 +61,8 @@ class Operator final {
     arguments_.name = name;
     return run(run_control_record);
   }
-  int stop(double patience_s = 30) {
-    arguments_.patience_s = patience_s;
+  int stop(double timeout_s = 30) {
+    arguments_.timeout_s = timeout_s;
     return run(run_control_stop);
   }
   int list() { return run(run_control_list); }

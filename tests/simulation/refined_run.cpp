@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "base/assert.hpp"
+#include "base/expected.hpp"
 #include "pipeline/replay/offline_run.hpp"
 #include "support/memory_source.hpp"
 

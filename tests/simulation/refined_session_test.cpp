@@ -10,8 +10,8 @@
 #include "base/whole_file.hpp"
 #include "support/running_server.hpp"
 #include "support/temporary_folder.hpp"
-#include "tools/replay/replay_command.hpp"
-#include "tools/replay/session_folder.hpp"
+#include "tools/replay/replay_inputs.hpp"
+#include "tools/replay/replay_verbs.hpp"
 
 namespace fiducap {
 namespace {
@@ -20,7 +20,7 @@ using namespace std::chrono_literals;
 
 class RefinedSessionTest : public testing::Test {
  protected:
-  /// Three robots in real time until the map has taken over so many solutions.
+  /// Three robots in real time until the map has adopted this number of solutions.
   void serve_and_record(int refinements) {
     ServerConfig config = corner_demo();
     config.map.builder.refine_period_s = 0.5;
@@ -39,7 +39,7 @@ class RefinedSessionTest : public testing::Test {
                                                   [](const auto& t) { return t.adopted; }))
                  : 0;
   }
-  /// @return what the replay's report says about the live estimates
+  /// @return the replay's report about the live estimates
   nlohmann::json replay() {
     ReplayArguments arguments;
     arguments.recordings = {session()};

@@ -1,6 +1,6 @@
 #include "simulation/rendered_corners.hpp"
 
-#include "base/this_thread.hpp"
+#include "base/process.hpp"
 #include "simulation/room_shape.hpp"
 
 namespace fiducap {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "detection/points/point_tracker.hpp"
-#include "detection/tracking/tag_search.hpp"
+#include "detection/tag_search.hpp"
 #include "simulation/simulation.hpp"
 
 namespace fiducap {

@@ -8,8 +8,8 @@
 #include <set>
 #include <stdexcept>
 
-#include "base/so3.hpp"
-#include "mapping/graph/graph_datum.hpp"
+#include "base/pose.hpp"
+#include "mapping/tag_map.hpp"
 #include "pipeline/replay/offline_run.hpp"
 #include "simulation/simulation.hpp"
 
@@ -69,7 +69,7 @@ Robot robot(const std::string& preset, std::uint64_t seed, int day, bool has_imu
   return out;
 }
 
-/// Ten times a second, drifting as it says, in axes that are as level as it can tell.
+/// At 10 Hz, drifting as configured, in approximately level axes.
 std::shared_ptr<const Odometry> odometry_of(const Robot& robot, std::uint64_t seed) {
   constexpr Duration kPeriod = std::chrono::milliseconds(100);
   Odometry out;
@@ -94,7 +94,7 @@ std::shared_ptr<const Odometry> odometry_of(const Robot& robot, std::uint64_t se
   return std::make_shared<const Odometry>(std::move(out));
 }
 
-/// In what odometry is not as it says, and what is said of that: nullptr, nothing.
+/// Error of the odometry and the report expected; nullptr: none.
 struct WrongOdometry {
   const char* name;
   const char* says;
@@ -107,16 +107,16 @@ const WrongOdometry kWrongOdometry[] = {
      [](Odometry& odometry, Instant) {
        for (StampedPose& pose : odometry.poses) pose.X_WB.p *= 1.03;
      }},
-    {"stamps_50_ms", "moves otherwise",
+    {"stamps_50_ms", "differs from the motion",
      [](Odometry& odometry, Instant) {
        for (StampedPose& pose : odometry.poses) pose.at += std::chrono::milliseconds(50);
      }},
-    {"drift_times_5", "moves otherwise",
+    {"drift_times_5", "differs from the motion",
      [](Odometry& odometry, Instant) {
        odometry.move_noise_m /= 5;
        odometry.turn_noise_rad /= 5;
      }},
-    {"jump_1_m", "moves otherwise",
+    {"jump_1_m", "differs from the motion",
      [](Odometry& odometry, Instant start) {
        for (StampedPose& pose : odometry.poses)
          if (pose.at - start > std::chrono::seconds(12)) pose.X_WB.p.x() += 1;
@@ -147,7 +147,7 @@ Pose map_over_truth(const TagMap& map, const std::vector<RecordedTag>& tags) {
   for (const RecordedTag& tag : tags)
     if (const MapTag* entry = map.find(tag.tag_id))
       points.emplace_back(tag.X_WT.p, entry->tag.X_WT.p);
-  return lay_over(points);
+  return fit_yaw_and_shift(points);
 }
 
 Vector6d error_of(const Pose& X, const Pose& truth) {
@@ -244,8 +244,8 @@ INSTANTIATE_TEST_SUITE_P(OfRobots, ResolveSimulation,
 
 class OdometryThatIsWrong : public testing::TestWithParam<WrongOdometry> {};
 
-// Images decide, and it is said. Where nobody can know which of two is wrong (how it sits on the
-// body, how the camera does), or what is up (there is none of this time), that is said.
+// Images decide, and it is reported. It is also reported where either of two may be wrong (mounting
+// of the odometry or of the camera) or where the vertical is unknown.
 TEST_P(OdometryThatIsWrong, IsNotBelievedOrIsToldOf) {
   constexpr int kSeeds = 3;
   const WrongOdometry& wrong = GetParam();
@@ -369,8 +369,8 @@ double nees_of(const TagMap& map, const std::vector<RecordedTag>& tags) {
   return sum / numbers;
 }
 
-// Corners of rendered images are better than what is told of them, since some of their errors may
-// last as long as a tag is in view: there it is 0.3 to 0.5.
+// Corners of rendered images are better than configured, as some of their errors may persist while
+// a tag is in view: there it is 0.3 to 0.5.
 TEST(MapOfTwoRobotsOnTwoDays, IsAsFarOffAsItSays) {
   constexpr int kSeeds = 10;
   double nees = 0;

@@ -98,8 +98,8 @@ class TruthMeter final {
 };
 
 TEST(ServerOnLoopback, StreamsThreeRobotsWhereTheyReallyAre) {
-  // The map is a few seconds old and the drone's camera is 8 mm and 0.5 degrees off what it
-  // believes; three times what was measured when this was written.
+  // The map is a few seconds old and the drone's camera differs by 8 mm and 0.5 degrees from the
+  // configuration; three times the measured error.
   constexpr double kPosition_m = 0.15;
   constexpr double kAttitude_rad = 0.02;
   const ServerConfig config = corner_demo();

@@ -3,9 +3,10 @@
 #include <gtest/gtest.h>
 
 #include "base/whole_file.hpp"
+#include "daemon/config/config_file.hpp"
 #include "daemon/setup/setup_files.hpp"
 #include "daemon/setup/setup_guide.hpp"
-#include "daemon/setup/simulated_rig.hpp"
+#include "daemon/setup/setup_rig.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {
@@ -29,7 +30,7 @@ class UnpacedRig final : public SetupRig {
     return {};
   }
   Expected<void> use(const ImuSourceConfig&) override { return {}; }
-  void let_go_of_imu() override {}
+  void close_imu() override {}
   void begin(SetupStep step) override { rig_.begin(step); }
   std::optional<simulation::SimulatedBodyConfig> simulated() const override { return rig_.body(); }
 
@@ -65,7 +66,7 @@ class SetupTest : public testing::Test {
 
   UnpacedRig rig_;
   SetupGuide guide_{rig_, [] {}};
-  Duration late_{0};  ///< Images are stamped so much later than they were taken.
+  Duration late_{0};  ///< Delay of the images' stamps.
 };
 
 TEST_F(SetupTest, LeadsFromNoCameraToAConfigurationThatIsRight) {
@@ -111,7 +112,7 @@ TEST_F(SetupTest, LeadsFromNoCameraToAConfigurationThatIsRight) {
     EXPECT_FALSE(guide_.verdict()->is_refused) << verdict();
     const CameraMount& mount = guide_.result().camera.mount;
     EXPECT_NEAR(to_seconds(mount.time_shift), -0.03, kClock_s) << verdict();
-    // What half a minute of waving tells, and no more than it says.
+    // Information of half a minute of waving.
     EXPECT_LT(mount.position_sigma_m, kPlace_m) << verdict();
     EXPECT_LT((mount.X_BV.p - truth.X_BV.p).norm(), kSigmas * mount.position_sigma_m) << verdict();
     EXPECT_LT(mount.X_BV.q.angularDistance(truth.X_BV.q), kTurn_rad) << verdict();
@@ -178,7 +179,7 @@ TEST(SetupFile, WhereNothingCanBeWrittenIsSaidBeforeTheSteps) {
   EXPECT_THAT(in_nothing.error().text(), HasSubstr("no such folder"));
   const auto a_folder = can_write_setup(folder.path().string());
   ASSERT_FALSE(a_folder);
-  EXPECT_THAT(a_folder.error().text(), HasSubstr("is no file"));
+  EXPECT_THAT(a_folder.error().text(), HasSubstr("must be a file"));
 }
 
 TEST(SetupSheet, IsAPdfOfTwelveTagsOrSaysWhatWasExpected) {

@@ -15,7 +15,7 @@ SizeRun run(const Misprint& misprint, bool has_imu = true) {
                    misprint);
 }
 
-TEST(SizeCheckSimulation, SaysNothingOfRightSizes) {
+TEST(SizeCheckSimulation, DoesNotReportRightSizes) {
   for (const bool has_imu : {true, false}) {
     const SizeRun all = run({"right"}, has_imu);
     EXPECT_TRUE(all.said.empty());

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "estimation/checks/rejection_watch.hpp"
+#include "estimation/checks/size_check.hpp"
 #include "pipeline/body_pipeline.hpp"
 
 namespace fiducap {
@@ -43,7 +43,7 @@ SizeRun run_check(const EstimationData& data, const std::string& filter, int tag
       if (rejections.add(update->report)) out.rejection_said_at_s.push_back(t);
       if (!update->estimate) continue;
       check.add({update->seen, *update->estimate, update->report, update->beliefs, {}});
-      if (const auto news = check.take_news()) out.said.push_back({t, *news});
+      if (const auto news = check.take_event()) out.said.push_back({t, *news});
     }
   };
   for (const SensorSample& sample : data.samples) {

@@ -10,15 +10,15 @@
 
 namespace fiducap {
 
-/// Tags whose print has another size than a filter is told.
+/// Tags with another size than configured.
 struct Misprint {
   std::string name;
-  double all{1};  ///< printed / told, of every tag
+  double all{1};  ///< printed / configured, of every tag
   double one{1};  ///< … and besides of the tag that is seen most (not the reference)
   std::function<void(simulation::FaultConfig&, int most_seen_tag, double seconds)> fault{};
 };
 
-/// What is said during a run, and when.
+/// Reports during a run, with times.
 struct SizeRun {
   struct Said {
     double at_s{};  ///< Since the first sample.

@@ -6,7 +6,7 @@
 
 #include <Eigen/Dense>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap {
 

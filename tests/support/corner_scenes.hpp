@@ -5,8 +5,8 @@
 #include <random>
 #include <vector>
 
-#include "base/so3.hpp"
-#include "detection/tracking/expected_tag.hpp"
+#include "base/pose.hpp"
+#include "detection/tag_search.hpp"
 #include "simulation/room_shape.hpp"
 #include "unit/simulation/robot.hpp"
 #include "unit/simulation/still_camera.hpp"

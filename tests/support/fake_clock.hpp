@@ -2,7 +2,7 @@
 
 #include <atomic>
 
-#include "base/clock.hpp"
+#include "base/time.hpp"
 
 namespace fiducap {
 

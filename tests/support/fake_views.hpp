@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "streaming/camera_views.hpp"
+#include "streaming/page_api.hpp"
 
 namespace fiducap {
 
@@ -13,8 +13,8 @@ namespace fiducap {
 class FakeViews final : public CameraViews {
  public:
   std::vector<Camera> all{{1, 0, 752, 480, 20}, {1, 1, 640, 400, 20}, {2, 0, 752, 480, 30}};
-  std::map<std::size_t, std::optional<ViewWish>> watched;  ///< As asked for last.
-  int asked{0};                                            ///< How often.
+  std::map<std::size_t, std::optional<ViewRequest>> watched;  ///< As asked for last.
+  int asked{0};                                               ///< How often.
   std::map<std::size_t, Picture> made;
 
   void make(std::size_t camera, std::string text) {
@@ -22,8 +22,8 @@ class FakeViews final : public CameraViews {
   }
 
   [[nodiscard]] const std::vector<Camera>& cameras() const override { return all; }
-  void watch(std::size_t camera, const std::optional<ViewWish>& wish) override {
-    watched[camera] = wish;
+  void watch(std::size_t camera, const std::optional<ViewRequest>& request) override {
+    watched[camera] = request;
     ++asked;
   }
   [[nodiscard]] Picture take(std::size_t camera) override {

@@ -6,12 +6,12 @@
 #include <string_view>
 #include <utility>
 
-#include "streaming/setup_desk.hpp"
+#include "streaming/page_api.hpp"
 
 namespace fiducap {
 
 /// A set-up that only notes what it was asked.
-class NotedSetup final : public SetupDesk {
+class NotedSetup final : public SetupApi {
  public:
   static constexpr std::string_view kSecret = "00112233445566778899aabbccddeeff";
 

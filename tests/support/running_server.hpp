@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "daemon/server.hpp"
-#include "daemon/system_clock.hpp"
+#include "daemon/system.hpp"
 
 namespace fiducap {
 

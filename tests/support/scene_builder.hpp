@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "scene/scene_frame.hpp"
 
 namespace fiducap {

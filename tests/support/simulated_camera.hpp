@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "capture/encoded_size.hpp"
-#include "capture/v4l2/v4l2_port.hpp"
+#include "capture/gray_image.hpp"
+#include "capture/v4l2/device.hpp"
 #include "support/fake_clock.hpp"
 
 namespace fiducap::v4l2 {

@@ -2,17 +2,17 @@ import { element } from './dom';
 
 export interface Question {
   title: string;
-  /** What will happen. */
+  /** Consequences. */
   text: string;
-  /** On the button that does it. */
+  /** Label of the confirming button. */
   yes: string;
-  /** Something to be typed; without it only yes or no is asked. */
+  /** A text field; without it the question is yes or no. */
   field?: { label: string; lines?: number; placeholder?: string; required?: boolean };
-  /** @returns what is wrong with what was typed; empty: nothing */
+  /** @returns the fault of the typed text; empty: none */
   check?: (typed: string) => string;
 }
 
-/** A dialog over the page. @returns what was typed (empty without a field); null: no */
+/** A dialog over the page. @returns the typed text (empty without a field); null: no */
 export function ask(question: Question): Promise<string | null> {
   const dialog = element('dialog', 'ask');
   const form = element('form');

@@ -11,7 +11,7 @@ interface Column {
   /** Beside the heading instead of beside every value. */
   fixedUnit?: string;
   read(body: BodyFrame): Quantity;
-  /** More about the value, on pointing at it. */
+  /** Tooltip of the value. */
   hint?(body: BodyFrame): string;
 }
 
@@ -25,7 +25,7 @@ const axis = (name: string, i: 0 | 1 | 2, span: number): Column => ({
   read: (body) => ({ value: fixed(body.pose?.p[i] ?? null, 3), unit: '' }),
 });
 
-// Two rows per body: where it is in large figures, how well that is known below. z and speed rarely need five digits.
+// Two rows per body: the pose in large figures, its quality below. z and speed rarely need five digits.
 const PLACE: Column[] = [
   axis('x', 0, 13),
   axis('y', 1, 13),
@@ -168,7 +168,7 @@ export class BodiesTable {
   }
 }
 
-/** What the number cells cannot say by themselves. */
+/** Conditions that the number cells do not show. */
 function noteFor(body: BodyFrame): string {
   if (!body.pose) return 'no pose';
   if (!body.valid) return 'last known';

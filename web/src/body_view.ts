@@ -40,7 +40,7 @@ export class BodyView {
   readonly group = new Group();
   readonly trail: Trail;
   readonly label = element('div', 'tagname');
-  /** Where it is drawn now, between the last two frames. */
+  /** Present position of the drawing, between the last two frames. */
   readonly shown = new Vector3();
   private readonly marker = new Group();
   private readonly dartMaterial: MeshLambertMaterial;
@@ -54,7 +54,7 @@ export class BodyView {
   private readonly toQ = new Quaternion();
   private readonly stateText = element('span', 'substate');
   private placed = false;
-  // Measured once per text: asking the browser at every step would make it lay out the page.
+  // Measured once per text: each query makes the browser lay out the page.
   private labelSize: { width: number; height: number } | null = null;
   private frame: BodyFrame | null = null;
   private sigmaScale = 0;
@@ -91,7 +91,7 @@ export class BodyView {
       this.placed = false;
       return;
     }
-    // From where it is drawn; from its last goal when nothing was drawn since (a slow screen must not stand still).
+    // From where it is drawn; from its last goal when nothing was drawn since (a slow screen must not freeze).
     const [w, x, y, z] = frame.pose.q;
     if (!this.placed) {
       this.shown.set(...frame.pose.p);
@@ -128,7 +128,7 @@ export class BodyView {
     this.ellipsoid.matrix.setPosition(this.shown);
   }
 
-  /** Where the name would like to be: above the marker. null: out of sight. @param width, height  of the stage */
+  /** Preferred place of the name: above the marker. null: out of sight. @param width, height  of the stage */
   labelBox(camera: Camera, width: number, height: number): Box | null {
     const at = this.shown.clone().project(camera);
     this.label.hidden = !this.placed || at.z > 1 || Math.abs(at.x) > 1.05 || Math.abs(at.y) > 1.05;
@@ -152,7 +152,7 @@ export class BodyView {
     });
   }
 
-  /** A pose that may not be used is grey and hollow, whatever it once was. */
+  /** An invalid pose is grey and hollow. */
   private dress(frame: BodyFrame): void {
     this.dartMaterial.color.set(frame.valid ? this.colour : ROOM.invalid);
     this.dartMaterial.wireframe = !frame.valid;

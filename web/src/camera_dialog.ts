@@ -1,7 +1,7 @@
 import { element, setText } from './dom';
 import { duration, fixed } from './format';
 import { draw, drawHistogram, KIND_STYLE, outlineAt, type Shown } from './view_canvas';
-import { OUTLINE_KINDS, type CameraInfo, type Outline, type OutlineKind, type Wish } from './view_protocol';
+import { OUTLINE_KINDS, type CameraInfo, type Outline, type OutlineKind, type PictureRequest } from './view_protocol';
 import { exposureVerdict, KIND_WORD, outlineWords, rateVerdict, sharpnessVerdict, sizeVerdict, type Verdict } from './view_words';
 
 const SHARP_FROM_PX = 1280;
@@ -14,7 +14,7 @@ function sameSquare(one: Outline, outlines: Outline[]): Outline | null {
   return outlines.find((other) => other.kind === one.kind && other.id === null && off(other) < SAME_SQUARE_PX) ?? null;
 }
 
-/** One camera, large: outlines to point at, exposure, sharpness, and what to do about them. */
+/** One camera, large: outlines to point at, exposure, sharpness, with remedies. */
 export class CameraDialog {
   private readonly dialog = element('dialog', 'camera-view');
   private readonly title = element('h2');
@@ -32,7 +32,7 @@ export class CameraDialog {
   private chosen: Outline | null = null;
   private isPinned = false;
 
-  /** @param changed  another wish than before, or none */
+  /** @param changed  the request has changed */
   constructor(private readonly changed: () => void) {
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute('role', 'img');
@@ -81,8 +81,8 @@ export class CameraDialog {
     this.changed();
   }
 
-  /** What it wants to see; null: it is closed. */
-  wish(): Wish | null {
+  /** The pictures that it needs; null: it is closed. */
+  request(): PictureRequest | null {
     if (!this.camera) return null;
     const shown = Math.ceil(this.canvas.clientWidth * Math.min(2, window.devicePixelRatio || 1));
     const width = this.isFull() ? this.camera.width : Math.min(this.camera.width, Math.max(640, Math.min(shown, 960)));
@@ -95,7 +95,7 @@ export class CameraDialog {
     };
   }
 
-  /** Of whatever camera; only its own is drawn. */
+  /** Of any camera; only its own is drawn. */
   receive(shown: Shown): void {
     const { view } = shown;
     if (this.camera?.body !== view.body || this.camera.camera !== view.camera) return;
@@ -103,7 +103,7 @@ export class CameraDialog {
     this.show(shown);
   }
 
-  tellAge(ageMs: number | null, stale: boolean): void {
+  showAge(ageMs: number | null, stale: boolean): void {
     this.dialog.classList.toggle('stale', stale);
     const { value, unit } = duration(ageMs);
     const view = this.shown?.view;

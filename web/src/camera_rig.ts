@@ -6,7 +6,7 @@ const OBLIQUE = new Vector3(0.24, -0.9, 0.88).normalize();
 const DOWN = new Vector3(0, -0.001, 1).normalize();
 const FILLED_WIDTH = 0.95;
 const FILLED_HEIGHT = 0.88;
-// The buttons stand at the upper edge: the middle of the picture is a little below that of the stage.
+// The buttons are at the upper edge: the middle of the picture is a little below that of the stage.
 const BELOW_MIDDLE = 0.05;
 const FLIGHT_MS = 450;
 const FOLLOW_DISTANCE_M = 4.5;
@@ -23,19 +23,19 @@ interface Flight {
 export class CameraRig {
   readonly camera = new PerspectiveCamera(38, 1, 0.05, 500);
   readonly controls: OrbitControls;
-  /** True once somebody moved the camera: the room then no longer moves it by itself. */
+  /** True once the user has moved the camera: then it is not moved automatically any more. */
   touched = false;
   private flight: Flight | null = null;
   private followed: Vector3 | null = null;
 
   constructor(
     canvas: HTMLElement,
-    private readonly calm: boolean,
+    private readonly reducedMotion: boolean,
     changed: () => void,
   ) {
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
-    this.controls.enableDamping = !calm;
+    this.controls.enableDamping = !reducedMotion;
     this.controls.dampingFactor = 0.12;
     this.controls.maxPolarAngle = Math.PI * 0.495;
     this.controls.minDistance = 0.5;
@@ -80,7 +80,7 @@ export class CameraRig {
     this.camera.position.copy(toZUp(new Vector3().setFromSpherical(away))).add(this.controls.target);
   }
 
-  /** @returns true while the camera still moves by itself. */
+  /** @returns true while the camera still moves. */
   step(at: number): boolean {
     if (this.flight) this.fly(this.flight, at);
     else if (this.followed) {
@@ -89,11 +89,11 @@ export class CameraRig {
       this.camera.position.add(moved);
     }
     const drifting = this.controls.update();
-    return this.flight !== null || (drifting && !this.calm);
+    return this.flight !== null || (drifting && !this.reducedMotion);
   }
 
   private go(eye: Vector3, target: Vector3, at: number | null): void {
-    if (at === null || this.calm) {
+    if (at === null || this.reducedMotion) {
       this.flight = null;
       this.camera.position.copy(eye);
       this.controls.target.copy(target);
@@ -107,7 +107,7 @@ export class CameraRig {
   private fly(flight: Flight, at: number): void {
     const part = Math.min(1, Math.max(0, (at - flight.startedAt) / FLIGHT_MS));
     const eased = part * part * (3 - 2 * part);
-    // A followed body moves on while the camera comes.
+    // A followed body moves while the camera approaches it.
     const shift = this.followed ? this.followed.clone().sub(flight.toTarget) : new Vector3();
     this.camera.position.lerpVectors(flight.fromEye, flight.toEye.clone().add(shift), eased);
     this.controls.target.lerpVectors(flight.fromTarget, flight.toTarget.clone().add(shift), eased);
@@ -150,7 +150,7 @@ export class CameraRig {
   }
 }
 
-// Spherical knows y as up.
+// In Spherical y is up.
 function toYUp(v: Vector3): Vector3 {
   return new Vector3(v.x, v.z, -v.y);
 }

@@ -3,7 +3,7 @@ import { element, setText } from './dom';
 import { duration, fixed } from './format';
 import { draw, type Shown } from './view_canvas';
 import { ViewLink, viewsUrl } from './view_link';
-import type { CameraInfo, OutlineKind, ViewList, ViewPicture, Wish } from './view_protocol';
+import type { CameraInfo, OutlineKind, ViewList, ViewPicture, PictureRequest } from './view_protocol';
 import { exposureVerdict, rateVerdict, sharpnessVerdict, worstOf } from './view_words';
 
 const TILE_WIDTH_PX = 320;
@@ -23,11 +23,11 @@ interface Tile {
   isVisible: boolean;
 }
 
-/** All cameras, small; one at a time large. Asks for pictures of what can be seen only. */
+/** All cameras, small; one at a time large. Requests only pictures that are visible. */
 export class CamerasPanel {
   private readonly notice = element('p', 'empty');
   private readonly grid = element('div', 'tiles');
-  private readonly dialog = new CameraDialog(() => this.wishAgain());
+  private readonly dialog = new CameraDialog(() => this.requestAgain());
   private readonly link: ViewLink;
   private readonly watcher = new IntersectionObserver((seen) => this.sawTiles(seen));
   private tiles: Tile[] = [];
@@ -36,7 +36,7 @@ export class CamerasPanel {
   private isOpen = false;
   private serverMs: { utc: number; at: number } | null = null;
 
-  /** @param page  its address   @param token  of the operator, once it is known   @param unlock  shows where it is typed */
+  /** @param page  its address   @param token  of the operator, once it is known   @param unlock  shows its field */
   constructor(
     private readonly host: HTMLElement,
     page: string,
@@ -52,8 +52,8 @@ export class CamerasPanel {
     open.type = 'button';
     open.addEventListener('click', unlock);
     host.append(this.notice, open, this.grid);
-    document.addEventListener('visibilitychange', () => this.wishAgain());
-    setInterval(() => this.tellAges(), LOOK_MS);
+    document.addEventListener('visibilitychange', () => this.requestAgain());
+    setInterval(() => this.showAges(), LOOK_MS);
   }
 
   setBodies(bodies: { id: number; name: string }[]): void {
@@ -62,7 +62,7 @@ export class CamerasPanel {
   }
 
   /** @param utcMs  of the newest frame, by the server's clock */
-  tellTime(utcMs: number): void {
+  setTime(utcMs: number): void {
     this.serverMs = { utc: utcMs, at: performance.now() };
   }
 
@@ -70,7 +70,7 @@ export class CamerasPanel {
   show(isOpen: boolean): void {
     this.isOpen = isOpen;
     if (isOpen) void this.refresh();
-    else this.wishAgain();
+    else this.requestAgain();
   }
 
   /** A new connection, perhaps to another server; or the token has become known. */
@@ -80,14 +80,14 @@ export class CamerasPanel {
 
   private async refresh(): Promise<void> {
     const list = await this.link.list();
-    if (!list) return this.say('The server does not say which cameras it has.');
+    if (!list) return this.say('The server does not list its cameras.');
     const isSame = JSON.stringify(list.cameras) === JSON.stringify(this.list?.cameras);
     this.list = list;
     if (!isSame) this.build(list.cameras);
     const locked = list.access === 'proof' && this.token() === null;
     this.host.classList.toggle('locked', locked);
     this.say(list.access === 'denied' ? sentence(list.why) : locked ? `${sentence(list.why)} Unlock with it under “Map”.` : '');
-    this.wishAgain();
+    this.requestAgain();
   }
 
   private say(words: string): void {
@@ -144,17 +144,17 @@ export class CamerasPanel {
       const tile = this.tiles.find(({ button }) => button === target);
       if (tile) tile.isVisible = isIntersecting;
     }
-    this.wishAgain();
+    this.requestAgain();
   }
 
-  private wishAgain(): void {
-    this.link.wish(this.wishes());
+  private requestAgain(): void {
+    this.link.request(this.requests());
   }
 
-  private wishes(): Wish[] {
+  private requests(): PictureRequest[] {
     const mayLook = this.list && this.list.access !== 'denied' && !this.host.classList.contains('locked');
     if (!mayLook || document.hidden) return [];
-    const large = this.dialog.wish();
+    const large = this.dialog.request();
     if (large) return [large]; // it covers the tiles
     if (!this.isOpen) return [];
     return this.tiles
@@ -176,7 +176,7 @@ export class CamerasPanel {
     setText(tile.verdict, worst.text);
     tile.verdict.dataset.tone = worst.tone;
     this.dialog.receive(tile.shown);
-    this.tellAge(tile);
+    this.showAge(tile);
   }
 
   private ageOf(tile: Tile): number | null {
@@ -184,12 +184,12 @@ export class CamerasPanel {
     return Math.max(0, this.serverMs.utc + performance.now() - this.serverMs.at - tile.shown.view.utcMs);
   }
 
-  private tellAges(): void {
-    if (!this.isOpen && !this.dialog.wish()) return;
-    for (const tile of this.tiles) this.tellAge(tile);
+  private showAges(): void {
+    if (!this.isOpen && !this.dialog.request()) return;
+    for (const tile of this.tiles) this.showAge(tile);
   }
 
-  private tellAge(tile: Tile): void {
+  private showAge(tile: Tile): void {
     const age = this.ageOf(tile);
     const stale = age !== null && age > STALE_MS;
     tile.button.classList.toggle('stale', stale);
@@ -197,12 +197,12 @@ export class CamerasPanel {
     const tags = tile.shown?.view.outlines.filter(({ kind }) => kind === 'used').length ?? 0;
     const live = `${fixed(tile.shown?.view.rateHz ?? null, 0)} Hz · ${tags} used`;
     setText(tile.facts, age === null ? 'no picture yet' : stale ? `${value} ${unit} old` : live);
-    const wish = this.dialog.wish();
-    if (wish && wish.body === tile.camera.body && wish.camera === tile.camera.camera) this.dialog.tellAge(age, stale);
+    const request = this.dialog.request();
+    if (request && request.body === tile.camera.body && request.camera === tile.camera.camera) this.dialog.showAge(age, stale);
   }
 }
 
-/** As it begins and ends in print. */
+/** As a sentence. */
 function sentence(words: string): string {
   return `${words.charAt(0).toUpperCase()}${words.slice(1)}.`;
 }

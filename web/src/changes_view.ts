@@ -3,13 +3,13 @@ import type { TagChange, Vector3 as Place } from './protocol';
 import { disposeChildren } from './text_sprite';
 import { ROOM, TAG_COLOUR } from './theme';
 
-// So long the longest arrow should be, to be found in a hall …
+// Least length of the longest arrow, to be found in a hall …
 const VISIBLE_M = 0.4;
-// … and the shortest, which does not grow any more.
+// … and of the shortest.
 const SHORTEST_M = 0.1;
 const MOST = 1000;
 
-/** By how much arrows are drawn longer than tags moved: 1, 10, 100 or 1000, so that the longest one is seen. */
+/** Magnification of the arrows: 1, 10, 100 or 1000, so that the longest one is visible. */
 export function exaggeration(changes: TagChange[]): number {
   const longest = Math.max(0, ...changes.map((change) => (change.kind === 'moved' ? change.mm / 1e3 : 0)));
   let factor = 1;
@@ -17,7 +17,7 @@ export function exaggeration(changes: TagChange[]): number {
   return factor;
 }
 
-/** How another version of the map differs: an arrow for each tag that moved, a mark for each that is new or gone. */
+/** Differences to another version of the map: an arrow for each tag that moved, a mark for each that is new or gone. */
 export class ChangesView {
   readonly group = new Group();
 
@@ -41,7 +41,7 @@ function arrow(from: Place, to: Place, factor: number): ArrowHelper {
 }
 
 function mark(place: Place, colour: string): Mesh {
-  // So coarse a ball is an octahedron, and bodies use it anyway.
+  // A ball of this resolution is an octahedron, which bodies use already.
   const made = new Mesh(new SphereGeometry(0.22, 4, 2), new MeshBasicMaterial({ color: colour, wireframe: true }));
   made.position.set(...place);
   return made;

@@ -78,7 +78,7 @@ export class StripChart {
         padding: [8, 12, 0, 0],
         scales: {
           x: { time: false, range: [-SHOWN_S, 0] },
-          // Logarithmic: millimetres while tracking and half a metre while coasting are both to be read.
+          // Logarithmic: millimetres while tracking and half a metre while coasting are both legible.
           y: { distr: this.quantity === 'sigma' ? 3 : 1, range: rangeOf(this.quantity) },
         },
         axes: [

@@ -11,12 +11,12 @@ const HEADINGS: [string, string][] = [
   ['For', 'number'],
 ];
 
-/** Who listens, by protocol, and what each lost. */
+/** Connected clients, by protocol, with their dropped messages. */
 export class ClientsPanel {
   private before = new Map<string, Client>();
   private readonly rows: HTMLTableSectionElement;
   private readonly table: HTMLTableElement;
-  private readonly nobody = element('p', 'empty', 'Nobody is connected.');
+  private readonly empty = element('p', 'empty', 'No client is connected.');
 
   constructor(
     host: HTMLElement,
@@ -34,7 +34,7 @@ export class ClientsPanel {
     this.rows = element('tbody');
     this.table.append(head, this.rows);
     this.table.hidden = true;
-    host.append(this.table, this.nobody);
+    host.append(this.table, this.empty);
   }
 
   update(clients: Client[]): void {
@@ -49,7 +49,7 @@ export class ClientsPanel {
     );
     this.before = seen;
     this.table.hidden = clients.length === 0;
-    this.nobody.hidden = clients.length > 0;
+    this.empty.hidden = clients.length > 0;
     setText(this.summary, summaryOf(clients));
   }
 
@@ -79,7 +79,7 @@ export function framesPerSecond(before: Client | undefined, client: Client): num
   return (client.sent - before.sent) / (client.connectedS - before.connectedS);
 }
 
-/** Offset above, its doubt below, as address and detail stand. */
+/** Offset above, its uncertainty below, like address and detail. */
 function clockCell(clock: Client['clock']): HTMLTableCellElement {
   if (clock === null) {
     const cell = element('td', 'number clock', UNKNOWN);

@@ -13,11 +13,11 @@ export interface ConnectionEvents {
 const FIRST_RETRY_MS = 500;
 const LONGEST_RETRY_MS = 5000;
 const STALE_AFTER_MS = 1500;
-// The server sends its clients every second: a socket silent for this long is dead even if nobody told us.
+// The server sends its clients every second: a socket silent for this long is dead even without an error.
 const DEAD_AFTER_MS = 6000;
 const WATCH_MS = 250;
 
-/** How long to wait before try number `failures` (from 1). */
+/** Delay before attempt number `failures` (from 1). */
 export function retryDelay(failures: number): number {
   return Math.min(LONGEST_RETRY_MS, FIRST_RETRY_MS * 2 ** (failures - 1));
 }
@@ -29,7 +29,7 @@ export function liveUrl(page: string): string {
   return url.href;
 }
 
-/** The live socket, for ever: comes back by itself and says how old the newest frame is. */
+/** The live socket: reconnects by itself and reports the age of the newest frame. */
 export class Connection {
   private socket: WebSocket | null = null;
   private failures = 0;
@@ -45,7 +45,7 @@ export class Connection {
   start(): void {
     this.open();
     setInterval(() => this.watch(), WATCH_MS);
-    // A tab that sleeps wakes up with a dead socket; do not wait for the timers.
+    // A tab that was asleep has a dead socket; do not wait for the timers.
     document.addEventListener('visibilitychange', () => {
       if (!document.hidden) this.watch();
     });

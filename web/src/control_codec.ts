@@ -1,4 +1,4 @@
-// The few messages of the control channel that this page speaks (proto/fiducap/v1/control.proto), by hand: the
+// The few messages of the control channel that this page uses (proto/fiducap/v1/control.proto), by hand: the
 // runtime of protobuf weighs more than the page's own code.
 import { concat, hmacSha256 } from './hmac';
 import type { Vector3 } from './protocol';
@@ -83,7 +83,7 @@ function measured({ tag, p }: MeasuredPlace): Uint8Array {
   return concat(number(1, tag), bytes(2, new Uint8Array(view.buffer)));
 }
 
-/** A ControlRequest behind its length, with the proof that who asks knows the token; the token is not in it. */
+/** A ControlRequest behind its length, with a proof of the token, which is not in it. */
 export function encodeRequest(token: string, challenge: Uint8Array, sequence: number, command: Command): Uint8Array {
   const place = fixed64(sequence);
   const body = encodeCommand(command);

@@ -5,7 +5,7 @@ import type { Events, ServerEvent, Severity } from './protocol';
 const RANK: Record<Severity, number> = { error: 0, warning: 1, info: 2 };
 const WORD: Record<Severity, string> = { error: 'Error', warning: 'Warning', info: 'Note' };
 
-/** What holds now, as a banner over everything, and what happened, as a list. */
+/** Present conditions as a banner, and events as a list. */
 export class EventsPanel {
   constructor(
     private readonly banner: HTMLElement,
@@ -15,7 +15,7 @@ export class EventsPanel {
   ) {}
 
   update(events: Events): void {
-    const alarms = byUrgency(events.standing);
+    const alarms = bySeverity(events.standing);
     this.alarms.replaceChildren(...alarms.map(alarmElement));
     this.banner.hidden = alarms.length === 0;
     this.banner.dataset.severity = alarms[0]?.severity ?? '';
@@ -24,8 +24,8 @@ export class EventsPanel {
   }
 }
 
-/** The worst first, of equal ones the newest. What is only good to know stands in the list alone. */
-export function byUrgency(standing: ServerEvent[]): ServerEvent[] {
+/** The most severe first, of equal ones the newest. Those of severity info are in the list only. */
+export function bySeverity(standing: ServerEvent[]): ServerEvent[] {
   return standing.filter((event) => event.severity !== 'info').sort((a, b) => RANK[a.severity] - RANK[b.severity] || b.n - a.n);
 }
 

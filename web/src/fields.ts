@@ -1,4 +1,4 @@
-// Readers of what came from outside: everything is checked, and what is wrong is named.
+// Readers of untrusted values: everything is checked, and faults are named.
 
 export type Fields = Record<string, unknown>;
 

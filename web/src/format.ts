@@ -5,7 +5,7 @@ export const UNKNOWN = '–';
 export function fixed(value: number | null, digits: number): string {
   if (value === null || !Number.isFinite(value)) return UNKNOWN;
   const written = value.toFixed(digits);
-  // −0.000 would flicker between two signs while a robot stands at the origin.
+  // −0.000 would flicker between two signs while a robot is at the origin.
   if (Number(written) === 0) return written.replace('-', '');
   return written.replace('-', '−');
 }

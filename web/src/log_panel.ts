@@ -13,7 +13,7 @@ export class LogPanel {
     host.addEventListener('scroll', () => host.classList.toggle('scrolled', host.scrollTop > 2), { passive: true });
   }
 
-  /** Everything comes again: a new socket, perhaps of a server that started again and counts from one. */
+  /** A new socket repeats everything, perhaps of a restarted server that counts from one. */
   restart(): void {
     this.newest = 0;
     this.host.replaceChildren();

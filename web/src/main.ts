@@ -104,7 +104,7 @@ class Page {
     if (hello.bodies.length === 0) void this.lookForSetup();
   }
 
-  /** A server without robots, or without live data, may be one that is set up now. */
+  /** A server without robots, or without live data, may be in set-up. */
   private async lookForSetup(): Promise<void> {
     const now = performance.now();
     if (now - this.lookedForSetupAt < LOOK_FOR_SETUP_MS) return;
@@ -126,8 +126,8 @@ class Page {
   }
 
   private onFrame(frame: Frame): void {
-    this.versions.tellTime(frame.utcMs);
-    this.cameras?.tellTime(frame.utcMs);
+    this.versions.setTime(frame.utcMs);
+    this.cameras?.setTime(frame.utcMs);
     this.bodies.update(frame.bodies);
     this.guide?.onBodies(frame.bodies);
     this.scene?.setFrame(frame.bodies, 1000 / (this.hello?.pageRateHz ?? 20));
@@ -186,7 +186,7 @@ class Page {
     void this.showCameras(chosen === 'cameras');
   }
 
-  /** Most visitors never look at pictures: what shows them comes when somebody does. */
+  /** The panel of pictures is loaded when it is first opened: most visitors never do. */
   private async showCameras(shown: boolean): Promise<void> {
     if (shown && !this.cameras) {
       const { CamerasPanel } = await import('./cameras_panel');
@@ -210,7 +210,7 @@ class Page {
   }
 }
 
-/** Log, events, map and cameras share a place; bodies give the larger ones some of theirs. */
+/** Log, events, map and cameras share a place; the larger ones take some of the bodies'. */
 function showList(chosen: string): void {
   byId('bodies').classList.toggle('brief', chosen === 'versions' || chosen === 'cameras');
   for (const button of document.querySelectorAll<HTMLButtonElement>('[data-list]')) {
@@ -222,7 +222,7 @@ function showList(chosen: string): void {
   }
 }
 
-/** `calibrated 14`, each in its colour; only what there is. */
+/** `calibrated 14`, each in its colour; zero counts are left out. */
 function showLegend(map: TagMap): void {
   const items = TAG_STATES.flatMap((state) => {
     const number = map.tags.filter((tag) => tag.state === state).length;
@@ -262,7 +262,7 @@ function linkText(state: LinkState, silentMs: number | null, rateHz: number | nu
   }
 }
 
-/** What only few need comes when they need it: the set-up, and the bar of its second half. */
+/** The set-up, and the bar of its second half, are loaded when they are needed. */
 async function begin(): Promise<void> {
   keepSecret();
   // An address that is typed over the one of an open page loads nothing by itself.

@@ -9,13 +9,13 @@ import type { MapTag, MapVersion, ServerEvent } from './protocol';
 const NO_COMMANDS = 'This server takes no commands: set operator.token or operator.token_file in its configuration.';
 const LOCKED = 'Locked. Changes need the token.';
 const TOKEN =
-  'The token stays in this tab; what travels is a proof that you know it. But whoever can alter a page that comes by plain http ' +
+  'The token stays in this tab; only a proof that you know it is sent. But an attacker that can alter a page that comes by plain http ' +
   'can take it: behind a network you do not trust, use https or a tunnel.';
 const OPEN = 'Unlocked in this tab.';
 
 type Tone = '' | 'busy' | 'good' | 'bad';
 
-/** What an operator does to the map: the token, the buttons, and in words what came of it. */
+/** Changes of the map by an operator: the token, the buttons, and the results as text. */
 export class MapCommands {
   readonly head = element('div', 'operator');
   private readonly why = element('p', 'why');
@@ -53,7 +53,7 @@ export class MapCommands {
     const deeds = this.gated(
       this.mode,
       button('Commit…', 'Store the map as it is now as a version', () => void this.commit()),
-      button('Origin…', 'Say where the origin of the room is: by dragging, by three tags, or by measured places', () => void this.align()),
+      button('Origin…', 'Set the origin of the room: by dragging, by three tags, or by measured places', () => void this.align()),
     );
     this.head.append(line, deeds, this.outcome);
     this.show();
@@ -68,7 +68,7 @@ export class MapCommands {
     return this.takesCommands && this.key !== null;
   }
 
-  /** Somebody wants what needs it. */
+  /** A function that needs the token was chosen. */
   askForToken(): void {
     this.typed.focus();
   }
@@ -96,7 +96,7 @@ export class MapCommands {
     this.tags = tags;
   }
 
-  /** What happened on the server: also what became of a command. */
+  /** Events of the server, which include the results of commands. */
   heard(events: ServerEvent[]): void {
     this.events = events;
     this.look();
@@ -115,7 +115,7 @@ export class MapCommands {
   async rollBack(version: MapVersion, newest: number): Promise<void> {
     const text =
       `The ${version.tags} tags of version ${version.version} are served again, as a new version after ${newest}. ` +
-      'The map of now is stored before, so nothing is lost. Bodies take the old places over with their next images; their poses may move.';
+      'The present map is stored before, so nothing is lost. Bodies adopt the old places with their next images; their poses may move.';
     const title = `Roll back to version ${version.version}?`;
     if ((await ask({ title, text, yes: `Roll back to ${version.version}` })) === null) return;
     await this.run({ do: 'rollback', version: version.version }, `Rolling back to version ${version.version}`, ['rolled_back']);
@@ -128,7 +128,7 @@ export class MapCommands {
   }
 
   async forget(tag: number): Promise<void> {
-    const text = 'Map and bodies know nothing of it any more; seen again, it is a new tag. Stored versions keep it.';
+    const text = 'Map and bodies discard it; seen again, it is a new tag. Stored versions keep it.';
     if ((await ask({ title: `Forget tag ${tag}?`, text, yes: `Forget ${tag}` })) === null) return;
     await this.run({ do: 'forget', tag }, `Forgetting tag ${tag}`, ['tag_forgotten']);
   }
@@ -136,14 +136,14 @@ export class MapCommands {
   private async commit(): Promise<void> {
     const name = await ask({
       title: 'Store the map as a version',
-      text: 'What an operator stores is never thinned out.',
+      text: 'Versions stored by an operator are never thinned out.',
       yes: 'Commit',
       field: { label: 'Name (may be empty)', placeholder: 'before the fair' },
     });
     if (name !== null) await this.run({ do: 'commit', name }, 'Storing the map', ['version_stored', 'not_stored']);
   }
 
-  /** Where the origin is: on a plan of the map, or by places that were measured. */
+  /** Sets the origin: on a plan of the map, or by measured places. */
   async align(): Promise<void> {
     const chosen = await new OriginDialog(this.tags).ask();
     if (chosen === 'measured') return this.alignMeasured();
@@ -160,7 +160,7 @@ export class MapCommands {
     };
     const typed = await ask({
       title: 'Align the map to the room',
-      text: 'Three tags or more whose middles were measured in the room: a line for each, its id and x y z in metres, z up. What is streamed jumps into these axes, once.',
+      text: 'Three tags or more whose centres were measured in the room: a line for each, its id and x y z in metres, z up. Streamed poses jump into these axes, once.',
       yes: 'Align',
       field: { label: 'Measured tags', lines: 5, placeholder: '0  0.00 0.00 0.00\n1  2.40 0.00 0.00\n7  0.00 3.60 1.20', required: true },
       check,
@@ -194,7 +194,7 @@ export class MapCommands {
     this.show();
   }
 
-  /** @param kinds  of the events that say how it went */
+  /** @param kinds  of the events that report the result */
   private async run(wanted: Command, doing: string, kinds: string[]): Promise<void> {
     if (this.key === null) return;
     this.awaited = null;
@@ -210,10 +210,10 @@ export class MapCommands {
   private look(): void {
     const { awaited } = this;
     if (!awaited) return;
-    const told = this.events.find((event) => event.n > awaited.after && event.subject === 'map' && awaited.kinds.includes(event.kind));
-    if (!told) return;
+    const outcome = this.events.find((event) => event.n > awaited.after && event.subject === 'map' && awaited.kinds.includes(event.kind));
+    if (!outcome) return;
     this.awaited = null;
-    this.say(told.severity === 'info' ? 'good' : 'bad', eventWords(told));
+    this.say(outcome.severity === 'info' ? 'good' : 'bad', eventWords(outcome));
   }
 
   private newest(): number {

@@ -4,20 +4,20 @@ import { compact, count, duration, fixed, timeOfDay, UNKNOWN } from './format';
 import { button, type MapCommands } from './map_commands';
 import { parseDiff, parseVersions, type MapDiff, type MapTag, type MapVersion, type TagChange, type TagFit, type TagMap } from './protocol';
 
-// The server reads versions from its disk when somebody asks; then it is asked again.
+// The server reads versions from its disk on request; then the request is repeated.
 const ASK_AGAIN_MS = 300;
 const ASK_AT_MOST = 20;
 const LOOK_MS = 1000;
-const NOW_MS = 2500; // the server says once a second what was seen
+const NOW_MS = 2500; // the server reports sightings once a second
 const DAY_MS = 86_400_000;
 const CHOOSE = 'Choose a version to see what has changed since.';
-const ARROWS = 'How far it moved. Its arrow in the room is at least 10 cm long, however little that is.';
+const ARROWS = 'How far it moved. Its arrow in the room is at least 10 cm long.';
 const FIT =
   'How far the tag’s corners were from where the bodies’ filters have them after the image, RMS over about 50 sightings, pixels. ' +
   'Rejected sightings count, too. Much more than the others: look at this tag.';
 
 export interface Listener {
-  /** What is compared now; null: nothing. */
+  /** The versions that are compared; null: none. */
   compared(diff: MapDiff | null): void;
   /** A tag of the list; null: none any more. */
   chosen(tag: number | null): void;
@@ -32,7 +32,7 @@ export class MapPanel {
     ['State'],
     ['1σ mm', 'Uncertainty of its place, the worst of x, y and z'],
     ['Fit px', FIT],
-    ['Seen', 'Sightings that its place comes from'],
+    ['Seen', 'Sightings used for its place'],
     ['Last', 'When a body saw it last'],
   ]);
   private readonly message = element('p', 'empty');
@@ -60,7 +60,7 @@ export class MapPanel {
     ));
     this.tagDeeds = deeds(6, commands.gated(
       button('Quarantine…', 'Keep the tag, do not use it', () => this.tag !== null && void commands.quarantine(this.tag)),
-      button('Forget…', 'Learn the tag anew', () => this.tag !== null && void commands.forget(this.tag)),
+      button('Forget…', 'Discard the tag; seen again, it is a new one', () => this.tag !== null && void commands.forget(this.tag)),
     ));
     const lists = element('div', 'scroll lists');
     lists.tabIndex = 0;
@@ -81,17 +81,17 @@ export class MapPanel {
     this.showTags();
   }
 
-  /** Another server: what the one before saw is void. */
+  /** Another server: the sightings of the one before are void. */
   restart(): void {
     this.fits.clear();
   }
 
-  /** @param utcMs  the server's clock, against which ages are told */
-  tellTime(utcMs: number): void {
+  /** @param utcMs  the server's clock, the reference of ages */
+  setTime(utcMs: number): void {
     this.serverNow = utcMs;
   }
 
-  /** A tag that somebody points at, here or in the room; again: no more. */
+  /** A tag that was selected, here or in the room; again: deselected. */
   choose(tag: number | null): void {
     this.tag = tag === this.tag ? null : tag;
     this.layTags();
@@ -99,12 +99,12 @@ export class MapPanel {
     this.listener.chosen(this.tag);
   }
 
-  /** While it is looked at: ages grow, and anybody may have named a version. */
+  /** While it is visible: ages grow, and any operator may have named a version. */
   async refresh(): Promise<void> {
     this.showTags();
     if (this.host.hidden || document.hidden) return;
     const answer = await fetch(new URL('api/v1/map/versions', document.baseURI)).catch(() => null);
-    if (!answer?.ok) return; // the link says so
+    if (!answer?.ok) return; // the link reports it
     const text = await answer.text();
     if (text === this.listed) return;
     this.listed = text;
@@ -125,7 +125,7 @@ export class MapPanel {
     return row;
   }
 
-  /** With the newest one; again: no more. */
+  /** Compares with the newest one; again: ends it. */
   private async compare(version: number): Promise<void> {
     const turn = ++this.asking;
     const newest = this.newest();
@@ -139,7 +139,7 @@ export class MapPanel {
       if (answer.status !== 503) return this.say(await answer.text());
       await new Promise((resolve) => setTimeout(resolve, ASK_AGAIN_MS));
     }
-    this.say('The server does not get these versions from its disk.');
+    this.say('The server cannot read these versions from its disk.');
   }
 
   private show(diff: MapDiff | null): void {
@@ -158,7 +158,7 @@ export class MapPanel {
     }
   }
 
-  /** A row for each tag. Rows stay, so that nothing is taken from under a finger. */
+  /** A row for each tag. Rows are kept, so that none moves while it is tapped. */
   private layTags(): void {
     const tags = this.map?.tags ?? [];
     const ids = new Set(tags.map((tag) => tag.id));
@@ -271,7 +271,7 @@ function deeds(columns: number, content: HTMLElement): HTMLTableRowElement {
   return row;
 }
 
-/** @param headings  each with what it means, when that is not plain */
+/** @param headings  each with a tooltip, where needed */
 function table(name: string, headings: [string, string?][]): HTMLTableElement {
   const made = element('table', name);
   const row = element('tr');

@@ -1,6 +1,6 @@
 import type { MeasuredPlace } from './control_codec';
 
-/** `7 1.20 0 1.5`, a line for each tag: its id and its middle in the room, metres. Also with commas. Throws a sentence. */
+/** `7 1.20 0 1.5`, a line for each tag: its id and its centre in the room, metres. Also with commas. Throws a message. */
 export function parsePlaces(text: string): MeasuredPlace[] {
   const lines = text.split('\n').map((line) => line.trim()).filter((line) => line !== '');
   const places = lines.map((line) => {

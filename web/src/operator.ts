@@ -1,13 +1,13 @@
 import { encodeRequest, parseReply, RESULT, type Command } from './control_codec';
 
-// A server that takes longer has hung up without our being told.
-const PATIENCE_MS = 15_000;
+// A server that takes longer has closed the connection unnoticed.
+const TIMEOUT_MS = 15_000;
 
 export interface Outcome {
   done: boolean;
   /** The token is not the server's. */
   forbidden: boolean;
-  /** One sentence of the server's; empty when all is well. */
+  /** Message of the server; empty: accepted. */
   text: string;
 }
 
@@ -18,7 +18,7 @@ export function controlUrl(page: string): string {
   return url.href;
 }
 
-/** One command on a connection of its own: its challenge comes, the proof goes, the answer comes. Never throws. */
+/** One command on a connection of its own: challenge, proof, answer. Never throws. */
 export function command(url: string, token: string, wanted: Command): Promise<Outcome> {
   return new Promise((resolve) => {
     const socket = new WebSocket(url);
@@ -30,8 +30,8 @@ export function command(url: string, token: string, wanted: Command): Promise<Ou
       resolve(outcome);
     };
     const failed = (text: string): void => end({ done: false, forbidden: false, text });
-    const timer = setTimeout(() => failed('the server does not answer'), PATIENCE_MS);
-    socket.onclose = () => failed('the server took no command: it is away, or too much is asked of it');
+    const timer = setTimeout(() => failed('the server does not answer'), TIMEOUT_MS);
+    socket.onclose = () => failed('the server accepted no command: it is not reachable, or overloaded');
     socket.onmessage = (event) => {
       try {
         const reply = parseReply(event.data as ArrayBuffer);

@@ -1,8 +1,8 @@
-// Where the origin of the room shall be, seen from where it is now.
+// The new origin of the room, in the present axes.
 import type { MeasuredPlace } from './control_codec';
 import type { MapTag, Vector3 } from './protocol';
 
-/** Up is known by gravity: what is left to choose is a place and a heading. */
+/** The vertical is known by gravity: place and heading are to be chosen. */
 export interface Origin {
   x: number;
   y: number;
@@ -17,7 +17,7 @@ const DEGREE = Math.PI / 180;
 const LEAST_TAGS = 3;
 const MOST_TAGS = 12;
 
-/** A place of now in the axes that are wanted. */
+/** A present place in the new axes. */
 export function seenFrom(origin: Origin, [x, y, z]: Vector3): Vector3 {
   const c = Math.cos(origin.turn * DEGREE);
   const s = Math.sin(origin.turn * DEGREE);
@@ -31,26 +31,26 @@ export function turnTowards(origin: Origin, [x, y]: readonly [number, number, ..
   return Math.hypot(dx, dy) < 1e-3 ? null : Math.atan2(dy, dx) / DEGREE;
 }
 
-/** Tags that can say where the room is. */
+/** Tags that can define the room. */
 export function usableTags(tags: readonly MapTag[]): MapTag[] {
   return tags.filter((tag) => tag.state !== 'quarantined' && tag.component === 0);
 }
 
-/** What the server is told: where tags stand in the axes that are wanted. Throws a sentence. */
+/** Sent to the server: places of tags in the new axes. Throws a message. */
 export function placesFor(origin: Origin, tags: readonly MapTag[]): MeasuredPlace[] {
   const usable = usableTags(tags);
   if (usable.length < LEAST_TAGS)
     throw new Error(
-      `The map has ${usable.length} of the ${LEAST_TAGS} tags that this takes: let it see more, or set map.reference_pose in the configuration`,
+      `The map has ${usable.length} of the ${LEAST_TAGS} tags that are needed: let it see more, or set map.reference_pose in the configuration`,
     );
   const middle = [0, 1].map((axis) => usable.reduce((sum, tag) => sum + (tag.p[axis] ?? 0), 0) / usable.length);
   const away = ({ p }: MapTag): number => Math.hypot(p[0] - (middle[0] ?? 0), p[1] - (middle[1] ?? 0));
-  // Those far outside say most of the heading.
+  // The outer ones determine the heading best.
   const chosen = [...usable].sort((a, b) => away(b) - away(a)).slice(0, MOST_TAGS);
   return chosen.map((tag) => ({ tag: tag.id, p: seenFrom(origin, tag.p) }));
 }
 
-/** What is picked with the three clicks, in their order. */
+/** Meaning of the three clicks, in their order. */
 export const PICKS = ['origin', 'heading', 'floor'] as const;
 export type Pick = (typeof PICKS)[number];
 

@@ -11,10 +11,10 @@ const FIELDS: { key: keyof Origin; words: string; step: number }[] = [
   { key: 'turn', words: 'turned by, °', step: 0.1 },
 ];
 
-/** What came of it: places for the server, or the wish to type measured ones; null: nothing. */
+/** Result: places for the server, or the choice to type measured ones; null: cancelled. */
 export type Chosen = MeasuredPlace[] | 'measured' | null;
 
-/** Where is the origin? Dragged on a plan, picked by three tags, or entered. */
+/** The origin: dragged on a plan, picked by three tags, or entered. */
 export class OriginDialog {
   private readonly dialog = element('dialog', 'ask origin');
   private readonly hint = element('p', 'origin-hint');
@@ -34,14 +34,14 @@ export class OriginDialog {
     );
     this.fault.setAttribute('role', 'alert');
     const form = element('form');
-    form.noValidate = true; // steps are for the arrow keys, not for what may be typed
+    form.noValidate = true; // steps are for the arrow keys, they do not limit the input
     const side = element('div', 'origin-side');
     side.append(this.hint, this.fields(), this.fault);
     const middle = element('div', 'origin-middle');
     middle.append(this.plan.svg, side);
     form.append(
       element('h2', '', 'Where is the origin of the room?'),
-      element('p', '', 'Up is known by gravity. From then on clients get poses and tags in these axes: what is streamed jumps there once.'),
+      element('p', '', 'The vertical is known by gravity. From then on clients get poses and tags in these axes: streamed poses jump there once.'),
       middle,
       this.buttons(),
     );

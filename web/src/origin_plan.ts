@@ -8,7 +8,7 @@ const MARGIN = 9;
 const ARROW = 16;
 const REACH = 3.4; // around a tag, to click at
 const STILL_PX = 3;
-const LEAST_M = 1; // across, also when all tags hang together
+const LEAST_M = 1; // across, also when all tags are close together
 
 function made<K extends keyof SVGElementTagNameMap>(
   kind: K,
@@ -31,8 +31,8 @@ export class OriginPlan {
   private origin: Origin;
 
   /**
-   * @param dragged  told the origin while it is dragged
-   * @param pointed  told the tag that was clicked at
+   * @param dragged  called with the origin while it is dragged
+   * @param pointed  called with the clicked tag
    */
   constructor(
     private readonly tags: readonly MapTag[],
@@ -97,8 +97,8 @@ export class OriginPlan {
   }
 
   /**
-   * The handle is drawn anew while it moves, so the pointer is followed on the drawing. Pressed without
-   * being moved, what lies below it is meant.
+   * The handle is drawn again while it moves, so the pointer is followed on the drawing. Pressed without
+   * being moved, it selects what is below it.
    */
   private makeDraggable(handle: SVGElement, moved: (x: number, y: number) => Origin): void {
     handle.addEventListener('pointerdown', (down) => {

@@ -21,7 +21,7 @@ export interface Hello {
   version: string;
   mapMode: string;
   pageRateHz: number;
-  /** Of who knows the operator's token. */
+  /** For clients with the operator's token. */
   takesCommands: boolean;
   bodies: BodyName[];
 }
@@ -32,7 +32,7 @@ export interface MapTag {
   state: TagState;
   component: number;
   sightings: number;
-  /** null: never, or a server that does not say. */
+  /** null: never, or not reported by this server. */
   lastSeenUtcMs: number | null;
   p: Vector3;
   q: Quaternion;
@@ -48,7 +48,7 @@ export interface TagMap {
   tags: MapTag[];
 }
 
-/** How well a tag's sightings of late fit (server/scene/tag_fits.hpp). */
+/** Fit of a tag's recent sightings (server/scene/tag_fits.hpp). */
 export interface TagFit {
   id: number;
   px: number | null;
@@ -86,7 +86,7 @@ export interface MapDiff {
   changes: TagChange[];
 }
 
-/** Where a body is, or was: `BodyFrame.valid` says which. */
+/** Present or last pose of a body: see `BodyFrame.valid`. */
 export interface BodyPose {
   p: Vector3;
   q: Quaternion;
@@ -101,7 +101,7 @@ export interface BodyFrame {
   id: number;
   state: BodyState;
   valid: boolean;
-  /** null: never tied to the workspace. */
+  /** null: never anchored to the workspace. */
   pose: BodyPose | null;
   latencyMs: number | null;
   tags: number;
@@ -149,7 +149,7 @@ export interface Log {
 
 export type Severity = 'info' | 'warning' | 'error';
 
-/** Something that a person should know. */
+/** An event or condition for the user. */
 export interface ServerEvent {
   n: number;
   utcMs: number;
@@ -157,7 +157,7 @@ export interface ServerEvent {
   subject: string;
   kind: string;
   text: string;
-  /** What to do about it; empty: nothing. */
+  /** Remedy; empty: none. */
   remedy: string;
   /** A condition ended here. */
   over: boolean;
@@ -167,7 +167,7 @@ export interface Events {
   type: 'events';
   /** Conditions that hold. */
   standing: ServerEvent[];
-  /** What happened, newest last. */
+  /** Events, newest last. */
   events: ServerEvent[];
 }
 

@@ -18,7 +18,7 @@ export interface Extent {
   x1: number;
   y0: number;
   y1: number;
-  /** Highest thing worth seeing. */
+  /** Height of the highest object. */
   top: number;
 }
 

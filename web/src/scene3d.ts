@@ -37,10 +37,10 @@ export class Scene3D {
   private drawnAt = 0;
   private wanted = false;
 
-  /** Throws when the browser has no WebGL. @param pointed  told the tag that was clicked at */
+  /** Throws when the browser has no WebGL. @param pointed  called with the clicked tag */
   constructor(
     private readonly host: HTMLElement,
-    private readonly calm: boolean,
+    private readonly reducedMotion: boolean,
     pointed: (tag: number) => void,
   ) {
     this.renderer = new WebGLRenderer({ antialias: true, powerPreference: 'low-power' });
@@ -51,7 +51,7 @@ export class Scene3D {
     canvas.setAttribute('aria-label', 'The room with its tags and bodies. Arrow keys turn the view, plus and minus zoom.');
     this.labels.setAttribute('aria-hidden', 'true');
     host.append(canvas, this.labels);
-    this.rig = new CameraRig(canvas, calm, () => this.draw());
+    this.rig = new CameraRig(canvas, reducedMotion, () => this.draw());
     this.scene.background = new Color(ROOM.background);
     const sun = new DirectionalLight('#ffffff', 2.2);
     sun.position.set(-3, -5, 9);
@@ -82,7 +82,7 @@ export class Scene3D {
     this.rig.follow(null, 0);
   }
 
-  /** Arrows from where tags were to where they are. */
+  /** Arrows from former to present places of tags. */
   setChanges(changes: TagChange[]): void {
     this.changes.set(changes);
     this.draw();
@@ -105,7 +105,7 @@ export class Scene3D {
   /** @param periodMs  how long until the next one, about */
   setFrame(bodies: BodyFrame[], periodMs: number): void {
     this.frameAt = performance.now();
-    this.framePeriod = this.calm ? 0 : periodMs;
+    this.framePeriod = this.reducedMotion ? 0 : periodMs;
     for (const body of bodies) this.bodies.get(body.id)?.set(body);
     const poses = bodies.flatMap((body) => (body.valid && body.pose ? [body.pose.p] : []));
     if (poses.some((p) => this.isOutside(p))) this.grow([...this.tagPoints, ...poses]);
@@ -141,7 +141,7 @@ export class Scene3D {
     return this.sigma;
   }
 
-  /** A click that turned nothing is at what lies below it. */
+  /** A click without rotation selects what is below it. */
   private wirePointing(canvas: HTMLCanvasElement, pointed: (tag: number) => void): void {
     let pressed: PointerEvent | null = null;
     canvas.addEventListener('pointerdown', (event) => (pressed = event));
@@ -159,7 +159,7 @@ export class Scene3D {
     return x < x0 || x > x1 || y < y0 || y > y1 || z > top + 1;
   }
 
-  /** What a view of the room must show: the floor with its marks, and every tag. */
+  /** Points that a view of the room must contain: the floor with its marks, and every tag. */
   private landmarks(): Vector3[] {
     const { x0, x1, y0, y1 } = this.extent;
     const right = x1 + (this.width < NARROW_PX ? 1.2 : 0.8);

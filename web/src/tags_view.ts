@@ -70,7 +70,7 @@ export class TagsView {
     return this.tags[Math.floor((hit?.faceIndex ?? NaN) / 2)]?.id ?? null;
   }
 
-  /** A frame around this one; null: around none. */
+  /** Highlights this one; null: none. */
   choose(id: number | null): void {
     this.chosen = id;
     if (this.frame) {
@@ -158,11 +158,11 @@ function squares(tags: MapTag[], perRow: number): BufferGeometry {
   tags.forEach((tag, i) => {
     const half = (tag.edgeM * SHEET) / 2;
     const turn = rotation(tag);
-    // Seen from behind a tag is dark paper with a breath of its state.
+    // The back of a tag is dark paper with a tint of its state.
     const back = new Color(ROOM.line).lerp(new Color(TAG_COLOUR[tag.state]), 0.18);
     const corners: [number, number][] = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
     for (const [cx, cy] of corners) {
-      // A hair in front of the floor or wall it hangs on.
+      // Slightly in front of the floor or wall it is on.
       const corner = new Vector3(cx * half, cy * half, 0.004).applyQuaternion(turn);
       positions.push(corner.x + tag.p[0], corner.y + tag.p[1], corner.z + tag.p[2]);
       backs.push(back.r, back.g, back.b);

@@ -1,7 +1,7 @@
 import { sidePx } from './view_words';
 import type { CameraView, Outline, OutlineKind } from './view_protocol';
 
-/** Told apart by colour and by dashes, for who does not see colours. */
+/** Distinguished by colour and by dashes, for people who do not see colours. */
 export const KIND_STYLE: Record<OutlineKind, { colour: string; dash: number[] }> = {
   used: { colour: '#4fd08b', dash: [] },
   rejected: { colour: '#ff7a70', dash: [9, 4] },
@@ -50,7 +50,7 @@ export function draw(canvas: HTMLCanvasElement, shown: Shown, options: DrawOptio
   }
   const scale = scaleOf(canvas, view);
   const ratio = canvas.width / Math.max(1, canvas.clientWidth);
-  // What matters most lies on top.
+  // The most important ones are on top.
   for (const kind of ['expected', 'candidate', 'rejected', 'used'] as const) {
     if (!options.kinds.has(kind)) continue;
     for (const outline of view.outlines) if (outline.kind === kind) drawOutline(context, outline, scale, ratio, options);
@@ -75,7 +75,7 @@ function drawOutline(context: CanvasRenderingContext2D, outline: Outline, scale:
   if (isLabelled && sidePx(outline) * scale > LABEL_FROM_PX * ratio) label(context, outline, scale, ratio, style.colour);
 }
 
-/** Its id, in the middle: bits are of no use to people. */
+/** Its id, in the middle, in place of the bits. */
 function label(context: CanvasRenderingContext2D, outline: Outline, scale: number, ratio: number, colour: string): void {
   let [x, y] = [0, 0];
   for (let i = 0; i < 4; ++i) {
@@ -116,7 +116,7 @@ export function drawHistogram(canvas: HTMLCanvasElement, histogram: number[]): v
   const context = canvas.getContext('2d');
   if (!context) return;
   context.clearRect(0, 0, canvas.width, canvas.height);
-  // Roots: a wall of one gray would make everything else invisible.
+  // Square roots: a wall of one gray would hide everything else.
   const most = Math.sqrt(Math.max(1, ...histogram));
   const width = canvas.width / histogram.length;
   histogram.forEach((count, i) => {

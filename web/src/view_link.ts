@@ -1,6 +1,6 @@
 import { encodeRequest, parseReply, RESULT } from './control_codec';
 import { retryDelay } from './connection';
-import { parsePicture, parseViewList, wishText, type ViewList, type ViewPicture, type Wish } from './view_protocol';
+import { parsePicture, parseViewList, requestText, type ViewList, type ViewPicture, type PictureRequest } from './view_protocol';
 
 /** `api/v1/views` beside the page, also below a path of a proxy. */
 export function viewsUrl(page: string): string {
@@ -9,18 +9,18 @@ export function viewsUrl(page: string): string {
 
 export interface ViewLinkEvents {
   picture(picture: ViewPicture): void;
-  /** Why nothing comes; empty: all is well. */
+  /** Why there are no pictures; empty: there are. */
   trouble(words: string): void;
 }
 
-const SAME_WISH_MS = 150; // scrolling past tiles is no wish
+const SETTLE_MS = 150; // scrolling past tiles requests nothing
 
-/** The socket of the pictures: open while something is wished, and no longer. */
+/** The socket of the pictures: open only while some are requested. */
 export class ViewLink {
   private socket: WebSocket | null = null;
   private admitted = false;
-  private wishes: Wish[] = [];
-  private told = '';
+  private requests: PictureRequest[] = [];
+  private sent = '';
   private failures = 0;
   private timer: ReturnType<typeof setTimeout> | undefined;
 
@@ -30,7 +30,7 @@ export class ViewLink {
     private readonly token: () => string | null,
   ) {}
 
-  /** Who may look, and at what; never throws. */
+  /** Cameras that this client may see; never throws. */
   async list(): Promise<ViewList | null> {
     try {
       const answer = await fetch(this.url, { cache: 'no-store' });
@@ -40,22 +40,22 @@ export class ViewLink {
     }
   }
 
-  wish(wishes: Wish[]): void {
-    this.wishes = wishes;
+  request(requests: PictureRequest[]): void {
+    this.requests = requests;
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.act(), SAME_WISH_MS);
+    this.timer = setTimeout(() => this.act(), SETTLE_MS);
   }
 
   private act(): void {
-    if (this.wishes.length === 0) return this.hangUp();
+    if (this.requests.length === 0) return this.hangUp();
     if (!this.socket) return this.open();
-    if (this.admitted) this.tell();
+    if (this.admitted) this.send();
   }
 
-  private tell(): void {
-    const words = wishText(this.wishes);
-    if (words === this.told) return;
-    this.told = words;
+  private send(): void {
+    const words = requestText(this.requests);
+    if (words === this.sent) return;
+    this.sent = words;
     this.socket?.send(words);
   }
 
@@ -71,11 +71,11 @@ export class ViewLink {
     const socket = new WebSocket(url.href);
     socket.binaryType = 'arraybuffer';
     this.socket = socket;
-    this.told = '';
+    this.sent = '';
     const token = this.token();
     this.admitted = token === null;
     socket.onopen = () => {
-      if (this.admitted) this.tell();
+      if (this.admitted) this.send();
     };
     socket.onmessage = ({ data }) => {
       if (socket !== this.socket) return;
@@ -89,8 +89,8 @@ export class ViewLink {
     const reply = parseReply(data);
     if (reply.challenge) return socket.send(encodeRequest(token, reply.challenge, 1, { do: 'check' }));
     this.admitted = reply.result === RESULT.done;
-    if (this.admitted) return this.tell();
-    this.wishes = []; // asking again and again would shut the operator out
+    if (this.admitted) return this.send();
+    this.requests = []; // repeated attempts would lock the operator out
     this.hangUp();
     this.events.trouble(`No pictures: ${reply.text}.`);
   }
@@ -105,7 +105,7 @@ export class ViewLink {
     if (socket !== this.socket) return;
     this.socket = null;
     this.failures += 1;
-    this.events.trouble(reason || 'No pictures: the server is away, or too many watch its cameras already. Trying again …');
+    this.events.trouble(reason || 'No pictures: the server is not reachable, or too many clients watch its cameras. Trying again …');
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.act(), retryDelay(this.failures));
   }

@@ -11,7 +11,7 @@ export interface CameraInfo {
 
 export interface ViewList {
   access: 'granted' | 'proof' | 'denied';
-  /** What to do about it, where it is not granted. */
+  /** Remedy, where it is not granted. */
   why: string;
   cameras: CameraInfo[];
 }
@@ -153,7 +153,7 @@ export function parsePicture(message: ArrayBuffer): ViewPicture {
   return { view, jpeg: new Uint8Array(message, 4 + length) };
 }
 
-export interface Wish {
+export interface PictureRequest {
   body: number;
   camera: number;
   width: number;
@@ -162,6 +162,6 @@ export interface Wish {
 }
 
 /** As the server reads it. */
-export function wishText(wishes: Wish[]): string {
-  return wishes.map((w) => `${w.body}/${w.camera}/${w.width}/${w.perSecond}/${w.candidates ? 1 : 0}`).join(' ');
+export function requestText(requests: PictureRequest[]): string {
+  return requests.map((w) => `${w.body}/${w.camera}/${w.width}/${w.perSecond}/${w.candidates ? 1 : 0}`).join(' ');
 }

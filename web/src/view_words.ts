@@ -1,4 +1,4 @@
-// What a picture and its outlines mean, in plain words.
+// Texts about a picture and its outlines.
 import { fixed } from './format';
 import type { CameraView, Outline, OutlineKind } from './view_protocol';
 
@@ -15,13 +15,13 @@ const WHY_REJECTED: Record<string, string> = {
   low_margin: 'its contrast is below detector.min_decision_margin',
   id_twice: 'its id is in this picture more than once',
   outside_lens: 'its corners lie outside of the lens model, or it is seen from behind',
-  quarantined: 'it is quarantined: it contradicted its neighbours, or an operator says so',
+  quarantined: 'it is quarantined: it contradicted its neighbours, or by an operator',
   gate: 'its corners are too far from where the estimate has them: moved, the wrong size, or a poor lens',
   wrong_size: 'its corners do not fit, and its print is not of the configured size (tags.sizes_m)',
-  moved: 'it kept contradicting the others and was given up: it was moved, or its id is there twice',
-  restless: 'it was given up more than once lately: it moves, or its id is there twice',
-  pending: 'waits until it is certain which way it faces: look at it from aside or from nearer',
-  no_place: 'it is not known yet where the body is',
+  moved: 'it contradicted the others repeatedly: it was moved, or its id is there twice',
+  restless: 'it contradicted the others several times recently: it moves, or its id is there twice',
+  pending: 'its orientation is ambiguous: look at it from aside or from nearer',
+  no_place: 'the body has no pose yet',
   late: 'pictures of this camera come too late to be used',
 };
 
@@ -56,7 +56,7 @@ function measured(outline: Outline): string {
   return parts.join(', ');
 }
 
-/** One sentence or two about what a finger points at. */
+/** One or two sentences about the selected outline. */
 export function outlineWords(outline: Outline): string {
   const name = nameOf(outline);
   switch (outline.kind) {
@@ -91,7 +91,7 @@ export function exposureVerdict(view: CameraView): Verdict {
   if (e.white < 12) return { tone: 'bad', text: 'Black: is the lens covered, or the exposure far too short?' };
   if (e.black > 243) return { tone: 'bad', text: 'White: expose much shorter' };
   if (e.white - e.black < 25) return { tone: 'bad', text: 'Hardly any contrast: fog, a dirty lens, or a wall very near?' };
-  if (e.bright > 0.08) return { tone: 'warn', text: `${fixed(100 * e.bright, 0)} % is too bright to tell apart: expose shorter` };
+  if (e.bright > 0.08) return { tone: 'warn', text: `${fixed(100 * e.bright, 0)} % is overexposed: expose shorter` };
   if (e.white < 90) return { tone: 'warn', text: 'Too dark: expose longer, or add light' };
   if (view.noise > NOISY) return { tone: 'warn', text: `Noisy (${fixed(view.noise, 0)} grays): add light and lower the gain` };
   return { tone: 'good', text: 'Exposure is fine' };
@@ -122,7 +122,7 @@ export function sizeVerdict(view: CameraView): Verdict {
   return most < SMALL_PX ? { tone: 'warn', text: `${words}: small, come nearer or print larger ones` } : { tone: 'good', text: words };
 }
 
-/** @param configuredHz what the configuration promises */
+/** @param configuredHz the configured rate */
 export function rateVerdict(view: CameraView, configuredHz: number): Verdict {
   if (view.rateHz === 0) return { tone: 'none', text: '' };
   const slow = configuredHz > 0 && view.rateHz < 0.8 * configuredHz;

@@ -1,14 +1,14 @@
 import { describe, expect, it } from 'vitest';
-import { byUrgency, since } from '../src/events_panel';
+import { bySeverity, since } from '../src/events_panel';
 import type { ServerEvent, Severity } from '../src/protocol';
 
 const event = (n: number, severity: Severity): ServerEvent => ({
   n, utcMs: 0, severity, subject: 'drone', kind: 'lost', text: '', remedy: '', over: false,
 });
 
-describe('byUrgency', () => {
+describe('bySeverity', () => {
   it('puts the worst first, of equal ones the newest, and leaves mere notes out', () => {
-    const order = byUrgency([event(1, 'info'), event(2, 'error'), event(3, 'warning'), event(4, 'error')]);
+    const order = bySeverity([event(1, 'info'), event(2, 'error'), event(3, 'warning'), event(4, 'error')]);
     expect(order.map((one) => one.n)).toEqual([4, 2, 3]);
   });
 });

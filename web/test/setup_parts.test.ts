@@ -15,7 +15,7 @@ describe('a step that ends with a verdict', () => {
   });
 
   it('asks to take what is not good, and never what is refused', () => {
-    expect(after({ verdict: { ...verdict, good: false } }).words).toBe('Take it and go on');
+    expect(after({ verdict: { ...verdict, good: false } }).words).toBe('Accept and continue');
     const refused = after({ verdict: { ...verdict, good: false, refused: true } });
     expect(refused.commands()).toEqual([{ name: 'again' }]);
   });

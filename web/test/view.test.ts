@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import { outlineAt } from '../src/view_canvas';
-import { parsePicture, parseViewList, wishText, type CameraView, type Outline } from '../src/view_protocol';
+import { parsePicture, parseViewList, requestText, type CameraView, type Outline } from '../src/view_protocol';
 import { exposureVerdict, outlineWords, rateVerdict, sharpnessVerdict, sidePx, sizeVerdict, worstOf } from '../src/view_words';
 
 const square = (kind: Outline['kind'], id: number | null, at: number, side: number, why = 'used'): Outline => ({
@@ -54,11 +54,11 @@ describe('parseViewList', () => {
   });
 });
 
-describe('wishText', () => {
+describe('requestText', () => {
   it('is what the server reads', () => {
-    const wish = { body: 1, camera: 0, width: 640, perSecond: 10, candidates: true };
-    expect(wishText([wish, { ...wish, body: 2, width: 320, perSecond: 2, candidates: false }])).toBe('1/0/640/10/1 2/0/320/2/0');
-    expect(wishText([])).toBe('');
+    const request = { body: 1, camera: 0, width: 640, perSecond: 10, candidates: true };
+    expect(requestText([request, { ...request, body: 2, width: 320, perSecond: 2, candidates: false }])).toBe('1/0/640/10/1 2/0/320/2/0');
+    expect(requestText([])).toBe('');
   });
 });
 
@@ -104,7 +104,7 @@ describe('verdicts', () => {
     expect(exposureVerdict(VIEW)).toEqual({ tone: 'good', text: 'Exposure is fine' });
     expect(exposureVerdict(exposed({ white: 5, black: 0 })).text).toMatch(/^Black/);
     expect(exposureVerdict(exposed({ white: 70 })).text).toMatch(/^Too dark: expose longer/);
-    expect(exposureVerdict(exposed({ bright: 0.3 })).text).toMatch(/^30 % is too bright.*shorter/);
+    expect(exposureVerdict(exposed({ bright: 0.3 })).text).toMatch(/^30 % is overexposed.*shorter/);
     expect(exposureVerdict(exposed({ white: 130, black: 120 })).text).toMatch(/contrast/);
     expect(exposureVerdict({ ...VIEW, noise: 14 }).text).toMatch(/^Noisy \(14/);
   });

@@ -23,64 +23,61 @@
 
 namespace fiducap {
 
-/// Connects in the background, keeps the subscription alive, comes back by itself when the server
-/// does.
+/// Receives frames from a server. Connects in the background and reconnects by itself.
 ///
-/// All methods may be called from any thread, also from callbacks; only the destructor must not run
-/// in a callback. A server that is away is no error: `latest` keeps answering with the last frame,
-/// `statistics().problem` says why.
+/// Thread-safe, also in callbacks; only the destructor must not run in a callback. While the
+/// server is unreachable `latest` returns the last frame, `statistics().problem` the cause.
 class FIDUCAP_CLIENT_API Client {
  public:
-  /// No pose is carried further than this: the body has done something else meanwhile.
+  /// Longest prediction of a pose.
   static constexpr std::chrono::milliseconds kMaxPrediction{500};
 
-  /// Returns at once. @throw std::system_error only when the system has no thread or descriptor
-  /// left; std::invalid_argument when the options ask for more than 32 bodies or names that do not
-  /// fit a datagram.
+  /// Returns at once. @throw std::system_error when the system has no thread or descriptor left;
+  /// std::invalid_argument when the options have more than 32 bodies or names that do not fit a
+  /// datagram.
   explicit Client(ClientOptions options = {});
   ~Client();
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
 
-  /// Copies the newest frame into `frame`. Wait-free: no lock and no system call, whatever the
-  /// network and other readers do; no allocation once `frame` has held a frame of this size.
+  /// Copies the newest frame into `frame`. Wait-free: no lock and no system call; no allocation
+  /// once `frame` has held a frame of this size.
   /// @return false before the first frame; `frame` is unchanged then.
   bool latest(Frame& frame) const;
-  /// The newest pose of one body carried to `ahead` after the instant of its frame: velocity, rate,
-  /// and for the first 0.1 s its acceleration. Sigmas and covariance grow with those of velocity
+  /// Predicts the newest pose of one body to `ahead` after the instant of its frame, by velocity,
+  /// rate, and acceleration for the first 0.1 s. Sigmas and covariance grow with those of velocity
   /// and rate. Wait-free like `latest`.
   /// @return false when the body is unknown or not valid, or `ahead` is beyond kMaxPrediction;
   /// `body` is unchanged.
   bool predict(const std::string& name, std::chrono::nanoseconds ahead, Body& body) const;
-  /// The same for the instant that is `ahead` after now, e.g. when a command given now takes
-  /// effect.
-  /// @return false also while the clocks are not known, and when the newest frame is too old for
-  /// kMaxPrediction.
+  /// The same to `ahead` after now, e.g. when a command given now takes effect.
+  /// @return false also while the clock offset is unknown, or when the newest frame is too old for
+  /// kMaxPrediction
   bool predict_now(const std::string& name, std::chrono::nanoseconds ahead, Body& body) const;
-  /// Waits until a frame newer than `after_number` is there. After a restart of the server its
-  /// first frame is newer than all before.
-  /// @return false when the time is over.
+  /// Waits for a frame newer than `after_number`. The first frame after a restart of the server is
+  /// newer than all before.
+  /// @return false on timeout
   bool wait_for_frame(std::uint64_t after_number, std::chrono::milliseconds timeout) const;
-  /// Called on the client's thread for every frame; keep it short, do not throw. May be set,
-  /// replaced and taken away (nullptr) at any time; a call under way may end after this returns.
+  /// Sets a function that the client's thread calls for every frame; keep it short, do not throw.
+  /// May be replaced or removed (nullptr) at any time; a running call may end after this returns.
   void on_frame(std::function<void(const Frame&)> callback);
-  /// Called on the client's thread when the connection comes (true) or goes (false); at once when
-  /// it is already there.
+  /// Sets a function that is called on the client's thread when the connection is established
+  /// (true) or lost (false); also at once if it is established.
   void on_connection(std::function<void(bool connected)> callback);
   ClientStatistics statistics() const;
 
   /// One server that answered `discover`.
   struct Found {
-    std::string address;  ///< What to put into ClientOptions::server.
+    std::string address;  ///< For ClientOptions::server.
     std::uint16_t port{};
-    std::string host;  ///< Its own name.
+    std::string host;  ///< Its host name.
     std::string version;
     int bodies{};
     double rate_hz{};
   };
-  /// Asks on this machine and on all networks it is in (IPv4 broadcast) who is there. Takes the
-  /// whole `timeout`.
-  /// @return each server once, in the order of the answers; empty: none answered.
+  /// Searches this machine and all attached networks (IPv4 broadcast) for servers. Takes the whole
+  /// `timeout`.
+  /// @return each server once, in the order of the replies
   static std::vector<Found> discover(std::chrono::milliseconds timeout, std::uint16_t port = 21600);
 
  private:

@@ -1,5 +1,5 @@
-/* Part of fiducap.h, which includes this file: what happens at a server that a person should know.
- * Needs no token. One handle belongs to one thread at a time. */
+/* Part of fiducap.h, which includes this file: events of a server for users. Needs no token. One
+ * handle is used by one thread at a time. */
 #ifndef FIDUCAP_EVENTS_H
 #define FIDUCAP_EVENTS_H
 
@@ -29,16 +29,16 @@ typedef struct {
 } fiducap_event;
 FIDUCAP_INIT_OF(fiducap_event)
 
-/* Connects when first asked and again after the connection broke. NULL when there is no memory.
- * server NULL: 127.0.0.1, port 0: 21600. history 1: first what the server still knows. */
+/* Connects at the first call and again after a failure. NULL when there is no memory. server NULL:
+ * 127.0.0.1, port 0: 21600. history 1: first the events that the server keeps. */
 FIDUCAP_API fiducap_events* fiducap_events_open(const char* server, uint16_t port, int history);
 FIDUCAP_API void fiducap_events_close(fiducap_events* events);
-/* Waits for the next event. 0: none came in time; `problem` (may be NULL) says why there is no
+/* Waits for the next event. 0: timeout; `problem` (may be NULL) has the cause of a missing
  * connection, or is empty. */
 FIDUCAP_API int fiducap_events_next(fiducap_events* events, uint32_t timeout_ms,
                                     fiducap_event* event, char* problem, size_t problem_size);
-/* What holds now, as the server said last. Every standing[i].struct_size must be set. Returns how
- * many there are, at most `capacity` are written. */
+/* Conditions that hold according to the last message of the server. Every standing[i].struct_size
+ * must be set. Returns their number; at most `capacity` are written. */
 FIDUCAP_API uint32_t fiducap_events_standing(const fiducap_events* events, fiducap_event* standing,
                                              uint32_t capacity);
 

@@ -8,8 +8,8 @@
 
 #include "fiducap/client.hpp"
 
-/// What happens at a Fiducap server that a person should know: bodies lost and found, devices gone,
-/// disks full, clocks unsynchronised. Needs no token.
+/// Events of a Fiducap server for users: bodies lost and found, devices disconnected, disks full,
+/// clocks not synchronised. Needs no token.
 namespace fiducap {
 
 enum class EventSeverity { kInfo, kWarning, kError };
@@ -27,12 +27,12 @@ struct ServerEvent {
 
 struct EventOptions {
   std::string server{"127.0.0.1"};  ///< Address or host name.
-  std::uint16_t port{21600};        ///< The same number as for poses, TCP.
-  bool history{true};               ///< First what the server still knows, at most 256 events.
+  std::uint16_t port{21600};        ///< Same number as for poses, TCP.
+  bool history{true};               ///< First the events that the server keeps, at most 256.
 };
 
-/// The events of one server, one after the other. Connects when first asked and again after the
-/// connection broke; what happened meanwhile is not lost. Not thread-safe.
+/// Receives the events of one server. Connects at the first call and again after a failure; events
+/// in between are not lost. Not thread-safe.
 class FIDUCAP_CLIENT_API EventWatch {
  public:
   explicit EventWatch(EventOptions options);
@@ -40,12 +40,12 @@ class FIDUCAP_CLIENT_API EventWatch {
   EventWatch(const EventWatch&) = delete;
   EventWatch& operator=(const EventWatch&) = delete;
 
-  /// Waits for the next event; to connect may take half a second longer.
-  /// @return false: none within `patience`, see `problem`
-  bool next(ServerEvent& event, std::chrono::milliseconds patience);
-  /// What holds now, as the server said last: conditions that have begun and not ended.
+  /// Waits for the next event; connecting may take half a second longer.
+  /// @return false: none within `timeout`, see `problem`
+  bool next(ServerEvent& event, std::chrono::milliseconds timeout);
+  /// Conditions that hold according to the last message of the server.
   const std::vector<ServerEvent>& standing() const;
-  /// Why there is no connection, in one sentence; empty: there is one.
+  /// Cause of a missing connection, in one sentence; empty: connected.
   const std::string& problem() const;
 
  private:

@@ -1,5 +1,5 @@
-/* The structs of fiducap.h, which includes this file. Programs made for an older library have them
- * as they were: fields are only ever appended. */
+/* The structs of fiducap.h, which includes this file. Fields are only appended, so that programs
+ * built for an older library keep working. */
 #ifndef FIDUCAP_TYPES_H
 #define FIDUCAP_TYPES_H
 
@@ -26,7 +26,7 @@ typedef struct {
   uint32_t struct_size;
   uint16_t port;             /* 0: 21600 */
   uint8_t up;                /* FIDUCAP_UP_… */
-  uint8_t turn_bodies;       /* 1: with y up the bodies' own axes turn, too */
+  uint8_t turn_bodies;       /* 1: with y up the bodies' axes are rotated, too */
   const char* server;        /* address or host name; NULL: 127.0.0.1 */
   const char* name;          /* for the operator's list; NULL: none */
   double reconnect_s;        /* 0: 0.5 */
@@ -43,7 +43,7 @@ typedef struct {
   uint32_t struct_size;
   int32_t id;
   int32_t tracking; /* FIDUCAP_SEARCHING … */
-  int32_t valid;    /* 0: there is no pose, all numbers down to the covariance are NaN */
+  int32_t valid;    /* 0: no pose; all numbers down to the covariance are NaN */
   int32_t tags_in_view;
   uint32_t reserved;
   double position_m[3];
@@ -64,10 +64,10 @@ FIDUCAP_INIT_OF(fiducap_body)
 typedef struct {
   uint32_t struct_size;
   uint32_t body_size;  /* sizeof(fiducap_body) of the caller: the stride of its array */
-  uint32_t body_count; /* bodies in the frame; those beyond the caller's capacity are left out */
+  uint32_t body_count; /* bodies in the frame; those beyond the caller's capacity are omitted */
   uint32_t reserved;
   uint64_t number;
-  int64_t at_server_ns; /* the instant the poses are for, server's clock */
+  int64_t at_server_ns; /* instant of the poses, server's clock */
   int64_t at_client_ns; /* the same instant on this machine's CLOCK_MONOTONIC; 0: not known */
   int64_t at_utc_ns;
   int64_t published_server_ns;
@@ -103,7 +103,7 @@ typedef struct {
   double round_trip_s;
   int32_t clock_known;
   int32_t multicast;
-  char problem[FIDUCAP_TEXT_SIZE]; /* while not connected: why */
+  char problem[FIDUCAP_TEXT_SIZE]; /* cause of a missing connection */
 } fiducap_statistics;
 FIDUCAP_INIT_OF(fiducap_statistics)
 

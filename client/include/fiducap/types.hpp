@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-/// What the client gives and takes: plain data. Axes and units as in client.hpp.
+/// Data of the client. Axes and units as in client.hpp.
 namespace fiducap {
 
 enum class Tracking : std::uint8_t { kSearching, kTracking, kCoasting, kLost };
@@ -15,7 +15,7 @@ struct Body {
   int id{};
   std::string name;
   Tracking tracking{Tracking::kSearching};
-  bool valid{};  ///< False: there is no pose; all numbers down to the covariance are NaN.
+  bool valid{};  ///< False: no pose; all numbers down to the covariance are NaN.
   std::array<double, 3> position_m{};                  ///< p_WP
   std::array<double, 4> orientation_wxyz{1, 0, 0, 0};  ///< q_WP
   std::array<double, 3> velocity_m_s{};                ///< v_WP, W axes
@@ -26,7 +26,7 @@ struct Body {
   double velocity_sigma_m_s{};
   double rate_sigma_rad_s{};
   /// Upper triangle, row by row, of the 6x6 covariance of (position, rotation vector), both in W;
-  /// m², m·rad, rad². NaN when the options leave it out.
+  /// m², m·rad, rad². NaN without ClientOptions::covariance.
   std::array<float, 21> pose_covariance{};
   double age_s{};  ///< Since the last image with a tag.
   int tags_in_view{};
@@ -34,11 +34,10 @@ struct Body {
 
 /// All bodies at one instant.
 struct Frame {
-  std::uint64_t number{};       ///< Counts up; starts again when the server starts again.
-  std::int64_t at_server_ns{};  ///< The instant the poses are for, server's clock.
+  std::uint64_t number{};       ///< Counts up from the start of the server.
+  std::int64_t at_server_ns{};  ///< Instant of the poses, server's clock.
   /// The same instant on this machine's steady clock (std::chrono::steady_clock, CLOCK_MONOTONIC),
-  /// from the clock synchronisation with the server. 0: not known yet, or the server replays a
-  /// recording.
+  /// by clock synchronisation with the server. 0: not known yet, or the server replays a recording.
   std::int64_t at_client_ns{};
   double clock_sigma_s{};              ///< 1-sigma of at_client_ns. NaN: not known.
   std::int64_t at_utc_ns{};            ///< The same instant, nanoseconds since 1970.
@@ -53,58 +52,56 @@ enum class WorldUp : std::uint8_t {
   kZ,
   kY,  ///< x' = x, y' = z, z' = -y.
 };
-/// With y up: what turns.
+/// With y up: the axes that are rotated.
 enum class TurnedAxes : std::uint8_t {
   kWorld,         ///< Only the world's axes: q' = F q.
-  kWorldAndBody,  ///< The bodies' own axes, too: q' = F q F*.
+  kWorldAndBody,  ///< Also the bodies' axes: q' = F q F*.
 };
 
 struct ClientOptions {
   std::string server{"127.0.0.1"};  ///< Address or host name.
   std::uint16_t port{21600};
-  double reconnect_s{0.5};  ///< Pause between attempts while the server is away; 0.05 … 60.
-  std::string name;  ///< What the server's operator sees in the list of clients, at most 64 bytes.
+  double reconnect_s{0.5};  ///< Pause between attempts to connect; 0.05 … 60.
+  std::string name;         ///< For the operator's list of clients, at most 64 bytes.
 
-  // What to receive: the server does the work, once for all clients that want the same.
+  // Applied by the server, once for all clients with equal options.
   WorldUp up{WorldUp::kZ};
   TurnedAxes scope{TurnedAxes::kWorld};
-  double max_rate_hz{0};            ///< The server leaves frames out to stay below; 0: every frame.
-  std::vector<std::string> bodies;  ///< Names, at most 32, that may also appear later; empty: all.
+  double max_rate_hz{0};            ///< The server skips frames to stay below; 0: every frame.
+  std::vector<std::string> bodies;  ///< At most 32 names, also of later bodies; empty: all.
   bool covariance{true};            ///< False: no pose_covariance, smaller frames.
-  bool multicast{
-      false};  ///< By multicast if the server has a group; falls back to unicast where none comes.
+  bool multicast{false};  ///< If the server has a group; falls back to unicast when none arrives.
 };
 
-/// How the server's clock stands to this machine's steady clock: server = ours + offset.
+/// Offset of the server's clock from this machine's steady clock: server = ours + offset.
 struct ClockStatus {
   bool known{};
   std::int64_t offset_ns{};
-  double drift_ppm{};  ///< The offset grows by so many µs per second.
-  double sigma_s{};    ///< 1-sigma of the offset from jitter. NaN: not known.
-  double bound_s{};    ///< It is never more wrong than this, even if there and back take different
-                       ///< times.
-  double round_trip_s{};  ///< Least one of the last half minute.
+  double drift_ppm{};     ///< Growth of the offset in µs per second.
+  double sigma_s{};       ///< 1-sigma of the offset from jitter. NaN: not known.
+  double bound_s{};       ///< Bound of its error for any asymmetry of the delays.
+  double round_trip_s{};  ///< Minimum of the last half minute.
 };
 
 /// Counters since construction.
 struct ClientStatistics {
   bool connected{};
-  std::string problem;  ///< While not connected: why, in one sentence for a person. Else empty.
+  std::string problem;  ///< Cause of a missing connection, in one sentence; else empty.
   std::uint64_t frames{};
   std::uint64_t lost{};  ///< Gaps in the frame numbers.
-  std::uint64_t
-      dropped_by_server{};  ///< Of them: the server's socket was full. Of the present connection.
-  std::uint64_t dropped_here{};  ///< Datagrams that this machine dropped because the client's
-                                 ///< socket was full.
+  /// Of these, because the server's socket was full; of the present connection.
+  std::uint64_t dropped_by_server{};
+  /// Datagrams that this machine dropped because the client's socket was full.
+  std::uint64_t dropped_here{};
   std::uint64_t reconnects{};
   double rate_hz{};  ///< Over the last second.
-  /// Instant of the pose → arrival, over the last 1000 frames. NaN while the clocks are not known
-  /// or when the server replays a recording.
+  /// Instant of the pose → arrival, over the last 1000 frames. NaN while the clock offset is
+  /// unknown or when the server replays a recording.
   double latency_p50_s{};
   double latency_p99_s{};
   double latency_max_s{};
   ClockStatus clock;
-  bool multicast{};  ///< Frames come by multicast.
+  bool multicast{};  ///< Frames arrive by multicast.
 };
 
 }  // namespace fiducap

@@ -150,7 +150,7 @@ class Event(ctypes.Structure):
 
 
 def sized(struct):
-    """A new struct that says its size, as every struct of the library must."""
+    """A new struct with its size set, as the library requires."""
     return struct(struct_size=ctypes.sizeof(struct))
 
 
@@ -209,7 +209,7 @@ def _declare(library):
 def load():
     """The library, with its functions declared.
 
-    It is looked for at $FIDUCAP_LIBRARY, beside this package, and where the system keeps libraries."""
+    Searched at $FIDUCAP_LIBRARY, beside this package, and in the library paths of the system."""
     tried = []
     for candidate in _candidates():
         try:

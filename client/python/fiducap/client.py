@@ -1,4 +1,4 @@
-"""Poses: Client, and what it gives."""
+"""Poses: Client and its data."""
 
 import ctypes
 import enum
@@ -45,7 +45,7 @@ class Frame(NamedTuple):
     """All bodies at one instant."""
 
     number: int
-    at_server_ns: int  #: the instant the poses are for, server's clock
+    at_server_ns: int  #: instant of the poses, server's clock
     at_client_ns: Optional[int]  #: the same on time.monotonic_ns(); None: the clocks are not known
     at_utc_ns: int
     published_server_ns: int
@@ -58,7 +58,7 @@ class Frame(NamedTuple):
 
 class Statistics(NamedTuple):
     connected: bool
-    problem: str  #: while not connected: why
+    problem: str  #: cause of a missing connection
     frames: int
     lost: int
     dropped_by_server: int
@@ -104,7 +104,7 @@ def _ns(seconds: float) -> int:
 
 
 class Client:
-    """Connects in the background and comes back by itself when the server does.
+    """Connects in the background and reconnects by itself.
 
     >>> with Client("127.0.0.1") as client:
     ...     for frame in client.frames():
@@ -154,7 +154,7 @@ class Client:
         self._bodies = (_library.Body * 16)()
 
     def close(self) -> None:
-        """Says good-bye to the server. Nothing else may be called after this."""
+        """Unsubscribes. No other method may be called afterwards."""
         if self._handle:
             _lib.fiducap_disconnect(self._handle)
             self._handle = None
@@ -174,7 +174,7 @@ class Client:
         return self._handle
 
     def latest(self) -> Optional[Frame]:
-        """The newest frame; None: none came yet. Never waits."""
+        """The newest frame; None: there is none yet. Never waits."""
         while True:
             if not _lib.fiducap_latest(self._open(), self._frame, self._bodies, len(self._bodies)):
                 return None
@@ -190,13 +190,13 @@ class Client:
         )
 
     def wait(self, after_number: int = 0, timeout_s: float = 1.0) -> Optional[Frame]:
-        """The newest frame, once it is newer than `after_number`; None: the time is over."""
+        """Waits for a frame newer than `after_number`; None: timeout."""
         if not _lib.fiducap_wait_for_frame(self._open(), after_number, int(timeout_s * 1e3)):
             return None
         return self.latest()
 
     def frames(self, timeout_s: float = 1.0):
-        """Every frame there is time for. Ends when none came for `timeout_s`."""
+        """Yields frames, skipping those that arrive meanwhile. Ends after `timeout_s` without one."""
         number = 0
         while True:
             frame = self.wait(number, timeout_s)

@@ -12,7 +12,7 @@ _MOST_RECORDINGS = 64
 
 
 class ControlError(Exception):
-    """A command was not carried out; the text says why."""
+    """A command was not executed; the text has the cause."""
 
 
 class ControlledBody(NamedTuple):
@@ -26,28 +26,28 @@ class ControlledBody(NamedTuple):
 class ControlState(NamedTuple):
     bodies: List[ControlledBody]
     mapping: bool
-    recording: str  #: name of the recording under way, or empty
+    recording: str  #: name of the running recording, or empty
 
 
 class RecordingState(enum.IntEnum):
-    STARTING = 0  #: samples are taken; the disk has not opened the files yet
+    STARTING = 0  #: samples are accepted; the files are not open yet
     RECORDING = 1
-    STOPPING = 2  #: nothing more is taken; what was taken is still being written
+    STOPPING = 2  #: no more samples are accepted; accepted ones are being written
     FINISHED = 3  #: everything is on disk
-    FAILED = 4  #: over, too: see reason
+    FAILED = 4  #: ended; see reason
 
 
 class Recording(NamedTuple):
     name: str
     state: RecordingState
-    reason: str  #: why it failed, or empty
-    samples: int  #: on disk: IMU readings, and images or their corners
+    reason: str  #: cause of the failure, or empty
+    samples: int  #: on disk: IMU samples, and images or their corners
     bytes: int  #: on disk
     dropped: int  #: not recorded, because the disk was slow or failed
 
 
 class Control:
-    """Commands, one connection. Every method waits for the answer and raises ControlError when it is no."""
+    """Commands over one connection. Every method waits for the reply and raises ControlError on failure."""
 
     def __init__(self, token: str, server: str = "127.0.0.1", port: int = 21600, timeout_s: float = 2.0):
         self._handle = None
@@ -95,7 +95,7 @@ class Control:
         )
 
     def recordings(self) -> List[Recording]:
-        """Those that are not over, and up to eight that are; the newest last."""
+        """All running ones and up to eight ended ones; the newest last."""
         all_ = (_library.Recording * _MOST_RECORDINGS)()
         for recording in all_:
             recording.struct_size = ctypes.sizeof(_library.Recording)
@@ -123,7 +123,7 @@ class Control:
         self._run(_lib.fiducap_control_commit_map)
 
     def start_recording(self, name: str = "") -> None:
-        """Answered before the disk is: recordings() says how it goes on, after stop_recording(), too."""
+        """Returns before the files are open; recordings() has the state, also after stop_recording()."""
         self._run(_lib.fiducap_control_start_recording, name.encode())
 
     def stop_recording(self) -> None:

@@ -1,4 +1,4 @@
-"""What happens at a server that a person should know. Needs no token."""
+"""Events of a server for users. Needs no token."""
 
 import ctypes
 import enum
@@ -44,10 +44,10 @@ class EventWatch:
     """The events of one server: `for event in EventWatch(): print(event.text)`.
 
     Connects when first asked and again after the connection broke; what happened meanwhile is not lost.
-    @param history  first what the server still knows, at most 256 events"""
+    @param history  first the events that the server keeps, at most 256"""
 
     def __init__(self, server: str = "127.0.0.1", port: int = 21600, history: bool = True):
-        self.problem = ""  #: why there is no connection, or empty
+        self.problem = ""  #: cause of a missing connection, or empty
         self._handle = None
         self._handle = _lib.fiducap_events_open(server.encode(), port, int(history))
         if not self._handle:
@@ -73,7 +73,7 @@ class EventWatch:
         return self._handle
 
     def next(self, timeout_s: float) -> Optional[Event]:
-        """Waits for the next event; None: none came in time, see `problem`."""
+        """Waits for the next event; None: timeout, see `problem`."""
         event = _library.sized(_library.Event)
         problem = ctypes.create_string_buffer(_library.TEXT_SIZE)
         came = _lib.fiducap_events_next(self._open(), int(timeout_s * 1e3), event, problem, len(problem))
@@ -81,7 +81,7 @@ class EventWatch:
         return _event(event) if came else None
 
     def standing(self) -> List[Event]:
-        """What holds now, as the server said last: conditions that have begun and not ended."""
+        """Conditions that hold according to the last message of the server."""
         events = (_library.Event * _MOST_STANDING)()
         for event in events:
             event.struct_size = ctypes.sizeof(_library.Event)
@@ -89,7 +89,7 @@ class EventWatch:
         return [_event(event) for event in events[: min(count, len(events))]]
 
     def __iter__(self) -> Iterator[Event]:
-        """Every event, for ever."""
+        """Yields every event, without end."""
         while True:
             event = self.next(1.0)
             if event is not None:

@@ -3,23 +3,123 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <locale>
+#include <optional>
 #include <sstream>
 #include <utility>
 
-#include "base/so3.hpp"
-#include "calibration/extrinsics/calm_watch.hpp"
+#include <Eigen/Dense>
+
+#include "base/pose.hpp"
 #include "estimation/filter/chi_square.hpp"
 
 namespace fiducap {
 namespace {
 
+// A filter started in motion has about the same cost at most wrong shifts; the minimum is narrow. A
+// grid of 12 ms missed it by 10 to 30 ms in one recording of twenty.
+constexpr double kCell_s = 0.002;
+constexpr double kEnough_s = 0.0005;    // end of the golden section
+constexpr double kParabola_s = 0.0015;  // spacing of the five points of the parabola
+constexpr double kGolden = 0.6180339887498949;
+/// Smallest range of the chi-square: smaller ones are caused by images that enter or leave the
+/// recording with the shift, and would give a useless sigma (10 sigma over 50 ms are 5 ms).
+constexpr double kEvidence = 100;
+
+class ShiftSearch final {
+ public:
+  ShiftSearch(const ShiftCost& cost, double range_s) : cost_(cost), range_s_(range_s) {}
+
+  Expected<ShiftResult> run() {
+    const int cells = static_cast<int>(std::ceil(range_s_ / kCell_s));
+    double best = std::numeric_limits<double>::infinity();
+    double worst = -best;
+    double centre = 0;
+    for (int i = -cells; i <= cells; ++i) {
+      const double shift = range_s_ * i / cells;
+      const double value = at(shift);
+      worst = std::max(worst, value);
+      if (value >= best) continue;
+      best = value;
+      centre = shift;
+      result_.at_border = std::abs(i) == cells;
+    }
+    const double cell = range_s_ / cells;
+    const double narrowed = golden(centre - cell, centre + cell);
+    if (!failure_) fit_parabola(narrowed);
+    if (failure_) return tl::unexpected(*failure_);
+    if (worst - best < kEvidence) return ShiftResult{.determined = false};
+    // A negative curvature at the border: the minimum lies beyond.
+    if (!result_.determined)
+      return ShiftResult{.at_border = result_.at_border, .determined = false};
+    return result_;
+  }
+
+ private:
+  double at(double shift_s) {
+    if (failure_) return 0;
+    const auto value = cost_(shift_s);
+    if (value) return *value;
+    failure_ = value.error();
+    return 0;
+  }
+
+  double golden(double low, double high) {
+    double left = high - kGolden * (high - low);
+    double right = low + kGolden * (high - low);
+    double at_left = at(left);
+    double at_right = at(right);
+    while (high - low > kEnough_s && !failure_) {
+      if (at_left < at_right) {
+        high = right;
+        right = left;
+        at_right = at_left;
+        left = high - kGolden * (high - low);
+        at_left = at(left);
+      } else {
+        low = left;
+        left = right;
+        at_left = at_right;
+        right = low + kGolden * (high - low);
+        at_right = at(right);
+      }
+    }
+    return (low + high) / 2;
+  }
+
+  /// Least squares through five points; χ² = c + (t − t₀)²/σ².
+  void fit_parabola(double centre) {
+    Eigen::Matrix<double, 5, 3> A;
+    Eigen::Matrix<double, 5, 1> y;
+    for (int i = 0; i < 5; ++i) {
+      const double u = i - 2;
+      A.row(i) << 1, u, u * u;
+      y(i) = at(centre + u * kParabola_s);
+    }
+    const Eigen::Vector3d c = A.colPivHouseholderQr().solve(y);
+    result_.shift_s = centre;
+    if (!(c(2) > 0)) {
+      result_.determined = false;
+      return;
+    }
+    const double vertex = -c(1) / (2 * c(2));
+    if (std::abs(vertex) <= 2) result_.shift_s += vertex * kParabola_s;
+    result_.sigma_s = kParabola_s / std::sqrt(c(2));
+  }
+
+  const ShiftCost& cost_;
+  double range_s_;
+  ShiftResult result_;
+  std::optional<Error> failure_;
+};
+
 constexpr double kGoodPosition_m = 0.003;
 constexpr double kGoodRotation_rad = 0.001;
 constexpr int kCornerNumbers = 8;
-constexpr double kSearched_s = 0.003;  // how far the search may be off
-/// A tag that the filter could not use costs a little more than one that fits: a run that uses
-/// nothing must not win.
+constexpr double kSearchSigma_s = 0.003;  // of the searched shift
+/// Cost of a tag that the filter could not use, above that of one that fits: a run that uses no
+/// tags must not be the minimum.
 constexpr double kUnused = 1.5 * kCornerNumbers;
 
 class Calibration final {
@@ -37,17 +137,16 @@ class Calibration final {
       camera.rotation_sigma_rad = options.rotation_sigma_rad;
     }
     setup_.estimator.estimate_extrinsics = true;
-    // The search below finds the shift where the innovations are smallest: nothing else may explain
-    // them away.
+    // No other state may absorb the innovations that the search minimises.
     setup_.estimator.estimate_clocks = false;
     setup_.estimator.learn_corner_noise = false;
   }
 
   Expected<CameraImuCalibration> run() {
-    if (!samples_.begins_calm) {
-      const auto calm = first_calm(samples_);
-      result_.begins_in_motion = !calm;
-      if (calm) begin_ = *calm;
+    if (!samples_.begins_still) {
+      const auto rest = first_rest(samples_);
+      result_.begins_in_motion = !rest;
+      if (rest) begin_ = *rest;
     }
     if (options_.search_time) {
       const auto time =
@@ -65,8 +164,7 @@ class Calibration final {
       last = std::move(*run);
       if (last.statistics.tags_used == 0 || last.extrinsics.size() != nominal_.size())
         return fail(ErrorCode::kInvalid,
-                    "the filter never followed the tags: are their sizes and the camera's "
-                    "calibration right?");
+                    "the filter used no tags: check their sizes and the camera's calibration");
       for (std::size_t k = 0; k < nominal_.size(); ++k)
         setup_.sensors.cameras[k].X_BV = last.extrinsics[k].X_BV;
       result_.time.shift_s = replayed_shift_s + learned_shift_s(last);
@@ -78,22 +176,22 @@ class Calibration final {
   }
 
  private:
-  /// What the search has found is right to a millisecond or so. What place and attitude owe to the
-  /// rest, the filter knows: a clock that is held makes them surer than they are.
+  /// Estimates the clocks with the poses, from the searched shift on: fixed clocks would make the
+  /// covariance of the poses too small.
   void free_clocks() {
     setup_.estimator.estimate_clocks = true;
     if (!result_.time.determined) return;
-    for (CameraMount& camera : setup_.sensors.cameras) camera.time_shift_sigma_s = kSearched_s;
+    for (CameraMount& camera : setup_.sensors.cameras) camera.time_shift_sigma_s = kSearchSigma_s;
   }
 
-  /// Beyond what was replayed, mean of all cameras; the largest of their sigmas is the result's.
+  /// Mean of all cameras, beyond the replayed shift; the largest sigma is the result's.
   double learned_shift_s(const OfflineResult& run) {
     double sum_s = 0, sigma_s = 0;
     for (const ExtrinsicsEstimate& camera : run.extrinsics) {
       sum_s += camera.clock.shift_s;
       sigma_s = std::max(sigma_s, camera.clock.shift_sigma_s);
     }
-    if (sigma_s > 0) result_.time.sigma_s = sigma_s;  // the paper's filter estimates none
+    if (sigma_s > 0) result_.time.sigma_s = sigma_s;  // 0: the filter estimates no clocks
     return sum_s / static_cast<double>(run.extrinsics.size());
   }
 
@@ -104,7 +202,7 @@ class Calibration final {
     return run_offline(setup_, replay);
   }
 
-  /// Summed NIS of what was used; the rest at what it costs at least.
+  /// Summed NIS of used tags, and fixed costs of the others.
   Expected<double> cost_of(double shift_s) {
     const auto run =
         run_filter(shift_s, "time shift " + std::to_string(std::lround(shift_s * 1e6)) +
@@ -149,27 +247,27 @@ class Calibration final {
 
 }  // namespace
 
+Expected<ShiftResult> search_time_shift(const ShiftCost& cost, double range_s) {
+  return ShiftSearch(cost, range_s).run();
+}
+
 Expected<CameraImuCalibration> calibrate_camera_imu(OfflineSetup setup,
                                                     const LoadedSamples& samples,
                                                     const CalibrationOptions& options,
                                                     const CalibrationProgress& progress) {
   if (!setup.sensors.imu || samples.imu.empty())
     return fail(ErrorCode::kInvalid,
-                "has no IMU samples: there is nothing to calibrate the camera against");
+                "has no IMU samples: the camera is calibrated relative to the IMU");
   if (samples.tags == 0) return fail(ErrorCode::kInvalid, "shows no tag in any image");
   return Calibration(std::move(setup), samples, options, progress).run();
 }
 
-std::string motion_that_shows(std::size_t axis) {
-  static constexpr std::array<const char*, 6> kMotions{
-      "turn quickly to and fro about y and z",
-      "turn quickly to and fro about x and z",
-      "turn quickly to and fro about x and y",
-      "turn about y and z, tilt so that gravity is not along x",
-      "turn about x and z, tilt so that gravity is not along y",
-      "turn about x and y, tilt so that gravity is not along z",
-  };
-  return kMotions.at(axis);
+std::string motion_for_axis(std::size_t axis) {
+  static constexpr std::array kAxes{"x", "y", "z"};
+  static constexpr std::array kOthers{"y and z", "x and z", "x and y"};
+  const std::string others = kOthers.at(axis % 3);
+  if (axis < 3) return "rotate quickly back and forth about " + others;
+  return "rotate about " + others + ", tilt so that gravity is not along " + kAxes.at(axis % 3);
 }
 
 std::string to_kalibr_camchain(const std::vector<CameraMount>& cameras,
@@ -194,8 +292,7 @@ std::string to_kalibr_camchain(const std::vector<CameraMount>& cameras,
     const std::size_t numbers = model.distortion == Distortion::kNone  ? 0
                                 : radial && model.coefficients[4] != 0 ? 5
                                                                        : 4;
-    // Kalibr's own names; its camera without lens is written as radtan with zeros by most people,
-    // `none` is Kalibr's word.
+    // Kalibr's names.
     out << "  distortion_model: "
         << (numbers == 0 ? "none"
             : radial     ? "radtan"

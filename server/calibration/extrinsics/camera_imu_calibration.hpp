@@ -1,65 +1,81 @@
 #pragma once
 
+#include <array>
 #include <functional>
 #include <string>
 #include <vector>
 
-#include "calibration/extrinsics/sample_replay.hpp"
-#include "calibration/extrinsics/time_shift_search.hpp"
+#include "base/expected.hpp"
+#include "calibration/extrinsics/loaded_samples.hpp"
 #include "pipeline/replay/offline_run.hpp"
 
 namespace fiducap {
 
+/// Minimum of a cost over the clock offset.
+struct ShiftResult {
+  double shift_s{};
+  double sigma_s{};       ///< From the curvature: the cost is a chi-square.
+  bool at_border{false};  ///< The minimum lies outside of the range.
+  bool determined{true};  ///< False: the cost hardly depends on the shift; `shift_s` is 0 then.
+};
+
+/// Chi-square of the recording with this delay added to its images.
+using ShiftCost = std::function<Expected<double>(double shift_s)>;
+
+/// Minimum in ±range_s: a coarse grid, a golden section in its best cell, and a parabola through
+/// five points, because a filter's cost has many small local minima.
+/// @return Error of the first cost that fails
+[[nodiscard]] Expected<ShiftResult> search_time_shift(const ShiftCost& cost, double range_s);
+
 struct CalibrationOptions {
-  double position_sigma_m{0.02};  ///< How far the recording's X_BV may be off, per axis.
+  double position_sigma_m{0.02};  ///< Prior sigma of the recording's X_BV, per axis.
   double rotation_sigma_rad{0.035};
   double time_range_s{0.05};  ///< Searched on both sides of the recording's own time shift.
   bool search_time{true};
 };
 
-/// One number of X_BV.
+/// One component of X_BV.
 struct AxisVerdict {
   double sigma{};  ///< m or rad, B axes.
   double prior_sigma{};
-  bool observed{};  ///< Below half of what was known before, and below 3 mm or 1 mrad.
+  bool observed{};  ///< Sigma below half of the prior, and below 3 mm or 1 mrad.
 };
 
 struct CameraVerdict {
   Pose X_BV;
   std::array<AxisVerdict, 6> axes;  ///< Position x y z, rotation vector x y z.
-  double moved_m{};                 ///< Away from the recording's own X_BV.
+  double moved_m{};                 ///< Distance from the recording's own X_BV.
   double moved_rad{};
 };
 
 struct CameraImuCalibration {
   std::vector<CameraMount> cameras;     ///< The recording's, with new X_BV, sigmas and time shift.
   std::vector<CameraVerdict> verdicts;  ///< One per camera.
-  /// On top of the recording's own time shifts: mean of all cameras, as solved for with their
-  /// places.
+  /// Added to the recording's own time shifts: mean of all cameras, estimated with their poses.
   ShiftResult time;
   OfflineStatistics statistics;  ///< Of the last run.
   int runs{};
-  /// No calm with tags in view was found: may be wrong and sure (CalmWatch).
+  /// No rest with tags in view was found: the result may be inconsistent (StillnessDetector).
   bool begins_in_motion{};
 };
 
 /// Called before each run of the filter.
 using CalibrationProgress = std::function<void(const std::string& what)>;
 
-/// Runs the filter over the samples, from the first calm with tags in view on: first with images
-/// shifted until its innovations are smallest, then twice for extrinsics and clocks together; the
-/// second run is linearised at the first's result and starts with the same sigmas as the first, so
-/// that nothing counts twice.
+/// Runs the filter over the samples, from the first rest with tags in view on: first to find the
+/// time shift with the smallest innovations, then twice for extrinsics and clocks together. The
+/// second run is linearised at the first one's result and starts with the same sigmas, so that no
+/// measurement counts twice.
 /// @param setup  of the recording; its filter and noises are used
 /// @return Error without IMU, without tags, or when the filter never started
 [[nodiscard]] Expected<CameraImuCalibration> calibrate_camera_imu(
     OfflineSetup setup, const LoadedSamples& samples, const CalibrationOptions& options,
     const CalibrationProgress& progress = {});
 
-/// Which motion would show an axis: `axis` as in CameraVerdict::axes.
-[[nodiscard]] std::string motion_that_shows(std::size_t axis);
+/// The motion that makes an axis observable: `axis` as in CameraVerdict::axes.
+[[nodiscard]] std::string motion_for_axis(std::size_t axis);
 
-/// Kalibr's camchain-imucam, as read_kalibr_camchain reads it.
+/// Kalibr's camchain-imucam, as read by read_kalibr_camchain.
 [[nodiscard]] std::string to_kalibr_camchain(const std::vector<CameraMount>& cameras,
                                              const std::string& heading);
 

@@ -1,4 +1,4 @@
-#include "calibration/guided/lens_guide.hpp"
+#include "calibration/guided/guides.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -10,14 +10,14 @@ namespace fiducap {
 namespace {
 
 constexpr int kColumns = 8;
-constexpr int kPerCell = 2;  // corners; the same as in the verdict
+constexpr int kPerCell = 2;  // corners, as in the verdict
 constexpr double kEnoughCover = 0.9;
 constexpr std::size_t kEnoughViews = 24;
 constexpr double kSlanted = 0.906;         // cos 25°
 constexpr std::size_t kEnoughSlanted = 8;  // views
-constexpr double kStill = 0.004;           // of the width, from image to image: else it is smeared
-constexpr double kUnlike = 0.03;           // of the width
-constexpr double kBlurredBelow = 0.6;      // of the sharpest that was seen
+constexpr double kMaxMotion = 0.004;       // between images, in widths
+constexpr double kMinDistance = 0.03;      // of different views, in widths
+constexpr double kMinSharpness = 0.6;      // relative to the sharpest view
 
 double sharpness_of(const CalibrationView& view) {
   double least = 0;
@@ -26,24 +26,24 @@ double sharpness_of(const CalibrationView& view) {
   return least;
 }
 
-/// The four outermost points of a target, in the order of a tag's corners.
-std::optional<std::array<Eigen::Vector2d, 4>> outline_of(const TargetSighting& sighting) {
+/// Nullopt for a target other than a tag.
+std::optional<TagCorners> tag_corners_of(const TargetSighting& sighting) {
   if (sighting.points.size() != 4) return std::nullopt;
-  std::array<Eigen::Vector2d, 4> corners;
+  TagCorners corners;
   for (std::size_t i = 0; i < 4; ++i) corners[i] = sighting.points[i].raw_px;
   return corners;
 }
 
 bool is_slanted(const CalibrationView& view) {
-  return std::any_of(view.sightings.begin(), view.sightings.end(), [](const TargetSighting& s) {
-    const auto corners = outline_of(s);
+  return std::ranges::any_of(view.sightings, [](const TargetSighting& s) {
+    const auto corners = tag_corners_of(s);
     return corners && slant_cosine(*corners) < kSlanted;
   });
 }
 
 }  // namespace
 
-double slant_cosine(const std::array<Eigen::Vector2d, 4>& c) {
+double slant_cosine(const TagCorners& c) {
   Eigen::Matrix2d affine;
   affine << (c[1] - c[0] + c[2] - c[3]) / 2, (c[3] - c[0] + c[2] - c[1]) / 2;
   const Eigen::Vector2d sizes = affine.jacobiSvd().singularValues();
@@ -51,7 +51,10 @@ double slant_cosine(const std::array<Eigen::Vector2d, 4>& c) {
 }
 
 LensGuide::LensGuide(CalibrationTargets targets, int width, int height)
-    : collector_(std::move(targets)), width_(width), height_(height), wanted_(kEnoughViews) {
+    : collector_(std::move(targets)),
+      width_(width),
+      height_(height),
+      required_views_(kEnoughViews) {
   progress_.columns = kColumns;
   progress_.rows = std::max(1, static_cast<int>(std::lround(1.0 * kColumns * height / width)));
   progress_.points.assign(static_cast<std::size_t>(progress_.columns * progress_.rows), 0);
@@ -59,28 +62,29 @@ LensGuide::LensGuide(CalibrationTargets targets, int width, int height)
 }
 
 bool LensGuide::look(const std::shared_ptr<const GrayImage>& image) {
-  return judge(collector_.look("image " + std::to_string(views_.size()), image));
+  return consider(collector_.look("image " + std::to_string(views_.size()), image));
 }
 
 bool LensGuide::look(const CornerFrame& corners) {
-  return judge(collector_.look("image " + std::to_string(views_.size()), corners));
+  return consider(collector_.look("image " + std::to_string(views_.size()), corners));
 }
 
-bool LensGuide::judge(std::optional<CalibrationView> view) {
+bool LensGuide::consider(std::optional<CalibrationView> view) {
   const CalibrationView before = std::exchange(last_, view.value_or(CalibrationView{}));
-  last_said_.clear();
+  problem_.clear();
   bool kept = false;
   if (!view) {
-    last_said_ = "Show the sheet to the camera.";
+    problem_ = "Show the sheet to the camera.";
   } else if (views_.size() >= kMostViews) {
-    last_said_ = "That is all that helps.";
-  } else if (before.sightings.empty() || distance(before, *view, width_) > kStill) {
-    last_said_ = "Hold it still for a moment.";
+    problem_ = "Enough images: more do not improve the lens.";
+  } else if (before.sightings.empty() || distance(before, *view, width_) > kMaxMotion) {
+    problem_ = "Hold it still for a moment.";
   } else if (!is_sharp(*view)) {
-    last_said_ =
-        "It is blurred: hold it still, nearer to where the lens is in focus, in more light.";
+    problem_ = "It is blurred: hold it still, in focus, with more light.";
   } else if (is_new(*view)) {
-    keep(*view);
+    count(*view);
+    views_.push_back(std::move(*view));
+    progress_.views = views_.size();
     kept = true;
   }
   advise();
@@ -89,25 +93,19 @@ bool LensGuide::judge(std::optional<CalibrationView> view) {
 
 bool LensGuide::is_sharp(const CalibrationView& view) {
   const double sharpness = sharpness_of(view);
-  if (sharpness <= 0) return true;  // a checkerboard's corners do not say
+  if (sharpness <= 0) return true;  // unknown for a checkerboard
   sharpest_ = std::max(sharpest_, sharpness);
-  return sharpness >= kBlurredBelow * sharpest_;
+  return sharpness >= kMinSharpness * sharpest_;
 }
 
 bool LensGuide::is_new(const CalibrationView& view) const {
-  return std::all_of(views_.begin(), views_.end(), [&](const CalibrationView& kept) {
-    return distance(kept, view, width_) > kUnlike;
+  return std::ranges::all_of(views_, [&](const CalibrationView& kept) {
+    return distance(kept, view, width_) > kMinDistance;
   });
 }
 
-void LensGuide::keep(CalibrationView view) {
-  count(view);
-  if (is_slanted(view)) ++progress_.tilted;
-  views_.push_back(std::move(view));
-  progress_.views = views_.size();
-}
-
 void LensGuide::count(const CalibrationView& view) {
+  if (is_slanted(view)) ++progress_.tilted;
   for (const TargetSighting& s : view.sightings) {
     for (const SeenPoint& point : s.points) {
       const int column = static_cast<int>((point.raw_px.x() + 0.5) / width_ * progress_.columns);
@@ -116,48 +114,44 @@ void LensGuide::count(const CalibrationView& view) {
       ++progress_.points[static_cast<std::size_t>(row * progress_.columns + column)];
     }
   }
-  const auto full = std::count_if(progress_.points.begin(), progress_.points.end(),
-                                  [](int n) { return n >= kPerCell; });
+  const auto full = std::ranges::count_if(progress_.points, [](int n) { return n >= kPerCell; });
   progress_.covered = static_cast<double>(full) / static_cast<double>(progress_.points.size());
 }
 
-/// What is worst comes first.
 void LensGuide::advise() {
   const bool is_covered = progress_.covered >= kEnoughCover;
   const bool is_tilted = progress_.tilted >= kEnoughSlanted;
-  progress_.is_enough = (views_.size() >= wanted_ && is_covered && is_tilted && !views_.empty()) ||
-                        views_.size() >= kMostViews;
-  if (!last_said_.empty()) {
-    progress_.hint = last_said_;
+  progress_.is_enough =
+      (views_.size() >= required_views_ && is_covered && is_tilted && !views_.empty()) ||
+      views_.size() >= kMostViews;
+  if (!problem_.empty()) {
+    progress_.hint = problem_;
   } else if (progress_.is_enough) {
-    progress_.hint = "Enough: the lens is solved for.";
+    progress_.hint = "Enough: solving for the lens.";
   } else if (!is_tilted && views_.size() >= 4) {
-    progress_.hint = "Slant the sheet: lean it by 30 to 50 degrees, to all sides.";
+    progress_.hint = "Slant the sheet by 30 to 50 degrees, to all sides.";
   } else if (!is_covered) {
     progress_.hint = "Move it to the " + missing_part() + " of the image, up to the border.";
   } else {
-    progress_.hint = why_more_.empty() ? "A few more, from near and from far." : why_more_;
+    progress_.hint = request_.empty() ? "A few more images, from near and from far." : request_;
   }
 }
 
-/// The third of the image, in words, with the largest share of empty cells.
+/// Name of the part of the image (a third of width and height) with the largest share of empty
+/// cells.
 std::string LensGuide::missing_part() const {
   static const std::array<const char*, 3> kHeights{"upper", "middle", "lower"};
   static const std::array<const char*, 3> kSides{"left", "centre", "right"};
-  std::array<std::array<double, 3>, 3> empty{}, cells{};
-  for (int row = 0; row < progress_.rows; ++row) {
-    for (int column = 0; column < progress_.columns; ++column) {
-      const auto r = static_cast<std::size_t>(3 * row / progress_.rows);
-      const auto c = static_cast<std::size_t>(3 * column / progress_.columns);
-      cells[r][c] += 1;
-      if (progress_.points[static_cast<std::size_t>(row * progress_.columns + column)] < kPerCell)
-        empty[r][c] += 1;
-    }
+  std::array<double, 9> empty{}, cells{};
+  for (std::size_t i = 0; i < progress_.points.size(); ++i) {
+    const int row = static_cast<int>(i) / progress_.columns;
+    const int column = static_cast<int>(i) % progress_.columns;
+    const int part = 3 * (3 * row / progress_.rows) + 3 * column / progress_.columns;
+    cells[static_cast<std::size_t>(part)] += 1;
+    if (progress_.points[i] < kPerCell) empty[static_cast<std::size_t>(part)] += 1;
   }
+  const auto share = [&](std::size_t i) { return cells[i] > 0 ? empty[i] / cells[i] : 0; };
   std::size_t best = 0;
-  const auto share = [&](std::size_t i) {
-    return cells[i / 3][i % 3] > 0 ? empty[i / 3][i % 3] / cells[i / 3][i % 3] : 0;
-  };
   for (std::size_t i = 1; i < 9; ++i)
     if (share(i) > share(best)) best = i;
   return std::string(kHeights[best / 3]) + " " + kSides[best % 3];
@@ -165,10 +159,10 @@ std::string LensGuide::missing_part() const {
 
 CalibrationData LensGuide::data() const { return {width_, height_, collector_.targets(), views_}; }
 
-void LensGuide::ask_for_more(std::size_t views, std::string why) {
-  wanted_ = std::min(views_.size() + views, kMostViews);
-  why_more_ = std::move(why);
-  last_said_.clear();
+void LensGuide::request_more(std::size_t views, std::string why) {
+  required_views_ = std::min(views_.size() + views, kMostViews);
+  request_ = std::move(why);
+  problem_.clear();
   advise();
 }
 

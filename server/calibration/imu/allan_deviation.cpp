@@ -1,4 +1,4 @@
-#include "calibration/imu/allan_deviation.hpp"
+#include "calibration/imu/imu_calibration.hpp"
 
 #include <algorithm>
 #include <array>
@@ -8,16 +8,16 @@
 
 #include <Eigen/Dense>
 
-#include "base/assert.hpp"
+#include "base/expected.hpp"
 #include "estimation/filter/chi_square.hpp"
 
 namespace fiducap {
 namespace {
 
 constexpr double kPointsPerOctave = 4;
-constexpr std::size_t kFewestAverages = 9;  // fewer say nothing about their own spread
+constexpr std::size_t kMinAverages = 9;
 constexpr double kFlicker = 2 * std::numbers::ln2 / std::numbers::pi;
-constexpr double kSeen_sigma = 3;  // a walk counts as seen when it is so many sigma from none
+constexpr double kSeen_sigma = 3;  // smallest significance of a walk
 constexpr double kBoundQuantile = 0.05;
 
 using Parts = Eigen::Vector3d;  // N², B², K²
@@ -30,8 +30,7 @@ struct PartsFit {
   double cost{std::numeric_limits<double>::infinity()};
 };
 
-/// Weighted least squares with some of the three parts; `cost` infinite when one comes out
-/// negative.
+/// Weighted least squares with a subset of the parts; `cost` infinite when a part is negative.
 PartsFit fit_subset(std::span<const AllanPoint> points, std::span<const double> weights,
                     unsigned subset) {
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
@@ -48,7 +47,7 @@ PartsFit fit_subset(std::span<const AllanPoint> points, std::span<const double> 
     A(k, k) = 1;
     b(k) = 0;
   }
-  // The parts differ by many powers of ten.
+  // Scaled: the parts differ by many powers of ten.
   const Eigen::Vector3d scale = A.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::Matrix3d inverse =
       scale.asDiagonal() * Eigen::Matrix3d(scale.asDiagonal() * A * scale.asDiagonal()).inverse() *
@@ -76,32 +75,31 @@ PartsFit fit_parts(std::span<const AllanPoint> points, std::span<const double> w
 
 constexpr double kShared = 1 / kPointsPerOctave;
 
-/// var(σ̂²) = σ⁴ (2 / freedom + model²). Neighbours on the plot share their data: the weights are
-/// spread over them.
-/// @param model  how far the three parts are off the true curve, relative: filters, vibration
+/// var(σ̂²) = σ⁴ (2 / freedom + model²). Neighbours on the plot share their data and their weight.
+/// @param model  relative error of the three-part model (filters, vibration)
 double weight_of(const AllanPoint& point, double variance, double model) {
   return kShared / ((2 / point.freedom + model * model) * variance * variance);
 }
 
-/// Weights by the fitted curve: by the points themselves, low ones would pull it down.
+/// Weights by the fitted curve: by the points themselves, low ones would bias it.
 PartsFit fit_with(std::span<const AllanPoint> points, double model) {
-  std::vector<double> weights;
-  for (const AllanPoint& p : points)
-    weights.push_back(weight_of(p, p.deviation * p.deviation + 1e-300, model));
-  PartsFit fit = fit_parts(points, weights);
-  for (int round = 0; round < 5; ++round) {
-    for (std::size_t i = 0; i < points.size(); ++i)
-      weights[i] = weight_of(points[i], shape(points[i].tau_s).dot(fit.parts) + 1e-300, model);
+  std::vector<double> weights(points.size());
+  PartsFit fit;
+  for (int round = 0; round <= 5; ++round) {
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const double square = round == 0 ? points[i].deviation * points[i].deviation
+                                       : shape(points[i].tau_s).dot(fit.parts);
+      weights[i] = weight_of(points[i], square + 1e-300, model);
+    }
     fit = fit_parts(points, weights);
   }
   return fit;
 }
 
-/// The shortest averages are known so well that they would bend the whole curve to their side where
-/// a sensor is not of the three parts alone. So the parts may be off by as much as the points
-/// demand.
-PartsFit fit_as_well_as_it_goes(std::span<const AllanPoint> points) {
-  // Points that the model explains cost `kShared` each, ± what three parts take.
+/// Increases the model error until the cost is as expected: where the model does not hold, the
+/// precise shortest averages would dominate the fit.
+PartsFit fit_with_model_error(std::span<const AllanPoint> points) {
+  // Expected are `kShared` per point.
   const double usual = 2 * kShared * static_cast<double>(points.size());
   constexpr double kLargest = 0.5;
   PartsFit fit = fit_with(points, 0);
@@ -112,7 +110,7 @@ PartsFit fit_as_well_as_it_goes(std::span<const AllanPoint> points) {
 
 double root(double square) { return std::sqrt(std::max(0.0, square)); }
 
-/// A walk that is not seen cannot be larger than the plot's end allows.
+/// Upper bound of a walk that is not seen, from the last point of the plot.
 double upper_bound(const AllanPoint& last) {
   const int freedom = std::max(1, static_cast<int>(last.freedom));
   const double most =
@@ -124,14 +122,14 @@ double upper_bound(const AllanPoint& last) {
 
 std::vector<AllanPoint> allan_deviation(std::span<const double> values, double rate_hz) {
   const std::size_t n = values.size();
-  if (n < 2 * kFewestAverages) return {};
+  if (n < 2 * kMinAverages) return {};
   double mean = 0;
   for (const double value : values) mean += value / static_cast<double>(n);
-  std::vector<double> sum(n + 1, 0.0);  // without the mean it stays small: no digits are lost
+  std::vector<double> sum(n + 1, 0.0);  // without the mean, for precision
   for (std::size_t i = 0; i < n; ++i) sum[i + 1] = sum[i] + (values[i] - mean);
   std::vector<AllanPoint> points;
   std::size_t last = 0;
-  for (double exact = 1; exact * kFewestAverages <= static_cast<double>(n);
+  for (double exact = 1; exact * kMinAverages <= static_cast<double>(n);
        exact *= std::exp2(1 / kPointsPerOctave)) {
     const auto m = static_cast<std::size_t>(exact);
     if (m == last) continue;
@@ -154,7 +152,7 @@ std::vector<AllanPoint> allan_deviation(std::span<const double> values, double r
 
 AxisNoise fit_noise(std::span<const AllanPoint> points) {
   FIDUCAP_ASSERT(points.size() >= 4);
-  const PartsFit fit = fit_as_well_as_it_goes(points);
+  const PartsFit fit = fit_with_model_error(points);
   AxisNoise noise;
   noise.white = root(fit.parts(0));
   noise.flicker = root(fit.parts(1));
@@ -172,7 +170,7 @@ double AxisNoise::deviation(double tau_s) const {
 
 double AxisNoise::seconds_to_see(double walk_density) const {
   // At τ = 3 N/K the walk has three times the variance of the white noise. Fifty averages of that
-  // length settle it to better than a third of itself, in 95 of 100 recordings.
+  // length determine it to a third in 95 of 100 recordings.
   return 50 * 3 * white / walk_density;
 }
 

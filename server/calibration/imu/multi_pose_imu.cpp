@@ -1,4 +1,4 @@
-#include "calibration/imu/multi_pose_imu.hpp"
+#include "calibration/imu/imu_calibration.hpp"
 
 #include <algorithm>
 #include <array>
@@ -9,19 +9,18 @@
 #include <ceres/ceres.h>
 #include <Eigen/Eigenvalues>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "base/text.hpp"
-#include "calibration/imu/rest_intervals.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr int kLeastRests = 12;  // nine numbers of the accelerometer, and some to judge them by
-constexpr double kLeastRest_s = 1;
-constexpr double kFirstRest_s = 3;  // how much the unit scatters at rest is learned from its start
-constexpr double kLeastTurn_rad = 5 * std::numbers::pi / 180;
-constexpr double kWorstScale = 0.01;
-constexpr double kLeastSpread = 0.05;  // of the directions of up: smallest eigenvalue, 1/3 is even
+constexpr int kMinRests = 12;  // nine parameters of the accelerometer, and redundancy
+constexpr double kMinRest_s = 1;
+constexpr double kFirstRest_s = 3;  // at the start; gives the scatter at rest
+constexpr double kMinTurn_rad = 5 * std::numbers::pi / 180;
+constexpr double kMaxScaleSigma = 0.01;
+constexpr double kMinSpread = 0.05;  // of the verticals: smallest eigenvalue, 1/3 is uniform
 
 using Accel = std::array<double, 9>;  // upper triangle row by row, then bias
 using Gyro = std::array<double, 9>;   // row by row
@@ -38,24 +37,59 @@ Eigen::Matrix3d matrix_of_gyro(const Gyro& g) {
   return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(g.data());
 }
 
-/// Means over a rest.
+/// Scatter of the accelerometer within a second around each sample: standard deviation, root of the
+/// sum of squares of the axes, m/s².
+std::vector<double> scatter_of_accel(std::span<const ImuSample> samples,
+                                     std::size_t samples_per_second) {
+  const std::size_t half = std::max<std::size_t>(1, samples_per_second / 2);
+  std::vector<Eigen::Vector3d> sum(samples.size() + 1, Eigen::Vector3d::Zero());
+  std::vector<Eigen::Vector3d> squares(samples.size() + 1, Eigen::Vector3d::Zero());
+  // Relative to the first reading, for precision.
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const Eigen::Vector3d f = samples[i].f_B - samples.front().f_B;
+    sum[i + 1] = sum[i] + f;
+    squares[i + 1] = squares[i] + f.cwiseAbs2();
+  }
+  std::vector<double> scatter(samples.size());
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const std::size_t from = i > half ? i - half : 0;
+    const std::size_t to = std::min(samples.size(), i + half + 1);
+    const auto count = static_cast<double>(to - from);
+    const Eigen::Vector3d mean = (sum[to] - sum[from]) / count;
+    const Eigen::Vector3d variance = (squares[to] - squares[from]) / count - mean.cwiseAbs2();
+    scatter[i] = std::sqrt(std::max(0.0, variance.sum()));
+  }
+  return scatter;
+}
+
+/// Samples [begin, end) at rest, and their means.
 struct Rest {
-  RestInterval at;
+  std::size_t begin;
+  std::size_t end;
   Eigen::Vector3d f{Eigen::Vector3d::Zero()};
   Eigen::Vector3d w{Eigen::Vector3d::Zero()};
+
+  Rest(std::span<const ImuSample> samples, std::size_t first, std::size_t last)
+      : begin(first), end(last) {
+    const auto count = static_cast<double>(end - begin);
+    for (const ImuSample& s : samples.subspan(begin, end - begin)) {
+      f += s.f_B / count;
+      w += s.w_WB_B / count;
+    }
+  }
 };
 
-std::vector<Rest> means_of(std::span<const ImuSample> samples,
-                           const std::vector<RestInterval>& intervals) {
+/// Rests of at least `least` samples with the scatter below `limit`, without a quarter of a second
+/// at both ends.
+std::vector<Rest> find_rests(std::span<const ImuSample> samples, std::span<const double> scatter,
+                             double limit, std::size_t samples_per_second, std::size_t least) {
+  const std::size_t margin = samples_per_second / 4;
   std::vector<Rest> rests;
-  for (const RestInterval& at : intervals) {
-    Rest rest{at};
-    const auto count = static_cast<double>(at.end - at.begin);
-    for (const ImuSample& s : samples.subspan(at.begin, at.end - at.begin)) {
-      rest.f += s.f_B / count;
-      rest.w += s.w_WB_B / count;
-    }
-    rests.push_back(rest);
+  std::size_t begin = 0;
+  for (std::size_t i = 0; i <= scatter.size(); ++i) {
+    if (i < scatter.size() && scatter[i] < limit) continue;
+    if (i >= begin + least + 2 * margin) rests.emplace_back(samples, begin + margin, i - margin);
+    begin = i + 1;
   }
   return rests;
 }
@@ -76,13 +110,13 @@ struct GravityCost {
   }
 };
 
-/// Up, carried by the gyro from one rest to the next.
+/// The vertical, propagated by the gyroscope from one rest to the next.
 struct Turn {
   Eigen::Vector3d up_before;
   Eigen::Vector3d up_after;
   std::vector<Eigen::Vector3d> steps;  ///< Rate without bias, times time.
 
-  [[nodiscard]] Eigen::Vector3d carried(const Eigen::Matrix3d& M) const {
+  [[nodiscard]] Eigen::Vector3d propagated(const Eigen::Matrix3d& M) const {
     Eigen::Quaterniond q = Eigen::Quaterniond::Identity();
     for (const Eigen::Vector3d& step : steps) q = exp_so3(-(M * step)) * q;
     return q.normalized() * up_before;
@@ -95,7 +129,7 @@ struct TurnCost {
   bool operator()(const double* g, double* residual) const {
     Gyro numbers{};
     std::copy_n(g, 9, numbers.begin());
-    const Eigen::Vector3d off = turn->carried(matrix_of_gyro(numbers)) - turn->up_after;
+    const Eigen::Vector3d off = turn->propagated(matrix_of_gyro(numbers)) - turn->up_after;
     std::copy_n(off.data(), 3, residual);
     return true;
   }
@@ -111,21 +145,20 @@ ceres::Solver::Options quiet_solver() {
   return settings;
 }
 
-/// Solves, and gives the roots of the covariance's diagonal for residuals of their own size.
-/// @return nullopt when the residuals do not determine the numbers
-std::optional<std::array<double, 9>> solve(ceres::Problem& problem, double* numbers) {
+/// @param sigma  out, scaled by the residuals
+/// @return false for a singular problem
+bool solve(ceres::Problem& problem, double* numbers, std::array<double, 9>& sigma) {
   ceres::Solver::Summary summary;
   ceres::Solve(quiet_solver(), &problem, &summary);
   ceres::Covariance covariance({});
   const std::vector<const double*> blocks{numbers};
-  if (!summary.IsSolutionUsable() || !covariance.Compute(blocks, &problem)) return std::nullopt;
+  if (!summary.IsSolutionUsable() || !covariance.Compute(blocks, &problem)) return false;
   std::array<double, 81> values{};
   covariance.GetCovarianceBlock(numbers, numbers, values.data());
   const double freedom = std::max(1, problem.NumResiduals() - 9);
-  std::array<double, 9> sigma{};
   for (std::size_t i = 0; i < 9; ++i)
     sigma[i] = std::sqrt(values[10 * i] * 2 * summary.final_cost / freedom);
-  return sigma;
+  return true;
 }
 
 struct AccelFit {
@@ -150,31 +183,27 @@ std::optional<AccelFit> fit_accel(std::vector<Rest> rests, double gravity) {
     problem.AddResidualBlock(
         new ceres::AutoDiffCostFunction<GravityCost, 1, 9>(new GravityCost{rest.f, gravity}),
         nullptr, fit.numbers.data());
-  const auto sigma = solve(problem, fit.numbers.data());
-  if (!sigma) return std::nullopt;
-  fit.sigma = *sigma;
+  if (!solve(problem, fit.numbers.data(), fit.sigma)) return std::nullopt;
   fit.rms = gravity_rms(fit.rests, fit.numbers, gravity);
   return fit;
 }
 
-/// The limit of scatter that makes the accelerometer fit best.
+/// The fit with the threshold of scatter that gives the smallest residuals.
 std::optional<AccelFit> best_accel(std::span<const ImuSample> samples,
                                    std::size_t samples_per_second, double gravity, int& most) {
   const std::vector<double> scatter = scatter_of_accel(samples, samples_per_second);
-  const auto first =
-      static_cast<std::size_t>(kFirstRest_s * static_cast<double>(samples_per_second));
-  std::vector<double> start(scatter.begin(), scatter.begin() + static_cast<std::ptrdiff_t>(std::min(
-                                                                   first, scatter.size())));
-  std::nth_element(start.begin(), start.begin() + static_cast<std::ptrdiff_t>(start.size() / 2),
-                   start.end());
-  const double usual = start[start.size() / 2];
-  const auto least =
-      static_cast<std::size_t>(kLeastRest_s * static_cast<double>(samples_per_second));
+  const auto rate = static_cast<double>(samples_per_second);
+  const auto first = static_cast<std::size_t>(kFirstRest_s * rate);
+  const auto least = static_cast<std::size_t>(kMinRest_s * rate);
+  std::vector<double> start = scatter;
+  start.resize(std::min(start.size(), first));
+  const auto middle = start.begin() + static_cast<std::ptrdiff_t>(start.size() / 2);
+  std::nth_element(start.begin(), middle, start.end());
   std::optional<AccelFit> best;
   for (double factor = 1.5; factor < 12; factor *= 1.25) {
-    auto rests = means_of(samples, find_rests(scatter, factor * usual, samples_per_second, least));
+    auto rests = find_rests(samples, scatter, factor * *middle, samples_per_second, least);
     most = std::max(most, static_cast<int>(rests.size()));
-    if (static_cast<int>(rests.size()) < kLeastRests) continue;
+    if (static_cast<int>(rests.size()) < kMinRests) continue;
     auto fit = fit_accel(std::move(rests), gravity);
     if (fit && (!best || fit->rms < best->rms)) best = std::move(fit);
   }
@@ -190,9 +219,9 @@ std::vector<Turn> turns_of(std::span<const ImuSample> samples, const AccelFit& a
     const Rest& a = accel.rests[k - 1];
     const Rest& b = accel.rests[k];
     Turn turn{up(a), up(b), {}};
-    if (std::acos(std::clamp(turn.up_before.dot(turn.up_after), -1.0, 1.0)) < kLeastTurn_rad)
+    if (std::acos(std::clamp(turn.up_before.dot(turn.up_after), -1.0, 1.0)) < kMinTurn_rad)
       continue;
-    for (std::size_t i = a.at.end; i <= b.at.begin; ++i) {
+    for (std::size_t i = a.end; i <= b.begin; ++i) {
       const double dt = to_seconds(samples[i].sampled_at - samples[i - 1].sampled_at);
       const Eigen::Vector3d w = (samples[i].w_WB_B + samples[i - 1].w_WB_B) / 2;
       turn.steps.emplace_back((w - (a.w + b.w) / 2) * dt);
@@ -204,7 +233,7 @@ std::vector<Turn> turns_of(std::span<const ImuSample> samples, const AccelFit& a
 
 double up_rms(const std::vector<Turn>& turns, const Eigen::Matrix3d& M) {
   double sum = 0;
-  for (const Turn& turn : turns) sum += (turn.carried(M) - turn.up_after).squaredNorm();
+  for (const Turn& turn : turns) sum += (turn.propagated(M) - turn.up_after).squaredNorm();
   return std::sqrt(sum / static_cast<double>(std::max<std::size_t>(1, turns.size())));
 }
 
@@ -220,9 +249,7 @@ std::optional<GyroFit> fit_gyro(const std::vector<Turn>& turns) {
     problem.AddResidualBlock(
         new ceres::NumericDiffCostFunction<TurnCost, ceres::CENTRAL, 3, 9>(new TurnCost{&turn}),
         nullptr, fit.numbers.data());
-  const auto sigma = solve(problem, fit.numbers.data());
-  if (!sigma) return std::nullopt;
-  fit.sigma = *sigma;
+  if (!solve(problem, fit.numbers.data(), fit.sigma)) return std::nullopt;
   return fit;
 }
 
@@ -236,14 +263,12 @@ double spread_of(const std::vector<Rest>& rests) {
 
 const char* const kHowTo =
     ": let it lie for some seconds, then put it down in 20 to 40 attitudes, on all sides and "
-    "edges, "
-    "two seconds each, turning it by hand between them";
+    "edges, two seconds each, rotating it by hand between them";
 
 std::size_t samples_per_second(std::span<const ImuSample> samples) {
   const double seconds = to_seconds(samples.back().sampled_at - samples.front().sampled_at);
-  return seconds > 0 ? static_cast<std::size_t>(
-                           std::lround(static_cast<double>(samples.size() - 1) / seconds))
-                     : 0;
+  if (!(seconds > 0)) return 0;
+  return static_cast<std::size_t>(std::lround(static_cast<double>(samples.size() - 1) / seconds));
 }
 
 Eigen::Vector3d mean_gyro(const std::vector<Rest>& rests) {
@@ -275,34 +300,35 @@ MultiPoseImu result_of(const AccelFit& accel, const GyroFit& gyro, const std::ve
 
 Expected<MultiPoseImu> calibrate_multi_pose(std::span<const ImuSample> samples, double gravity_m_s2,
                                             const std::string& context) {
-  constexpr std::size_t kLeastSamples = 100;
-  const std::size_t rate = samples.size() < kLeastSamples ? 0 : samples_per_second(samples);
+  constexpr std::size_t kMinSamples = 100;
+  const std::size_t rate = samples.size() < kMinSamples ? 0 : samples_per_second(samples);
   if (rate < 10)
-    return fail(ErrorCode::kInvalid, "has too few IMU samples, 10 a second are the least", context);
+    return fail(ErrorCode::kInvalid, "has too few IMU samples: at least 10 per second are needed",
+                context);
   int most = 0;
   const auto accel = best_accel(samples, rate, gravity_m_s2, most);
   if (!accel)
     return fail(ErrorCode::kInvalid,
-                "shows the IMU at rest in " + std::to_string(most) + " places, " +
-                    std::to_string(kLeastRests) + " are the least" + kHowTo,
+                "shows the IMU at rest in " + std::to_string(most) + " places, at least " +
+                    std::to_string(kMinRests) + " are needed" + kHowTo,
                 context);
   const double worst = std::max({accel->sigma[0], accel->sigma[3], accel->sigma[5]});
-  if (spread_of(accel->rests) < kLeastSpread || !(worst < kWorstScale))
+  if (spread_of(accel->rests) < kMinSpread || !(worst < kMaxScaleSigma))
     return fail(ErrorCode::kInvalid,
-                "the attitudes are too much alike: the accelerometer's scale would be known to " +
+                "the attitudes are too similar: the accelerometer's scale would have a sigma of " +
                     fixed(100 * worst, 1) + " %" + kHowTo,
                 context);
   const std::vector<Turn> turns = turns_of(samples, *accel);
-  const auto gyro =
-      static_cast<int>(turns.size()) < kLeastRests - 1 ? std::nullopt : fit_gyro(turns);
+  const auto gyro = static_cast<int>(turns.size()) < kMinRests - 1 ? std::nullopt : fit_gyro(turns);
   const double worst_gyro =
-      gyro ? std::max({gyro->sigma[0], gyro->sigma[4], gyro->sigma[8]}) : kWorstScale;
-  if (!(worst_gyro < kWorstScale))
-    return fail(ErrorCode::kInvalid,
-                "the turns between the rests do not show the gyro's scale: turn it about all three "
-                "axes" +
-                    std::string(kHowTo),
-                context);
+      gyro ? std::max({gyro->sigma[0], gyro->sigma[4], gyro->sigma[8]}) : kMaxScaleSigma;
+  if (!(worst_gyro < kMaxScaleSigma))
+    return fail(
+        ErrorCode::kInvalid,
+        "the rotations between the rests do not determine the gyroscope's scale: rotate it about "
+        "all three axes" +
+            std::string(kHowTo),
+        context);
   MultiPoseImu out = result_of(*accel, *gyro, turns, gravity_m_s2);
   out.seconds = to_seconds(samples.back().sampled_at - samples.front().sampled_at);
   return out;

@@ -1,17 +1,18 @@
-#include "calibration/imu/static_imu.hpp"
+#include "calibration/imu/imu_calibration.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "base/text.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr double kShortest_s = 60;  // white noise to about one percent at 200 Hz
-constexpr double kMostLost = 0.01;
+constexpr double kMinDuration_s = 60;  // white noise to about one percent at 200 Hz
+constexpr double kMaxLost = 0.01;
 constexpr double kWindow_s = 1;
-constexpr double kStillRate_rad_s = 0.01;  // slower turning than this is the bias' own business
+constexpr double kStillRate_rad_s = 0.01;  // below: attributed to the bias
 constexpr double kStillForce_m_s2 = 0.05;
 constexpr double kShaking = 4;  // times the usual spread inside a window
 
@@ -26,52 +27,38 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-struct Window {
-  double mean{};
-  double spread{};
-};
-
-std::vector<Window> windows_of(std::span<const double> values, std::size_t length) {
-  std::vector<Window> windows;
-  for (std::size_t at = 0; at + length <= values.size(); at += length) {
-    Window w;
-    for (const double v : values.subspan(at, length)) w.mean += v / static_cast<double>(length);
-    for (const double v : values.subspan(at, length)) w.spread += (v - w.mean) * (v - w.mean);
-    w.spread = std::sqrt(w.spread / static_cast<double>(length));
-    windows.push_back(w);
-  }
-  return windows;
-}
-
-/// First window, counted in seconds, in which this axis did not lie still.
+/// Begin of the first window in which this axis moved, s.
 std::optional<double> moved_at(std::span<const double> values, std::size_t length, double allowed) {
-  const std::vector<Window> windows = windows_of(values, length);
+  const auto count = static_cast<double>(length);
   std::vector<double> means;
   std::vector<double> spreads;
-  for (const Window& w : windows) {
-    means.push_back(w.mean);
-    spreads.push_back(w.spread);
+  for (std::size_t at = 0; at + length <= values.size(); at += length) {
+    double mean = 0;
+    double squares = 0;
+    for (const double v : values.subspan(at, length)) mean += v / count;
+    for (const double v : values.subspan(at, length)) squares += (v - mean) * (v - mean);
+    means.push_back(mean);
+    spreads.push_back(std::sqrt(squares / count));
   }
   const double usual = median(means);
   const double usual_spread = median(spreads);
-  // The mean of a window scatters by itself.
-  const double limit = allowed + 6 * usual_spread / std::sqrt(static_cast<double>(length));
-  for (std::size_t i = 0; i < windows.size(); ++i) {
-    const bool turned = std::abs(windows[i].mean - usual) > limit;
-    const bool shaken = windows[i].spread > kShaking * usual_spread && windows[i].spread > allowed;
+  const double limit = allowed + 6 * usual_spread / std::sqrt(count);  // noise of a window's mean
+  for (std::size_t i = 0; i < means.size(); ++i) {
+    const bool turned = std::abs(means[i] - usual) > limit;
+    const bool shaken = spreads[i] > kShaking * usual_spread && spreads[i] > allowed;
     if (turned || shaken) return static_cast<double>(i) * kWindow_s;
   }
   return std::nullopt;
 }
 
-/// Length, rate, holes.
-Expected<StaticImuNoise> look_at_stamps(std::span<const ImuSample> samples,
-                                        const std::string& context) {
+/// Duration, rate and gaps.
+Expected<StaticImuNoise> check_stamps(std::span<const ImuSample> samples,
+                                      const std::string& context) {
   StaticImuNoise result;
   result.samples = static_cast<long>(samples.size());
   if (samples.size() > 1)
     result.seconds = to_seconds(samples.back().sampled_at - samples.front().sampled_at);
-  if (result.seconds < kShortest_s)
+  if (result.seconds < kMinDuration_s)
     return fail(ErrorCode::kInvalid,
                 "has " + fixed(result.seconds, 1) +
                     " s of IMU samples; at least 60 s are needed, 10 minutes or more are good",
@@ -83,16 +70,16 @@ Expected<StaticImuNoise> look_at_stamps(std::span<const ImuSample> samples,
   if (!(step > 0)) return fail(ErrorCode::kInvalid, "has IMU stamps that do not increase", context);
   for (const double s : steps) result.lost += std::max(0L, std::lround(s / step) - 1);
   result.rate_hz = static_cast<double>(result.samples - 1 + result.lost) / result.seconds;
-  if (static_cast<double>(result.lost) > kMostLost * static_cast<double>(result.samples))
+  if (static_cast<double>(result.lost) > kMaxLost * static_cast<double>(result.samples))
     return fail(ErrorCode::kInvalid,
                 std::to_string(result.lost) + " of " +
                     std::to_string(result.samples + result.lost) +
-                    " IMU samples are missing; Allan deviations need an even rate",
+                    " IMU samples are missing; Allan deviations need a constant rate",
                 context);
   return result;
 }
 
-/// RMS of the axes that show a walk; when none does, the largest of their bounds.
+/// RMS of the axes that show a walk, or the largest of their bounds.
 double walk_of(std::span<const AxisNoise> axes, bool& seen) {
   double squares = 0;
   double bound = 0;
@@ -117,7 +104,7 @@ double white_of(std::span<const AxisNoise> axes) {
 
 Expected<StaticImuNoise> identify_static_imu(std::span<const ImuSample> samples,
                                              const std::string& context) {
-  auto result = look_at_stamps(samples, context);
+  auto result = check_stamps(samples, context);
   if (!result) return result;
   const auto window =
       static_cast<std::size_t>(std::max(1L, std::lround(kWindow_s * result->rate_hz)));
@@ -128,7 +115,7 @@ Expected<StaticImuNoise> identify_static_imu(std::span<const ImuSample> samples,
       return fail(ErrorCode::kInvalid,
                   "the IMU did not lie still: " + std::string(axis < 3 ? "gyro" : "accelerometer") +
                       " " + "xyz"[axis % 3] + " moved " + fixed(*moved, 0) +
-                      " s after the start; record it on a table that nobody touches",
+                      " s after the start; record it on a table and do not touch it",
                   context);
     result->plot[axis] = allan_deviation(values, result->rate_hz);
     result->axes[axis] = fit_noise(result->plot[axis]);

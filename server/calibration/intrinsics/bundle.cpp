@@ -7,7 +7,7 @@
 #include <ceres/ceres.h>
 #include <ceres/rotation.h>
 
-#include "calibration/intrinsics/lens_projection.hpp"
+#include "calibration/intrinsics/lens_model.hpp"
 
 namespace fiducap {
 namespace {
@@ -36,8 +36,7 @@ struct PointCost {
   Distortion kind;
   Eigen::Vector3d p_TP;
   Eigen::Vector2d seen_px;
-  double lost_px;  ///< Cost of a point that cannot be seen: nothing pulls there, no step wants to
-                   ///< go there.
+  double lost_px;  ///< Constant residual of a point behind the camera.
 
   template <typename T>
   bool operator()(const T* lens, const T* X_VG, const T* X_GT, T* residual) const {
@@ -54,10 +53,9 @@ struct PointCost {
   }
 };
 
-PointCost cost_of(const CalibrationData& data, const CameraModel& camera, int target,
-                  const SeenPoint& seen) {
-  const auto& points = data.targets[static_cast<std::size_t>(target)].points;
-  return {camera.distortion, points[static_cast<std::size_t>(seen.point)], seen.px,
+PointCost cost_of(const CalibrationData& data, const CameraModel& camera,
+                  const TargetSighting& sighting, const SeenPoint& seen) {
+  return {camera.distortion, data.target_of(sighting).points[to_index(seen.point)], seen.px,
           static_cast<double>(data.width)};
 }
 
@@ -75,11 +73,11 @@ class Bundle final {
     hold_fixed(options, state);
   }
 
-  bool solve(int max_iterations) {
+  bool solve() {
     ceres::Solver::Options settings;
     settings.linear_solver_type = ceres::DENSE_SCHUR;
-    settings.max_num_iterations = max_iterations;
-    // Ceres orders blocks by address: only a solution that is converged is the same in every run.
+    settings.max_num_iterations = 60;
+    // Ceres orders blocks by address: only a converged solution is reproducible.
     settings.function_tolerance = 1e-13;
     settings.parameter_tolerance = 1e-11;
     settings.initial_trust_region_radius = 1e3;
@@ -110,10 +108,10 @@ class Bundle final {
     using Cost = ceres::AutoDiffCostFunction<PointCost, 2, kLensNumbers, 7, 7>;
     for (std::size_t v = 0; v < data.views.size(); ++v) {
       for (const TargetSighting& sighting : data.views[v].sightings) {
-        const auto t = static_cast<std::size_t>(sighting.target);
-        Block& X_VG = views_[v].at(state.group_of[t]);
+        const auto t = to_index(sighting.target);
+        Block& X_VG = views_[v].at(state.group(sighting));
         for (const SeenPoint& seen : sighting.points) {
-          auto* cost = new Cost(new PointCost(cost_of(data, state.camera, sighting.target, seen)));
+          auto* cost = new Cost(new PointCost(cost_of(data, state.camera, sighting, seen)));
           auto* loss = options.huber_px > 0 ? new ceres::HuberLoss(options.huber_px) : nullptr;
           problem_.AddResidualBlock(cost, loss, lens_.data(), X_VG.data(), targets_[t].data());
         }
@@ -135,8 +133,7 @@ class Bundle final {
     }
     std::vector<int> fixed;
     for (int i = 0; i < kLensNumbers; ++i)
-      if (std::find(options.free.begin(), options.free.end(), i) == options.free.end())
-        fixed.push_back(i);
+      if (std::ranges::count(options.free, i) == 0) fixed.push_back(i);
     if (fixed.size() == kLensNumbers)
       problem_.SetParameterBlockConstant(lens_.data());
     else if (!fixed.empty())
@@ -154,7 +151,7 @@ class Bundle final {
 bool adjust(const CalibrationData& data, const BundleOptions& options, CalibrationState& state) {
   if (count_points(data) == 0) return false;
   Bundle bundle(data, options, state);
-  if (!bundle.solve(options.max_iterations)) return false;
+  if (!bundle.solve()) return false;
   bundle.store(state);
   return true;
 }
@@ -165,13 +162,13 @@ std::vector<Eigen::Vector2d> residuals(const CalibrationData& data, const Calibr
   const LensVector lens = numbers_of(state.camera);
   for (std::size_t v = 0; v < data.views.size(); ++v) {
     for (const TargetSighting& sighting : data.views[v].sightings) {
-      const auto t = static_cast<std::size_t>(sighting.target);
-      const Block X_VG = to_block(state.X_VG[v].at(state.group_of[t]));
+      const auto t = to_index(sighting.target);
+      const Block X_VG = to_block(state.X_VG[v].at(state.group(sighting)));
       const Block X_GT = to_block(state.X_GT[t]);
       for (const SeenPoint& seen : sighting.points) {
         Eigen::Vector2d r;
-        cost_of(data, state.camera, sighting.target, seen)(lens.data(), X_VG.data(), X_GT.data(),
-                                                           r.data());
+        cost_of(data, state.camera, sighting, seen)(lens.data(), X_VG.data(), X_GT.data(),
+                                                    r.data());
         out.push_back(r);
       }
     }

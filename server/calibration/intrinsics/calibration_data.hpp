@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <map>
 #include <string>
 #include <vector>
@@ -11,61 +12,89 @@
 
 namespace fiducap {
 
-/// A flat, rigid thing with points at known places: one tag, a board of tags, a checkerboard.
+/// Targets and groups have signed ids, -1: none.
+[[nodiscard]] constexpr std::size_t to_index(int id) { return static_cast<std::size_t>(id); }
+
+/// A flat, rigid object with known points: one tag, a board of tags, a checkerboard.
 struct CalibrationTarget {
   std::string name;
   std::vector<Eigen::Vector3d> points;  ///< Metres, target axes, z = 0.
-  /// Points come in fours, the corners of tags (bottom-left, bottom-right, top-right, top-left)
-  /// where straight lines fitted to the sides meet; a lens bends the sides, so such corners are off
-  /// (see side_bend.hpp).
+  /// Points are groups of four, the corners of tags (bottom-left, bottom-right, top-right,
+  /// top-left), as intersections of lines fitted to the sides. The lens bends the sides, which
+  /// biases such corners (unbend_corners).
   bool fitted_sides{false};
 };
 
 struct SeenPoint {
   int point{};             ///< Index in CalibrationTarget::points.
-  Eigen::Vector2d raw_px;  ///< As found; (0, 0) is the centre of the upper-left pixel.
-  Eigen::Vector2d
-      px;  ///< Raw pixel of the point itself: `raw_px` without the bend of fitted sides.
+  Eigen::Vector2d raw_px;  ///< As detected; (0, 0) is the centre of the upper-left pixel.
+  Eigen::Vector2d px;      ///< `raw_px` without the bias of fitted sides.
 };
 
 /// One target in one image.
 struct TargetSighting {
   int target{};
-  std::vector<SeenPoint> points;  ///< Four or more; fours stay together with `fitted_sides`.
-  double sharpness{};             ///< 0: not known. See look_at_sides.
+  std::vector<SeenPoint> points;  ///< Four or more; complete groups with `fitted_sides`.
+  double sharpness{};             ///< 0: unknown. See measure_sides.
 };
 
 struct CalibrationView {
-  std::string name;  ///< Of the image, for people.
+  std::string name;  ///< Of the image, for messages.
   std::vector<TargetSighting> sightings;
 };
 
-/// What a camera saw of targets, nothing known of the camera but its size.
+/// Images of targets by a camera of known image size.
 struct CalibrationData {
   int width{};
   int height{};
   std::vector<CalibrationTarget> targets;
   std::vector<CalibrationView> views;
+
+  [[nodiscard]] const CalibrationTarget& target_of(const TargetSighting& s) const {
+    return targets[to_index(s.target)];
+  }
 };
 
-[[nodiscard]] std::size_t count_points(const CalibrationData& data);
+[[nodiscard]] inline std::size_t count_points(const CalibrationData& data) {
+  std::size_t count = 0;
+  for (const CalibrationView& view : data.views)
+    for (const TargetSighting& sighting : view.sightings) count += sighting.points.size();
+  return count;
+}
 
-/// The numbers of a lens in the order of all matrices here: fu fv cu cv, then
-/// CameraModel::coefficients.
-inline constexpr int kLensNumbers = 9;
-using LensVector = Eigen::Matrix<double, kLensNumbers, 1>;
+/// Sightings per target.
+[[nodiscard]] inline std::vector<int> count_sightings(const CalibrationData& data) {
+  std::vector<int> counts(data.targets.size(), 0);
+  for (const CalibrationView& view : data.views)
+    for (const TargetSighting& s : view.sightings) ++counts[to_index(s.target)];
+  return counts;
+}
 
-[[nodiscard]] LensVector numbers_of(const CameraModel& camera);
-void set_numbers(CameraModel& camera, const LensVector& numbers);
+/// Up to `count` elements at even distances.
+template <typename T>
+[[nodiscard]] std::vector<T> thinned(const std::vector<T>& all, std::size_t count) {
+  if (all.size() <= count) return all;
+  std::vector<T> some;
+  for (std::size_t i = 0; i < count; ++i) some.push_back(all[i * all.size() / count]);
+  return some;
+}
 
-/// A camera and where everything stood. Targets of one group stand still relative to each other.
+/// A camera with the poses of all targets. Targets of one group do not move relative to each other.
 struct CalibrationState {
   CameraModel camera;
-  std::vector<int> group_of;  ///< Per target.
-  std::vector<Pose> X_GT;     ///< Per target; the first one of a group defines G and never moves.
+  std::vector<int> group_of;              ///< Per target.
+  std::vector<Pose> X_GT;                 ///< Per target; the first one of a group defines G.
   std::vector<std::map<int, Pose>> X_VG;  ///< Per view and group seen in it.
 
-  [[nodiscard]] bool defines_group(std::size_t target) const;
+  [[nodiscard]] int group(const TargetSighting& s) const { return group_of[to_index(s.target)]; }
+  /// @pre its group has a pose in view v
+  [[nodiscard]] Pose X_VT(std::size_t v, const TargetSighting& s) const {
+    return X_VG[v].at(group(s)) * X_GT[to_index(s.target)];
+  }
+  [[nodiscard]] bool defines_group(std::size_t target) const {
+    return std::find(group_of.begin(), group_of.end(), group_of[target]) - group_of.begin() ==
+           static_cast<std::ptrdiff_t>(target);
+  }
 };
 
 }  // namespace fiducap

@@ -1,19 +1,20 @@
-#include "calibration/intrinsics/held_out.hpp"
+#include "calibration/intrinsics/lens_uncertainty.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <optional>
+#include <tuple>
+#include <utility>
 
 #include "calibration/intrinsics/bundle.hpp"
-#include "calibration/intrinsics/lens_covariance.hpp"
-#include "calibration/intrinsics/target_layout.hpp"
+#include "calibration/intrinsics/initial_state.hpp"
+#include "calibration/intrinsics/lens_fit.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr std::size_t kLeastViews = 5;
+constexpr std::size_t kMinPartViews = 5;
 
-/// A share of the images with their places.
+/// A part of the images with their poses.
 template <typename Wanted>
 LensFit part_of(const LensFit& fit, const Wanted& wanted) {
   LensFit part = fit;
@@ -31,38 +32,34 @@ LensFit part_of(const LensFit& fit, const Wanted& wanted) {
 
 double rms_of(const LensFit& fit) { return rms_per_coordinate(residuals(fit.data, fit.state)); }
 
-/// Noise of the images of `others` under the lens of `fitted`, squared and summed; and with their
+/// Sums of squared residuals of the images of `others`, with the lens of `fitted` and with their
 /// own.
-struct Judged {
+struct Validation {
   double squares{};
   double own{};
 };
 
-std::optional<Judged> judge_by(const LensFit& fitted, const LensFit& others) {
+std::optional<Validation> validate_with(const LensFit& fitted, const LensFit& others) {
   LensFit lens = fitted;
   if (!adjust(lens.data, {lens.free}, lens.state)) return std::nullopt;
-  LensFit judged = others;
-  if (!adjust(judged.data, {{}}, judged.state)) return std::nullopt;
-  const auto points = static_cast<double>(count_points(judged.data));
-  Judged out;
-  out.own = points * std::pow(rms_of(judged), 2);
-  judged.state.camera = lens.state.camera;
-  if (!adjust(judged.data, {{}}, judged.state)) return std::nullopt;
-  out.squares = points * std::pow(rms_of(judged), 2);
+  LensFit tested = others;
+  if (!adjust(tested.data, {{}}, tested.state)) return std::nullopt;
+  const auto points = static_cast<double>(count_points(tested.data));
+  Validation out;
+  out.own = points * std::pow(rms_of(tested), 2);
+  tested.state.camera = lens.state.camera;
+  if (!adjust(tested.data, {{}}, tested.state)) return std::nullopt;
+  out.squares = points * std::pow(rms_of(tested), 2);
   return out;
 }
 
-struct Focal {
-  double px{};
-  double sigma{};
-};
-
-std::optional<Focal> focal_of(LensFit part) {
-  if (part.data.views.size() < kLeastViews) return std::nullopt;
+/// Focal length and its sigma, px.
+std::optional<std::pair<double, double>> focal_of(LensFit part) {
+  if (part.data.views.size() < kMinPartViews) return std::nullopt;
   if (!adjust(part.data, {part.free}, part.state)) return std::nullopt;
-  const auto sure = uncertainty_of(part.data, part.state, part.free, part.sigma_px);
-  if (!sure.determined) return std::nullopt;
-  return Focal{part.state.camera.fu, std::sqrt(sure.covariance(0, 0))};
+  const auto uncertainty = uncertainty_of(part.data, part.state, part.free, part.sigma_px);
+  if (!uncertainty.determined) return std::nullopt;
+  return std::pair{part.state.camera.fu, std::sqrt(uncertainty.covariance(0, 0))};
 }
 
 }  // namespace
@@ -77,9 +74,9 @@ HeldOut hold_out(const LensFit& fit) {
   const LensFit even = part_of(fit, [](std::size_t i) { return i % 2 == 0; });
   const LensFit odd = part_of(fit, [](std::size_t i) { return i % 2 == 1; });
   const std::size_t used = even.data.views.size() + odd.data.views.size();
-  if (used < 2 * kLeastViews) return out;
-  const auto forth = judge_by(even, odd);
-  const auto back = judge_by(odd, even);
+  if (used < 2 * kMinPartViews) return out;
+  const auto forth = validate_with(even, odd);
+  const auto back = validate_with(odd, even);
   if (!forth || !back) return out;
   out.tried = true;
   const double own = forth->own + back->own;
@@ -87,10 +84,8 @@ HeldOut hold_out(const LensFit& fit) {
   const auto first = focal_of(part_of(fit, [&](std::size_t i) { return 2 * i < used; }));
   const auto second = focal_of(part_of(fit, [&](std::size_t i) { return 2 * i >= used; }));
   if (!first || !second) return out;
-  out.first_focal = first->px;
-  out.first_sigma = first->sigma;
-  out.second_focal = second->px;
-  out.second_sigma = second->sigma;
+  std::tie(out.first_focal, out.first_sigma) = *first;
+  std::tie(out.second_focal, out.second_sigma) = *second;
   return out;
 }
 

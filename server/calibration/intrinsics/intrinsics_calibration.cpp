@@ -2,76 +2,161 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
-#include <set>
 
 #include "calibration/intrinsics/bundle.hpp"
 #include "calibration/intrinsics/lens_fit.hpp"
-#include "calibration/intrinsics/lens_shape.hpp"
-#include "calibration/intrinsics/lens_terms.hpp"
+#include "calibration/intrinsics/lens_model.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr std::size_t kLeastViews = 5;
-constexpr std::size_t kLeastPoints = 60;
-// Lenses that leave as little as this much more than the best one are as good: the one with fewer
-// numbers is taken.
+constexpr std::ptrdiff_t kMinViews = 5;
+constexpr std::size_t kMinPoints = 60;
+// Lenses with residuals up to this ratio are equally good: the one with fewer parameters is used.
 constexpr double kAsGood = 1.01;
+// Smallest significance of k3, which extrapolates badly outside of the observed part.
+constexpr double kThirdRadial_sigma = 5;
+// Decrease of the chi-square that one term must explain: two sigma.
+constexpr double kPerTerm = 4;
+// Relative sigma of the focal length below which the distortion is determined as well.
+constexpr double kDeterminedFocal = 0.01;
 
-const char* words_for(Distortion kind) {
+const char* lens_name(Distortion kind) {
   return kind == Distortion::kEquidistant ? "equidistant" : "radial-tangential";
 }
 
-std::size_t targets_seen(const CalibrationData& data) {
-  std::set<int> seen;
-  for (const CalibrationView& view : data.views)
-    for (const TargetSighting& s : view.sightings) seen.insert(s.target);
-  return seen.size();
+auto targets_seen(const CalibrationData& data) {
+  return std::ranges::count_if(count_sightings(data), [](int sightings) { return sightings > 0; });
 }
 
-std::size_t views_used(const CalibrationData& data) {
-  return static_cast<std::size_t>(
-      std::count_if(data.views.begin(), data.views.end(),
-                    [](const CalibrationView& view) { return !view.sightings.empty(); }));
+auto views_used(const CalibrationData& data) {
+  return std::ranges::count_if(data.views, [](const auto& v) { return !v.sightings.empty(); });
+}
+
+using Numbers = std::vector<int>;
+
+bool has(const Numbers& free, int number) { return std::ranges::count(free, number) > 0; }
+
+Numbers without(Numbers free, std::initializer_list<int> gone) {
+  std::erase_if(free, [&](int number) { return std::ranges::count(gone, number) > 0; });
+  return free;
+}
+
+/// One term fewer: the highest order, or both tangential ones.
+std::vector<Numbers> simpler_than(const Numbers& free, Distortion kind) {
+  std::vector<Numbers> out;
+  const bool radial_tangential = kind == Distortion::kRadialTangential;
+  const Numbers orders = radial_tangential ? Numbers{8, 5, 4} : Numbers{7, 6, 5, 4};
+  for (const int order : orders) {
+    if (!has(free, order)) continue;
+    out.push_back(without(free, {order}));
+    break;
+  }
+  if (radial_tangential && has(free, 6)) out.push_back(without(free, {6, 7}));
+  return out;
+}
+
+double squares_of(const LensFit& fit) {
+  double sum = 0;
+  for (const Eigen::Vector2d& r : residuals(fit.data, fit.state)) sum += r.squaredNorm();
+  return sum;
+}
+
+bool is_plausible(const LensFit& fit) { return can_be_a_lens(shape_of(fit.state.camera)); }
+
+/// All free parameters are determined: removing a small one would change the others by more than
+/// their sigma.
+bool is_determined(const LensFit& fit) {
+  const auto uncertainty = uncertainty_of(fit.data, fit.state, fit.free, fit.sigma_px);
+  return uncertainty.determined &&
+         std::sqrt(uncertainty.covariance(0, 0)) < kDeterminedFocal * fit.state.camera.fu;
+}
+
+struct Step {
+  LensFit fit;
+  double lost{std::numeric_limits<double>::infinity()};  ///< Increase of the chi-square per term.
+  bool sound{false};
+};
+
+/// The simpler fit with the smallest increase of the chi-square; plausible lenses first.
+std::optional<Step> best_step(const LensFit& fit) {
+  const auto uncertainty = uncertainty_of(fit.data, fit.state, fit.free, fit.sigma_px);
+  const double variance = fit.sigma_px * fit.sigma_px * std::max(1.0, uncertainty.correlation);
+  const double squares = squares_of(fit);
+  std::optional<Step> best;
+  for (const Numbers& free : simpler_than(fit.free, fit.state.camera.distortion)) {
+    Step step{refit(fit, free)};
+    const auto terms = static_cast<double>(fit.free.size() - free.size());
+    step.lost = uncertainty.determined ? (squares_of(step.fit) - squares) / variance / terms : 0;
+    step.sound = is_plausible(step.fit);
+    const bool better = !best || (step.sound && !best->sound) ||
+                        (step.sound == best->sound && step.lost < best->lost);
+    if (better) best = std::move(step);
+  }
+  return best;
+}
+
+LensFit with_third_radial(LensFit fit) {
+  if (fit.state.camera.distortion != Distortion::kRadialTangential) return fit;
+  LensFit freer = fit_third_radial(fit);
+  const auto uncertainty = uncertainty_of(freer.data, freer.state, freer.free, freer.sigma_px);
+  const double k3 = freer.state.camera.coefficients[4];
+  const bool significant =
+      uncertainty.determined &&
+      std::abs(k3) > kThirdRadial_sigma * std::sqrt(uncertainty.covariance(8, 8));
+  return significant && is_plausible(freer) ? freer : fit;
+}
+
+/// Keeps the distortion terms that the images support. Frees the third radial coefficient of a
+/// radial-tangential lens where it is significant. When the images do not determine the lens, fixes
+/// terms at zero that explain little, or whose removal makes the lens plausible (can_be_a_lens):
+/// undetermined high orders fit the corners and fold the rest of the image.
+LensFit with_supported_terms(LensFit fit) {
+  fit = with_third_radial(std::move(fit));
+  for (;;) {
+    if (is_plausible(fit) && is_determined(fit)) return fit;
+    auto step = best_step(fit);
+    if (!step) return fit;
+    if (is_plausible(fit) && (step->lost > kPerTerm || !step->sound)) return fit;
+    fit = std::move(step->fit);
+  }
 }
 
 std::optional<LensFit> fit_lens(const CalibrationData& data, Distortion kind, bool join,
                                 const std::function<void(const std::string&)>& progress) {
-  progress(std::string("fitting a ") + words_for(kind) + " lens");
-  auto fit = fit_loose(data, kind);
+  progress(std::string("fitting a ") + lens_name(kind) + " lens");
+  auto fit = fit_separate(data, kind);
   if (!fit) return std::nullopt;
   if (join && targets_seen(fit->data) > 1) {
-    progress(std::string("fitting a ") + words_for(kind) + " lens and the places of the tags");
+    progress(std::string("fitting a ") + lens_name(kind) + " lens and the poses of the tags");
     fit = fit_joined(*fit);
   }
   return with_supported_terms(std::move(*fit));
 }
 
 LensTrial trial_of(const LensFit& fit) {
-  return {fit.state.camera.distortion, fit.free, fit.sigma_px,
-          can_be_a_lens(shape_of(fit.state.camera))};
+  return {fit.state.camera.distortion, fit.free, fit.sigma_px, is_plausible(fit)};
 }
 
-/// A lens that had to throw away what another could explain is worse than its residuals.
-double badness(const LensFit& fit, std::size_t most_points) {
+/// Residuals with a penalty for points that another lens explained and this one rejected.
+double penalised_sigma(const LensFit& fit, std::size_t most_points) {
   return fit.sigma_px * static_cast<double>(most_points) /
          static_cast<double>(std::max<std::size_t>(count_points(fit.data), 1));
 }
 
-/// The one that can be a lens before one that cannot, the one that explains more before the other,
-/// and of those that explain as much the simpler one.
+/// Plausible lenses first, then smaller residuals; of equally good ones the simpler one.
 std::size_t best_of(const std::vector<LensFit>& fits, std::size_t most_points) {
-  const auto sound = [](const LensFit& fit) { return can_be_a_lens(shape_of(fit.state.camera)); };
   std::size_t best = 0;
   for (std::size_t i = 1; i < fits.size(); ++i) {
     const LensFit& a = fits[i];
     const LensFit& b = fits[best];
-    if (sound(a) != sound(b)) {
-      best = sound(a) ? i : best;
+    if (is_plausible(a) != is_plausible(b)) {
+      best = is_plausible(a) ? i : best;
       continue;
     }
-    const double ratio = badness(a, most_points) / badness(b, most_points);
+    const double ratio = penalised_sigma(a, most_points) / penalised_sigma(b, most_points);
     const bool as_good = ratio < kAsGood && ratio > 1 / kAsGood;
     if (as_good ? a.free.size() < b.free.size() : ratio < 1) best = i;
   }
@@ -81,7 +166,7 @@ std::size_t best_of(const std::vector<LensFit>& fits, std::size_t most_points) {
 IntrinsicsCalibration result_of(LensFit fit) {
   IntrinsicsCalibration out;
   out.held_out = hold_out(fit);
-  out.shape = look_at_shape(fit.data, fit.state, fit.free);
+  out.shape = estimate_target_shape(fit.data, fit.state, fit.free);
   for (const int t : fit.misfits)
     out.misfits.push_back(fit.data.targets[static_cast<std::size_t>(t)].name);
   out.residuals = residuals(fit.data, fit.state);
@@ -89,7 +174,7 @@ IntrinsicsCalibration result_of(LensFit fit) {
   out.sigma_px = fit.sigma_px;
   out.free = fit.free;
   out.rejected = fit.rejected;
-  out.targets_stood_still = fit.joined;
+  out.targets_joined = fit.joined;
   out.targets_disagree = fit.disagree;
   out.joined_sigma_px = fit.joined_sigma_px;
   out.state = std::move(fit.state);
@@ -97,7 +182,7 @@ IntrinsicsCalibration result_of(LensFit fit) {
   return out;
 }
 
-std::string what_there_is(const CalibrationData& data) {
+std::string summary_of(const CalibrationData& data) {
   return std::to_string(views_used(data)) + " images with " + std::to_string(count_points(data)) +
          " corners";
 }
@@ -107,10 +192,10 @@ std::string what_there_is(const CalibrationData& data) {
 Expected<IntrinsicsCalibration> calibrate_intrinsics(
     const CalibrationData& data, const IntrinsicsOptions& options,
     const std::function<void(const std::string&)>& progress) {
-  if (views_used(data) < kLeastViews || count_points(data) < kLeastPoints)
-    return fail(ErrorCode::kInvalid, "too little to calibrate from: " + what_there_is(data) +
-                                         ", wanted are at least " + std::to_string(kLeastViews) +
-                                         " and " + std::to_string(kLeastPoints) +
+  if (views_used(data) < kMinViews || count_points(data) < kMinPoints)
+    return fail(ErrorCode::kInvalid, "too few data: " + summary_of(data) +
+                                         ", needed are at least " + std::to_string(kMinViews) +
+                                         " and " + std::to_string(kMinPoints) +
                                          "; 50 different images make a good calibration");
   std::vector<LensFit> fits;
   std::size_t most_points = 0;
@@ -121,9 +206,10 @@ Expected<IntrinsicsCalibration> calibrate_intrinsics(
     }
   }
   if (fits.empty())
-    return fail(ErrorCode::kInvalid,
-                "no camera explains these " + what_there_is(data) +
-                    ": is the target what was said (family, rows, columns, gap), and is it flat?");
+    return fail(
+        ErrorCode::kInvalid,
+        "no camera explains these " + summary_of(data) +
+            ": does the target have the given family, rows, columns and gap, and is it flat?");
   std::swap(fits.front(), fits[best_of(fits, most_points)]);
   std::vector<LensTrial> trials;
   for (const LensFit& fit : fits) trials.push_back(trial_of(fit));

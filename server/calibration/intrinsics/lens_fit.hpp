@@ -9,31 +9,30 @@ namespace fiducap {
 
 /// One lens adjusted to the images.
 struct LensFit {
-  CalibrationData data;  ///< Sightings that are used, bends removed.
+  CalibrationData data;  ///< Used sightings, corners without the bias of fitted sides.
   CalibrationState state;
-  std::vector<int> free;
-  double sigma_px{};  ///< Per coordinate, degrees of freedom counted.
+  std::vector<int> free;  ///< Indices of the estimated lens parameters.
+  double sigma_px{};      ///< Per coordinate, with degrees of freedom.
   std::size_t rejected{};
   bool joined{false};
   bool disagree{false};      ///< Targets were to be joined, but contradict each other.
-  double joined_sigma_px{};  ///< What joining them left; 0: not tried.
-  std::vector<int> misfits;  ///< Targets of which joining them threw out most sightings, or all
-                             ///< that do not fit when it failed.
+  double joined_sigma_px{};  ///< Sigma with joined targets; 0: not tried.
+  std::vector<int> misfits;  ///< Targets with most sightings rejected by joining.
 };
 
-/// From nothing to a fit in which every sighting stands for itself.
-/// @return nullopt when no focal length explains anything
-[[nodiscard]] std::optional<LensFit> fit_loose(const CalibrationData& data, Distortion kind);
+/// Fits a lens with independent poses of all sightings.
+/// @return nullopt when no focal length explains the images
+[[nodiscard]] std::optional<LensFit> fit_separate(const CalibrationData& data, Distortion kind);
 
-/// The same with targets standing still; `loose` unchanged but for `disagree` when the images
-/// contradict.
-[[nodiscard]] LensFit fit_joined(const LensFit& loose);
+/// The same with constant relative poses of targets; when the images contradict that, `separate`
+/// with `disagree` set.
+[[nodiscard]] LensFit fit_joined(const LensFit& separate);
 
 /// Frees the third radial coefficient as well.
 [[nodiscard]] LensFit fit_third_radial(const LensFit& fit);
 
-/// The same sightings with fewer numbers free; coefficients that are not are zero.
-/// @param free  ascending, part of `fit.free`
+/// The same sightings with fewer free parameters; fixed coefficients are zero.
+/// @param free  ascending, subset of `fit.free`
 [[nodiscard]] LensFit refit(const LensFit& fit, const std::vector<int>& free);
 
 }  // namespace fiducap

@@ -1,41 +1,32 @@
-#include "calibration/intrinsics/target_layout.hpp"
-
 #include <algorithm>
 #include <limits>
+#include <numeric>
 #include <utility>
 
-#include "calibration/intrinsics/target_poses.hpp"
+#include "calibration/intrinsics/initial_state.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr std::size_t kProposingViews = 12;  // per pair of targets
-constexpr std::size_t kJudgingViews = 24;
+constexpr std::size_t kProposalViews = 12;  // per pair of targets
+constexpr std::size_t kTestViews = 24;
 constexpr double kLost_px = 40;
 constexpr double kAgree_px = 4;
 
 using TargetPair = std::pair<int, int>;
 
-/// A sighting with all poses it allows.
+/// A sighting with its possible poses.
 struct Seen {
   const TargetSighting* sighting;
   std::vector<TargetPose> poses;
 };
 
-/// Where b stands in the axes of a.
+/// Pose of target b in the axes of target a.
 struct Link {
   Pose X_AB;
   double cost{std::numeric_limits<double>::infinity()};
-  int support{0};  ///< Images that agree.
+  int support{0};  ///< Number of images that agree.
 };
-
-template <typename T>
-std::vector<T> thinned(const std::vector<T>& all, std::size_t count) {
-  if (all.size() <= count) return all;
-  std::vector<T> some;
-  for (std::size_t i = 0; i < count; ++i) some.push_back(all[i * all.size() / count]);
-  return some;
-}
 
 class Layout final {
  public:
@@ -43,7 +34,7 @@ class Layout final {
     for (const CalibrationView& view : data.views) {
       views_.emplace_back();
       for (const TargetSighting& s : view.sightings)
-        views_.back().push_back({&s, poses_of(target(s.target), s, camera)});
+        views_.back().push_back({&s, poses_of(data.target_of(s), s, camera)});
     }
   }
 
@@ -56,25 +47,25 @@ class Layout final {
             together[{a.sighting->target, b.sighting->target}].emplace_back(&a, &b);
     std::map<TargetPair, Link> links;
     for (const auto& [pair, seen] : together) {
-      const auto judges = thinned(seen, kJudgingViews);
+      const auto tests = thinned(seen, kTestViews);
       Link& best = links[pair];
-      for (const auto& [a, b] : thinned(seen, kProposingViews))
+      for (const auto& [a, b] : thinned(seen, kProposalViews))
         for (const TargetPose& X_VA : a->poses)
           for (const TargetPose& X_VB : b->poses) {
-            const Link link = judge(X_VA.X_VT.inverse() * X_VB.X_VT, judges);
+            const Link link = test_link(X_VA.X_VT.inverse() * X_VB.X_VT, tests);
             if (link.cost < best.cost) best = link;
           }
     }
     return links;
   }
 
-  /// The pose of a group that fits all its targets in a view best.
+  /// Per group the pose that fits all its targets in a view best.
   [[nodiscard]] std::map<int, Pose> place_groups(std::size_t v,
                                                  const CalibrationState& state) const {
     std::map<int, Pose> out;
     std::map<int, double> costs;
     for (const Seen& proposer : views_[v]) {
-      const auto t = static_cast<std::size_t>(proposer.sighting->target);
+      const auto t = to_index(proposer.sighting->target);
       const int group = state.group_of[t];
       for (const TargetPose& pose : proposer.poses) {
         const Pose X_VG = pose.X_VT * state.X_GT[t].inverse();
@@ -89,17 +80,14 @@ class Layout final {
   }
 
  private:
-  [[nodiscard]] const CalibrationTarget& target(int t) const {
-    return data_.targets[static_cast<std::size_t>(t)];
-  }
   [[nodiscard]] double rms(const TargetSighting& sighting, const Pose& X_VT) const {
-    return reprojection_rms_px(target(sighting.target), sighting, camera_, X_VT, kLost_px);
+    return reprojection_rms_px(data_.target_of(sighting), sighting, camera_, X_VT, kLost_px);
   }
 
-  [[nodiscard]] Link judge(const Pose& X_AB,
-                           const std::vector<std::pair<const Seen*, const Seen*>>& judges) const {
+  [[nodiscard]] Link test_link(
+      const Pose& X_AB, const std::vector<std::pair<const Seen*, const Seen*>>& tests) const {
     Link link{X_AB, 0, 0};
-    for (const auto& [a, b] : judges) {
+    for (const auto& [a, b] : tests) {
       double least = kLost_px;
       for (const TargetPose& X_VA : a->poses)
         least = std::min(least, rms(*b->sighting, X_VA.X_VT * X_AB));
@@ -108,7 +96,7 @@ class Layout final {
       link.cost += least;
       if (least < kAgree_px) ++link.support;
     }
-    link.cost /= static_cast<double>(judges.size());
+    link.cost /= static_cast<double>(tests.size());
     return link;
   }
 
@@ -116,7 +104,7 @@ class Layout final {
                                const CalibrationState& state) const {
     double cost = 0;
     for (const Seen& seen : views_[v]) {
-      const auto t = static_cast<std::size_t>(seen.sighting->target);
+      const auto t = to_index(seen.sighting->target);
       if (state.group_of[t] == group) cost += rms(*seen.sighting, X_VG * state.X_GT[t]);
     }
     return cost;
@@ -127,23 +115,16 @@ class Layout final {
   std::vector<std::vector<Seen>> views_;
 };
 
-std::vector<int> count_sightings(const CalibrationData& data) {
-  std::vector<int> counts(data.targets.size(), 0);
-  for (const CalibrationView& view : data.views)
-    for (const TargetSighting& s : view.sightings) ++counts[static_cast<std::size_t>(s.target)];
-  return counts;
-}
-
-/// Grows a group along the links with the most support. The target that defines a group must be the
-/// first of it in order, so groups are named and X_GT are set at the end.
+/// Grows groups along the links with the most support. A group is defined by its first target in
+/// order; therefore store() computes names and X_GT at the end.
 class Tree final {
  public:
   Tree(std::size_t targets, const std::map<TargetPair, Link>& links)
       : links_(links), root_(targets, -1), X_RT_(targets) {}
 
   void grow(int root) {
-    if (root_[static_cast<std::size_t>(root)] >= 0) return;
-    root_[static_cast<std::size_t>(root)] = root;
+    if (root_[to_index(root)] >= 0) return;
+    root_[to_index(root)] = root;
     while (extend(root)) {
     }
   }
@@ -162,16 +143,16 @@ class Tree final {
     const Link* best = nullptr;
     TargetPair at;
     for (const auto& [pair, link] : links_) {
-      const bool a = root_[static_cast<std::size_t>(pair.first)] == root;
-      const bool b = root_[static_cast<std::size_t>(pair.second)] == root;
+      const bool a = root_[to_index(pair.first)] == root;
+      const bool b = root_[to_index(pair.second)] == root;
       if (a == b || link.support == 0 || (best != nullptr && link.support <= best->support))
         continue;
       best = &link;
       at = pair;
     }
     if (best == nullptr) return false;
-    const auto a = static_cast<std::size_t>(at.first);
-    const auto b = static_cast<std::size_t>(at.second);
+    const auto a = to_index(at.first);
+    const auto b = to_index(at.second);
     if (root_[a] == root)
       X_RT_[b] = X_RT_[a] * best->X_AB;
     else
@@ -188,17 +169,15 @@ class Tree final {
 /// The first target, in order, of each target's connected part.
 std::vector<int> connected_parts(const CalibrationData& data, const CalibrationState& state) {
   std::vector<int> part(state.group_of.size());
-  for (std::size_t t = 0; t < part.size(); ++t) part[t] = static_cast<int>(t);
+  std::iota(part.begin(), part.end(), 0);
   const auto first_of = [&](int t) {
-    while (part[static_cast<std::size_t>(t)] != t) t = part[static_cast<std::size_t>(t)];
+    while (part[to_index(t)] != t) t = part[to_index(t)];
     return t;
   };
   for (const CalibrationView& view : data.views)
     for (const TargetSighting& a : view.sightings)
       for (const TargetSighting& b : view.sightings) {
-        if (state.group_of[static_cast<std::size_t>(a.target)] !=
-            state.group_of[static_cast<std::size_t>(b.target)])
-          continue;
+        if (state.group(a) != state.group(b)) continue;
         const int i = first_of(a.target);
         const int j = first_of(b.target);
         part[static_cast<std::size_t>(std::max(i, j))] = std::min(i, j);
@@ -214,30 +193,30 @@ void split_groups(const CalibrationData& data, CalibrationState& state) {
   std::vector<std::map<int, Pose>> X_VG(state.X_VG.size());
   for (std::size_t v = 0; v < data.views.size(); ++v)
     for (const TargetSighting& s : data.views[v].sightings) {
-      const auto t = static_cast<std::size_t>(s.target);
-      const auto first = static_cast<std::size_t>(part[t]);
+      const auto t = to_index(s.target);
+      const auto first = to_index(part[t]);
       X_VG[v][part[t]] = state.X_VG[v].at(state.group_of[t]) * state.X_GT[first];
     }
   std::vector<Pose> X_GT(state.X_GT.size());
   for (std::size_t t = 0; t < X_GT.size(); ++t)
     X_GT[t] = part[t] == static_cast<int>(t)
                   ? Pose{}
-                  : state.X_GT[static_cast<std::size_t>(part[t])].inverse() * state.X_GT[t];
+                  : state.X_GT[to_index(part[t])].inverse() * state.X_GT[t];
   state.X_VG = std::move(X_VG);
   state.X_GT = std::move(X_GT);
   state.group_of = part;
 }
 
-CalibrationState loose_state(CalibrationData& data, const CameraModel& camera) {
+CalibrationState separate_state(CalibrationData& data, const CameraModel& camera) {
   CalibrationState state;
   state.camera = camera;
   state.X_GT.resize(data.targets.size());
-  for (std::size_t t = 0; t < data.targets.size(); ++t)
-    state.group_of.push_back(static_cast<int>(t));
+  state.group_of.resize(data.targets.size());
+  std::iota(state.group_of.begin(), state.group_of.end(), 0);
   for (CalibrationView& view : data.views) {
     auto& poses = state.X_VG.emplace_back();
     std::erase_if(view.sightings, [&](const TargetSighting& s) {
-      const auto allowed = poses_of(data.targets[static_cast<std::size_t>(s.target)], s, camera);
+      const auto allowed = poses_of(data.targets[to_index(s.target)], s, camera);
       if (!allowed.empty()) poses[s.target] = allowed.front().X_VT;
       return allowed.empty();
     });
@@ -254,11 +233,10 @@ CalibrationState joined_state(const CalibrationData& data, const CameraModel& ca
   const auto links = layout.links();
   Tree tree(data.targets.size(), links);
   std::vector<int> order(data.targets.size());
-  for (std::size_t t = 0; t < order.size(); ++t) order[t] = static_cast<int>(t);
+  std::iota(order.begin(), order.end(), 0);
   const auto counts = count_sightings(data);
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-    return counts[static_cast<std::size_t>(a)] > counts[static_cast<std::size_t>(b)];
-  });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int a, int b) { return counts[to_index(a)] > counts[to_index(b)]; });
   for (const int root : order) tree.grow(root);
   tree.store(state);
   for (std::size_t v = 0; v < data.views.size(); ++v)

@@ -4,16 +4,16 @@
 #include <limits>
 #include <utility>
 
-#include "detection/checkerboard.hpp"
-#include "detection/corner_projection.hpp"
+#include "detection/planar_target.hpp"
+#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr double kLeastSide_px = 20;
-constexpr int kWholeImage_px = 800 * 600;  // larger ones are searched in every second pixel
-constexpr double kBlurred = 0.5;           // of the sharpness that a quarter of the sightings has
-constexpr double kAlike = 0.004;           // of the image width: views closer than this are one
+constexpr double kMinSide_px = 20;
+constexpr int kUndecimated_px = 800 * 600;  // larger images are searched in every second pixel
+constexpr double kBlurred = 0.5;            // relative to the upper quartile of sharpness
+constexpr double kEqual = 0.004;            // distance of equal views, in image widths
 
 double sharp_enough(const CalibrationData& all) {
   std::vector<double> sharpness;
@@ -58,7 +58,7 @@ std::optional<CalibrationView> ViewCollector::look_for_checkerboard(const std::s
 TagDetector& ViewCollector::detector_for(const GrayImage& image) {
   if (!detector_) {
     DetectorConfig config;
-    config.decimate = image.width * image.height > kWholeImage_px ? 2.0 : 1.0;
+    config.decimate = image.width * image.height > kUndecimated_px ? 2.0 : 1.0;
     detector_.emplace(targets_.tags, config);
   }
   return *detector_;
@@ -82,13 +82,11 @@ std::optional<CalibrationView> ViewCollector::look(const std::string& name,
 }
 
 bool ViewCollector::is_good(const CornerFrame& frame, const TagSighting& tag) const {
-  const auto& ignore = targets_.tags.ignore;
-  if (std::find(ignore.begin(), ignore.end(), tag.tag_id) != ignore.end()) return false;
+  if (std::ranges::count(targets_.tags.ignore, tag.tag_id) > 0) return false;
   if (tag.hamming > 1) return false;
   for (std::size_t i = 0; i < 4; ++i)
-    if (!((tag.corners_px[i] - tag.corners_px[(i + 1) % 4]).norm() >= kLeastSide_px)) return false;
-  const auto same = [&](const TagSighting& other) { return other.tag_id == tag.tag_id; };
-  return std::count_if(frame.tags.begin(), frame.tags.end(), same) == 1;
+    if (!((tag.corners_px[i] - tag.corners_px[(i + 1) % 4]).norm() >= kMinSide_px)) return false;
+  return std::ranges::count(frame.tags, tag.tag_id, &TagSighting::tag_id) == 1;
 }
 
 int ViewCollector::target_of(int tag_id, bool fitted_sides) {
@@ -123,11 +121,11 @@ CalibrationData select_views(const CalibrationData& all, std::size_t most) {
     std::erase_if(view.sightings,
                   [&](const TargetSighting& s) { return s.sharpness > 0 && s.sharpness < limit; });
   std::erase_if(sharp.views, [](const CalibrationView& view) { return view.sightings.empty(); });
-  // Farthest first: each view taken is the one that is least like those taken before.
+  // Farthest-first selection: each view is the most different from those before.
   std::vector<double> apart(sharp.views.size(), std::numeric_limits<double>::infinity());
   std::vector<bool> taken(sharp.views.size(), false);
   for (std::size_t n = 0, next = 0; n < most && next < sharp.views.size(); ++n) {
-    if (!(apart[next] > kAlike)) break;
+    if (!(apart[next] > kEqual)) break;
     taken[next] = true;
     for (std::size_t i = 0; i < apart.size(); ++i)
       apart[i] = std::min(apart[i], distance(sharp.views[i], sharp.views[next], sharp.width));

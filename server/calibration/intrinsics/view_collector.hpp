@@ -19,26 +19,26 @@ struct Checkerboard {
   double square_m{};
 };
 
-/// What is to be looked for.
+/// The targets of a calibration.
 struct CalibrationTargets {
-  std::optional<Checkerboard> checkerboard;  ///< Else tags.
+  std::optional<Checkerboard> checkerboard;  ///< Nullopt: tags.
   TagSetConfig tags;
 };
 
-/// Looks for the targets in images of one size. Tags whose sides are shorter than 20 px are left
-/// out: their corners are worse than those of others, and they are near enough elsewhere.
+/// Finds the targets in images of one size. Skips tags with sides shorter than 20 px, whose corners
+/// are less accurate.
 class ViewCollector final {
  public:
   explicit ViewCollector(CalibrationTargets targets);
 
-  /// @param name  of the image, for people
+  /// @param name  of the image, for messages
   /// @return nullopt: there is no target in it
   [[nodiscard]] std::optional<CalibrationView> look(const std::string& name,
                                                     const std::shared_ptr<const GrayImage>& image);
-  /// The same for tags that were found already.
+  /// The same for detected tags.
   [[nodiscard]] std::optional<CalibrationView> look(const std::string& name,
                                                     const CornerFrame& corners);
-  /// Those of all views so far.
+  /// The targets of all views so far.
   [[nodiscard]] const std::vector<CalibrationTarget>& targets() const { return seen_; }
 
  private:
@@ -54,11 +54,11 @@ class ViewCollector final {
   std::vector<CalibrationTarget> seen_;
 };
 
-/// How far the corners that both views see are apart, mean, in image widths; 1 when there are none.
+/// Mean distance of the corners in both views, in image widths; 1 when there are none.
 [[nodiscard]] double distance(const CalibrationView& a, const CalibrationView& b, int width);
 
-/// The sharp ones among the views, and of those up to `most` that differ from each other as much as
-/// they can: a hundred images of a camera at rest are one image.
+/// Selects up to `most` sharp views that differ as much as possible: a hundred images of a camera
+/// at rest count as one.
 [[nodiscard]] CalibrationData select_views(const CalibrationData& all, std::size_t most);
 
 }  // namespace fiducap

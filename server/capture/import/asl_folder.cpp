@@ -1,155 +1,125 @@
-#include "capture/import/asl_folder.hpp"
+#include "capture/import/import_parts.hpp"
 
 #include <algorithm>
 #include <filesystem>
 
-#include "capture/import/calibration_files.hpp"
 #include "capture/import/imu_csv.hpp"
-#include "capture/import/message_log.hpp"
 #include "capture/recording/csv_reader.hpp"
 #include "capture/recording/recording_layout.hpp"
 
 namespace fiducap {
 namespace {
 
-class AslImport final : public ImportSource {
+class AslImport final : public PartsImport {
  public:
-  explicit AslImport(RecordingLayout layout) : layout_(std::move(layout)) {}
+  explicit AslImport(RecordingLayout layout) : PartsImport(nullptr), layout_(std::move(layout)) {}
 
-  Expected<void> look(const ImportOptions& options);
-  const std::vector<FoundStream>& streams() const override { return streams_; }
-  std::vector<std::string> remarks() const override { return remarks_; }
+  Expected<void> look(const ImportOptions& options) {
+    for (std::size_t k = 0; is_folder(layout_.camera(k)); ++k)
+      if (const auto looked = look_at_camera(k); !looked) return looked;
+    take_calibration();
+    if (is_folder(layout_.detections(0)))
+      remarks_.emplace_back(
+          "its corners (tags0) are not imported: tags are detected in the images");
+    return look_at_imu(options);
+  }
+
   bool is_one_rig() const override { return true; }
   RecordingInfo about() const override { return about_; }
-  bool tells_tags() const override { return is_file(layout_.tags_yaml()); }
+  bool has_tags() const override { return is_file(layout_.tags_yaml()); }
   Expected<std::vector<TruthSample>> truth() const override {
     return read_truth(layout_.folder().string());
   }
-  Expected<std::unique_ptr<SensorSource>> open(const ImportChoice& choice,
-                                               const std::vector<CameraMount>& cameras) override {
-    std::vector<CameraPart> parts;
-    for (const std::size_t i : choice.images) parts.push_back({images_[i], nullptr, {}});
-    return make_parts_source(choice.imu ? imu_ : std::vector<ImuSample>{}, std::move(parts),
-                             cameras);
-  }
 
  private:
-  Expected<void> look_at_camera(std::size_t k);
-  Expected<void> look_at_imu(const ImportOptions& options);
-  void take_calibration();
-  [[nodiscard]] std::vector<ListedImage> listed(std::size_t k, FoundStream& found) const;
-
-  RecordingLayout layout_;
-  std::vector<FoundStream> streams_;
-  std::vector<std::vector<ListedImage>> images_;  ///< Per stream.
-  std::vector<ImuSample> imu_;
-  std::vector<std::string> remarks_;
-  RecordingInfo about_;
-};
-
-/// By data.csv: a stamp in nanoseconds, and the name of a file unless it is the stamp.
-std::vector<ListedImage> AslImport::listed(std::size_t k, FoundStream& found) const {
-  std::vector<ListedImage> images;
-  auto rows = CsvReader::open(layout_.images_csv(k));
-  if (!rows) return images;
-  while (rows->next()) {
-    ListedImage image;
-    if (!parse_stamp(rows->fields()[0], image.ns)) {
-      if (rows->line() > 1) ++found.unreadable;
-      continue;
+  Expected<void> look_at_camera(std::size_t k) {
+    const std::string name = "cam" + std::to_string(k);
+    std::uint64_t unreadable = 0;
+    std::vector<ListedImage> images = listed(k, unreadable);
+    if (images.empty()) {
+      images = pictures_by_number(layout_.images(k).string(), 1);
+      remarks_.push_back(
+          name + (images.empty() ? " has no images"
+                                 : " has no list data.csv: its images are stamped by their names"));
+      if (images.empty()) return {};
     }
-    std::filesystem::path name = std::to_string(image.ns) + ".png";
-    if (rows->fields().size() > 1 && !rows->fields()[1].empty()) name = rows->fields()[1];
-    image.file = (layout_.images(k) / name.filename()).string();
-    images.push_back(std::move(image));
-  }
-  return images;
-}
-
-Expected<void> AslImport::look_at_camera(std::size_t k) {
-  FoundStream found;
-  found.name = "cam" + std::to_string(k);
-  found.type = "pictures";
-  std::vector<ListedImage> images = listed(k, found);
-  if (images.empty()) {
-    images = pictures_by_number(layout_.images(k).string(), 1);
-    if (!images.empty())
-      remarks_.push_back(found.name +
-                         " has no list data.csv: its images are stamped by their names");
-  }
-  if (images.empty()) {
-    remarks_.push_back(found.name + " has no images");
+    auto found = stream_of(name, images);
+    if (!found) return tl::unexpected(found.error());
+    found->unreadable = unreadable;
+    for (std::size_t i = 1; i < images.size(); ++i)
+      found->backwards += images[i].ns <= images[i - 1].ns ? 1 : 0;
+    found->lens_fault = "no calibration";
+    add_camera(std::move(*found), {std::move(images), "", {}});
     return {};
   }
-  const auto size = size_of_first(images);
-  if (!size) return tl::unexpected(size.error());
-  found.mount.model = *size;
-  found.count = images.size();
-  found.first_ns = images.front().ns;
-  found.last_ns = images.back().ns;
-  for (std::size_t i = 1; i < images.size(); ++i)
-    found.backwards += images[i].ns <= images[i - 1].ns ? 1 : 0;
-  found.lens_fault = "no calibration";
-  streams_.push_back(std::move(found));
-  images_.push_back(std::move(images));
-  return {};
-}
 
-Expected<void> AslImport::look_at_imu(const ImportOptions& options) {
-  if (!is_file(layout_.imu_csv())) return {};
-  auto table = read_imu_csv(layout_.imu_csv().string(), options);
-  if (!table) return tl::unexpected(table.error());
-  imu_ = std::move(table->samples);
-  table->found.name = "imu0";
-  const Eigen::Matrix3d R_BI = about_.X_BI.rotation();
-  for (ImuSample& sample : imu_) {
-    sample.sampled_at += options.imu_offset;
-    sample.w_WB_B = R_BI * sample.w_WB_B;
-    sample.f_B = R_BI * sample.f_B;
-  }
-  table->found.noise = about_.imu;
-  streams_.push_back(std::move(table->found));
-  images_.emplace_back();
-  return {};
-}
-
-/// From the sensors' own files, or from a Kalibr file beside them, as TUM-VI has it.
-void AslImport::take_calibration() {
-  const auto info = read_recording_info(layout_.folder().string());
-  if (info) {
-    about_ = *info;
-    for (FoundStream& stream : streams_) {
-      const std::size_t k = static_cast<std::size_t>(std::stoul(stream.name.substr(3)));
-      if (k >= info->cameras.size()) continue;
-      const CameraModel size = stream.mount.model;
-      stream.mount = info->cameras[k];
-      stream.place_known = true;
-      stream.lens_known =
-          size.width == stream.mount.model.width && size.height == stream.mount.model.height;
-      if (stream.lens_known) continue;
-      stream.mount.model = size;
-      stream.lens_fault = "sensor.yaml is for images of another size";
+  Expected<void> look_at_imu(const ImportOptions& options) {
+    if (!is_file(layout_.imu_csv())) return {};
+    auto table = read_imu_csv(layout_.imu_csv().string(), options);
+    if (!table) return tl::unexpected(table.error());
+    table->found.name = "imu0";
+    const Eigen::Matrix3d R_BI = about_.X_BI.rotation();
+    for (ImuSample& sample : table->samples) {
+      sample.sampled_at += options.imu_offset;
+      sample.w_WB_B = R_BI * sample.w_WB_B;
+      sample.f_B = R_BI * sample.f_B;
     }
-    return;
+    table->found.noise = about_.imu;
+    add_imu(std::move(table->found), std::move(table->samples));
+    return {};
   }
-  for (const char* name : {"camchain.yaml", "dso/camchain.yaml", "camchain-imucam.yaml"}) {
-    const auto file = layout_.folder() / name;
-    std::optional<ImuNoise> noise;
-    if (!is_file(file) || !apply_calibrations({file.string()}, streams_, noise)) continue;
-    remarks_.push_back(std::string("lenses and places are those of ") + name);
-    return;
-  }
-  remarks_.push_back("its own calibration is not used: " + info.error().text());
-}
 
-Expected<void> AslImport::look(const ImportOptions& options) {
-  for (std::size_t k = 0; is_folder(layout_.camera(k)); ++k)
-    if (const auto looked = look_at_camera(k); !looked) return looked;
-  take_calibration();
-  if (is_folder(layout_.detections(0)))
-    remarks_.emplace_back("its corners (tags0) are not taken over: tags are found in the images");
-  return look_at_imu(options);
-}
+  /// From sensor.yaml, or from a Kalibr file as in TUM-VI.
+  void take_calibration() {
+    const auto info = read_recording_info(layout_.folder().string());
+    if (info) {
+      about_ = *info;
+      for (FoundStream& stream : streams_) {
+        const std::size_t k = static_cast<std::size_t>(std::stoul(stream.name.substr(3)));
+        if (k >= info->cameras.size()) continue;
+        const CameraModel size = stream.mount.model;
+        stream.mount = info->cameras[k];
+        stream.place_known = true;
+        stream.lens_known =
+            size.width == stream.mount.model.width && size.height == stream.mount.model.height;
+        if (stream.lens_known) continue;
+        stream.mount.model = size;
+        stream.lens_fault = "sensor.yaml is for images of another size";
+      }
+      return;
+    }
+    for (const char* name : {"camchain.yaml", "dso/camchain.yaml", "camchain-imucam.yaml"}) {
+      const auto file = layout_.folder() / name;
+      std::optional<ImuNoise> noise;
+      if (!is_file(file) || !apply_calibrations({file.string()}, streams_, noise)) continue;
+      remarks_.push_back(std::string("lenses and extrinsics are those of ") + name);
+      return;
+    }
+    remarks_.push_back("its own calibration is not used: " + info.error().text());
+  }
+
+  /// From data.csv: a stamp in nanoseconds, and the name of a file unless it is the stamp.
+  [[nodiscard]] std::vector<ListedImage> listed(std::size_t k, std::uint64_t& unreadable) const {
+    std::vector<ListedImage> images;
+    auto rows = CsvReader::open(layout_.images_csv(k));
+    if (!rows) return images;
+    while (rows->next()) {
+      ListedImage image;
+      if (!parse_stamp(rows->fields()[0], image.ns)) {
+        if (rows->line() > 1) ++unreadable;
+        continue;
+      }
+      std::filesystem::path name = std::to_string(image.ns) + ".png";
+      if (rows->fields().size() > 1 && !rows->fields()[1].empty()) name = rows->fields()[1];
+      image.file = (layout_.images(k) / name.filename()).string();
+      images.push_back(std::move(image));
+    }
+    return images;
+  }
+
+  RecordingLayout layout_;
+  RecordingInfo about_;
+};
 
 }  // namespace
 

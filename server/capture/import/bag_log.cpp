@@ -1,13 +1,12 @@
-#include "capture/import/bag_log.hpp"
+#include "capture/import/message_log.hpp"
 
 #include <map>
 #include <optional>
 #include <string_view>
 
-#include "base/byte_reader.hpp"
-#include "capture/import/chunk_codec.hpp"
+#include "base/bytes.hpp"
 #include "capture/import/input_file.hpp"
-#include "capture/import/log_damage.hpp"
+#include "capture/import/record_log.hpp"
 
 namespace fiducap {
 namespace {
@@ -26,7 +25,7 @@ std::string_view bag_text(std::span<const std::byte> bytes) {
 /// The fields `name=value` of a record's header.
 class BagFields final {
  public:
-  /// @return nullopt when they do not fit together
+  /// @return nullopt when they are inconsistent
   static std::optional<BagFields> parse(std::span<const std::byte> bytes) {
     BagFields fields;
     LittleEndianReader from(bytes);
@@ -64,165 +63,130 @@ class BagFields final {
   std::map<std::string, std::span<const std::byte>> values_;
 };
 
-/// One record: its header taken apart, and its data.
+/// One record: fields of its header, and its data.
 struct BagRecord {
   std::uint8_t op{};
   BagFields fields;
   std::span<const std::byte> data;
 };
 
-class BagLog final : public MessageLog {
+class BagLog final : public RecordLog {
  public:
-  explicit BagLog(InputFile file) : file_(std::move(file)) {}
+  explicit BagLog(InputFile file) : RecordLog(std::move(file)) {}
 
-  Expected<void> begin();
-  const std::vector<LoggedTopic>& topics() const override { return topics_; }
-  Expected<bool> next(LoggedMessage& out) override;
-  double share() const override { return file_.share(); }
-  std::vector<std::string> remarks() const override;
+  Expected<void> begin() {
+    std::vector<std::byte> magic;
+    if (!file_.read(std::min<std::uint64_t>(kBagVersion2.size(), file_.size()), magic) ||
+        !bag_text(magic).starts_with(kBagBegin))
+      return fail(ErrorCode::kInvalid, "is no bag of ROS 1", file_.path());
+    if (bag_text(magic) != kBagVersion2)
+      return fail(ErrorCode::kUnsupported,
+                  "is a bag of format " + printable_name(bag_text(magic).substr(kBagBegin.size())) +
+                      "; only 2.0 is read: run `rosbag fix` on it where ROS 1 is installed",
+                  file_.path());
+    BagRecord record;
+    if (!read_record(record) || record.op != kBagHeader)
+      return fail(ErrorCode::kTruncated, "ends before its header: nothing was recorded",
+                  file_.path());
+    if (!record.fields.text("encryptor").empty())
+      return fail(ErrorCode::kUnsupported, "is encrypted: decrypt it with `rosbag decrypt`",
+                  file_.path());
+    const std::string_view index = record.fields.text("index_pos");
+    indexed_ = index.find_first_not_of('\0') != std::string_view::npos;
+    return {};
+  }
+
+  Expected<bool> next(LoggedMessage& out) override {
+    BagRecord record;
+    while (read_in_chunk(record) || read_record(record)) {
+      if (record.op == kConnection) add_connection(record);
+      if (record.op == kChunk)
+        unpack(record.fields.text("compression"), record.data,
+               record.fields.u32("size").value_or(0));
+      if (record.op == kMessage && take(record, out)) return true;
+    }
+    return false;
+  }
+
+  std::vector<std::string> remarks() const override {
+    std::vector<std::string> all;
+    if (!damage_.cut_at && !indexed_)
+      all.push_back("has no index (its recorder was killed): it was read from its start");
+    damage_.append_to(all, file_.size());
+    return all;
+  }
 
  private:
-  bool read_record(BagRecord& record);
-  bool read_in_chunk(BagRecord& record);
-  void open_chunk(const BagRecord& record);
-  void meet(const BagRecord& record);
-  bool take(const BagRecord& record, LoggedMessage& out);
+  /// Of the file. @return false at the end of the complete part
+  bool read_record(BagRecord& record) {
+    const std::uint64_t began = file_.at();
+    if (file_.left() == 0 || damage_.cut_at) return false;
+    damage_.cut_at = began;  // until it is complete
+    std::vector<std::byte> length;
+    if (!file_.read(4, length)) return false;
+    const std::uint64_t header = LittleEndianReader(length).u32();
+    if (header > kLargestBagHeader_bytes || !file_.read(header, header_)) return false;
+    auto fields = BagFields::parse(header_);
+    if (!fields || !file_.read(4, length)) return false;
+    const std::uint64_t data = LittleEndianReader(length).u32();
+    record.op = fields->op();
+    record.fields = std::move(*fields);
+    const bool wanted = record.op == kChunk || record.op == kConnection || record.op == kMessage;
+    if (wanted ? data > kLargestChunk_bytes || !file_.read(data, data_) : !file_.skip(data))
+      return false;
+    record.data = wanted ? std::span<const std::byte>(data_) : std::span<const std::byte>();
+    damage_.cut_at.reset();
+    return true;
+  }
 
-  InputFile file_;
-  std::vector<LoggedTopic> topics_;
+  bool read_in_chunk(BagRecord& record) {
+    if (chunk_at_ >= chunk_.size()) return false;
+    LittleEndianReader from(std::span<const std::byte>(chunk_).subspan(chunk_at_));
+    const auto header = from.bytes(from.u32());
+    record.data = from.bytes(from.u32());
+    chunk_at_ = chunk_.size() - from.left();
+    auto fields = from.failed() ? std::nullopt : BagFields::parse(header);
+    if (!fields) {
+      drop_chunk("a record in a chunk is broken");
+      return false;
+    }
+    record.op = fields->op();
+    record.fields = std::move(*fields);
+    return true;
+  }
+
+  void add_connection(const BagRecord& record) {
+    const auto id = record.fields.u32("conn");
+    const auto about = record.data.size() <= kLargestConnection_bytes
+                           ? BagFields::parse(record.data)
+                           : std::nullopt;
+    if (!id || !about) return damage_.note("a connection is broken");
+    if (by_connection_.contains(*id) || by_connection_.size() == kMostTopics) return;
+    by_connection_[*id] = index_of({std::string(record.fields.text("topic")),
+                                    std::string(about->text("type")), MessageFormat::kRos1});
+  }
+
+  bool take(const BagRecord& record, LoggedMessage& out) {
+    const auto id = record.fields.u32("conn");
+    const auto logged_ns = record.fields.time_ns("time");
+    const auto topic = id ? by_connection_.find(*id) : by_connection_.end();
+    if (topic == by_connection_.end() || !logged_ns) {
+      damage_.note("a message belongs to no topic");
+      return false;
+    }
+    out = {topic->second, *logged_ns, record.data};
+    return true;
+  }
+
   std::map<std::uint32_t, std::size_t> by_connection_;
-  std::vector<std::byte> header_, data_, chunk_;
-  std::size_t chunk_at_{0};
-  LogDamage damage_;
+  std::vector<std::byte> header_, data_;
   bool indexed_{true};
 };
-
-Expected<void> BagLog::begin() {
-  std::vector<std::byte> magic;
-  if (!file_.read(std::min<std::uint64_t>(kBagVersion2.size(), file_.size()), magic) ||
-      !bag_text(magic).starts_with(kBagBegin))
-    return fail(ErrorCode::kInvalid, "is no bag of ROS 1", file_.path());
-  if (bag_text(magic) != kBagVersion2)
-    return fail(ErrorCode::kUnsupported,
-                "is a bag of format " + printable_name(bag_text(magic).substr(kBagBegin.size())) +
-                    "; only 2.0 is read: run `rosbag fix` on it where ROS 1 is installed",
-                file_.path());
-  BagRecord record;
-  if (!read_record(record) || record.op != kBagHeader)
-    return fail(ErrorCode::kTruncated, "ends before its header: nothing was recorded",
-                file_.path());
-  if (!record.fields.text("encryptor").empty())
-    return fail(ErrorCode::kUnsupported, "is encrypted: decrypt it with `rosbag decrypt`",
-                file_.path());
-  const std::string_view index = record.fields.text("index_pos");
-  indexed_ = index.find_first_not_of('\0') != std::string_view::npos;
-  return {};
-}
-
-/// Of the file. @return false at the end of what is whole
-bool BagLog::read_record(BagRecord& record) {
-  const std::uint64_t began = file_.at();
-  if (file_.left() == 0 || damage_.cut_at) return false;
-  damage_.cut_at = began;  // until it has turned out to be whole
-  std::vector<std::byte> length;
-  if (!file_.read(4, length)) return false;
-  const std::uint64_t header = LittleEndianReader(length).u32();
-  if (header > kLargestBagHeader_bytes || !file_.read(header, header_)) return false;
-  auto fields = BagFields::parse(header_);
-  if (!fields || !file_.read(4, length)) return false;
-  const std::uint64_t data = LittleEndianReader(length).u32();
-  record.op = fields->op();
-  record.fields = std::move(*fields);
-  const bool wanted = record.op == kChunk || record.op == kConnection || record.op == kMessage;
-  if (wanted ? data > kLargestChunk_bytes || !file_.read(data, data_) : !file_.skip(data))
-    return false;
-  record.data = wanted ? std::span<const std::byte>(data_) : std::span<const std::byte>();
-  damage_.cut_at.reset();
-  return true;
-}
-
-bool BagLog::read_in_chunk(BagRecord& record) {
-  if (chunk_at_ >= chunk_.size()) return false;
-  LittleEndianReader from(std::span<const std::byte>(chunk_).subspan(chunk_at_));
-  const auto header = from.bytes(from.u32());
-  record.data = from.bytes(from.u32());
-  chunk_at_ = chunk_.size() - from.left();
-  auto fields = from.failed() ? std::nullopt : BagFields::parse(header);
-  if (!fields) {
-    chunk_at_ = chunk_.size();
-    damage_.note("a record in a chunk is broken");
-    return false;
-  }
-  record.op = fields->op();
-  record.fields = std::move(*fields);
-  return true;
-}
-
-void BagLog::open_chunk(const BagRecord& record) {
-  chunk_at_ = 0;
-  chunk_.clear();
-  const auto size = record.fields.u32("size");
-  const auto unpacked =
-      unpack_chunk(record.fields.text("compression"), record.data, size.value_or(0), chunk_);
-  if (unpacked) return;
-  chunk_.clear();
-  damage_.note("a chunk " + unpacked.error().what);
-}
-
-void BagLog::meet(const BagRecord& record) {
-  const auto id = record.fields.u32("conn");
-  const auto about =
-      record.data.size() <= kLargestConnection_bytes ? BagFields::parse(record.data) : std::nullopt;
-  if (!id || !about) return damage_.note("a connection is broken");
-  if (by_connection_.contains(*id) || by_connection_.size() == kMostTopics) return;
-  LoggedTopic topic{std::string(record.fields.text("topic")), std::string(about->text("type")),
-                    MessageFormat::kRos1};
-  for (std::size_t i = 0; i < topics_.size(); ++i)
-    if (topics_[i].name == topic.name && topics_[i].type == topic.type)
-      by_connection_[*id] = i;  // a second publisher
-  if (by_connection_.contains(*id)) return;
-  by_connection_[*id] = topics_.size();
-  topics_.push_back(std::move(topic));
-}
-
-bool BagLog::take(const BagRecord& record, LoggedMessage& out) {
-  const auto id = record.fields.u32("conn");
-  const auto logged_ns = record.fields.time_ns("time");
-  const auto topic = id ? by_connection_.find(*id) : by_connection_.end();
-  if (topic == by_connection_.end() || !logged_ns) {
-    damage_.note("a message belongs to no topic");
-    return false;
-  }
-  out = {topic->second, *logged_ns, record.data};
-  return true;
-}
-
-Expected<bool> BagLog::next(LoggedMessage& out) {
-  BagRecord record;
-  while (read_in_chunk(record) || read_record(record)) {
-    if (record.op == kConnection) meet(record);
-    if (record.op == kChunk) open_chunk(record);
-    if (record.op == kMessage && take(record, out)) return true;
-  }
-  return false;
-}
-
-std::vector<std::string> BagLog::remarks() const {
-  std::vector<std::string> all;
-  if (!damage_.cut_at && !indexed_)
-    all.push_back("has no index (its recorder was stopped hard): it was read from its start");
-  damage_.tell(file_.size(), all);
-  return all;
-}
 
 }  // namespace
 
 Expected<std::unique_ptr<MessageLog>> open_bag(const std::string& path) {
-  auto file = InputFile::open(path);
-  if (!file) return tl::unexpected(file.error());
-  auto log = std::make_unique<BagLog>(std::move(*file));
-  if (const auto begun = log->begin(); !begun) return tl::unexpected(begun.error());
-  return log;
+  return open_record_log<BagLog>(path);
 }
 
 }  // namespace fiducap

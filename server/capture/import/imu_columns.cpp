@@ -1,4 +1,4 @@
-#include "capture/import/imu_columns.hpp"
+#include "capture/import/imu_csv.hpp"
 
 #include <algorithm>
 #include <cctype>
@@ -15,16 +15,16 @@ constexpr std::size_t kMostHeaderColumns = 64;  // as CsvReader has
 
 enum class ColumnKind { kTime, kGyro, kAccel, kNone };
 
-/// A name of a column, taken apart.
+/// Parsed name of a column.
 struct ColumnName {
   std::vector<std::string> words;  ///< Lower case, without axis and unit.
   int axis{-1};
-  std::string unit;  ///< What stands in brackets, lower case.
+  std::string unit;  ///< Text in brackets, lower case.
 
   [[nodiscard]] bool has(std::string_view word) const {
     return std::find(words.begin(), words.end(), word) != words.end();
   }
-  [[nodiscard]] bool speaks_of(std::string_view part) const {
+  [[nodiscard]] bool mentions(std::string_view part) const {
     return std::any_of(words.begin(), words.end(), [part](const std::string& word) {
       return word.find(part) != std::string::npos;
     });
@@ -87,16 +87,16 @@ ColumnName column_name(std::string_view text) {
 
 ColumnKind kind_of(const ColumnName& name) {
   for (const char* not_it : {"user", "gravity", "mag", "cov", "orient", "quat", "bias", "temp"})
-    if (name.speaks_of(not_it)) return ColumnKind::kNone;
+    if (name.mentions(not_it)) return ColumnKind::kNone;
   if (name.axis >= 0) {
-    if (name.speaks_of("acc") || name.has("a") || name.has("alpha")) return ColumnKind::kAccel;
+    if (name.mentions("acc") || name.has("a") || name.has("alpha")) return ColumnKind::kAccel;
     for (const char* word : {"gyr", "omega", "angular", "rotation", "rate"})
-      if (name.speaks_of(word)) return ColumnKind::kGyro;
+      if (name.mentions(word)) return ColumnKind::kGyro;
     if (name.has("w") || name.has("g")) return ColumnKind::kGyro;
     return ColumnKind::kNone;
   }
-  const bool is_time = name.speaks_of("time") || name.speaks_of("stamp") || name.has("t") ||
-                       name.speaks_of("second");
+  const bool is_time =
+      name.mentions("time") || name.mentions("stamp") || name.has("t") || name.mentions("second");
   return is_time ? ColumnKind::kTime : ColumnKind::kNone;
 }
 
@@ -126,7 +126,7 @@ double accel_unit_of(const std::string& unit) {
   return 0.0;
 }
 
-/// The unit by what stands in brackets, else by the last words of the name.
+/// Unit in brackets, else in the last words of the name.
 template <typename Value>
 Value unit_of(const ColumnName& name, Value silent, Value (*meaning)(const std::string&)) {
   if (!name.unit.empty()) return meaning(name.unit);
@@ -141,33 +141,36 @@ std::string list_of_names(const std::vector<std::string>& names) {
   return all;
 }
 
+/// @param at  time, gyro x y z, accelerometer x y z
+ImuColumns columns_at(const std::array<std::size_t, 7>& at) {
+  ImuColumns columns;
+  columns.time = at[0];
+  std::copy_n(at.begin() + 1, 3, columns.gyro.begin());
+  std::copy_n(at.begin() + 4, 3, columns.accel.begin());
+  return columns;
+}
+
 Expected<ImuColumns> columns_by_name(const std::vector<std::string>& header,
                                      const std::string& names) {
   const std::vector<std::string> wanted = split_header(names);
-  ImuColumns columns;
   if (wanted.size() != 7)
     return fail(ErrorCode::kInvalid,
-                "must name seven columns, separated by commas: time, gyro x y z, accelerometer x y "
-                "z; names " +
+                "must be seven columns, separated by commas: time, gyro x y z, accelerometer x y "
+                "z; there are " +
                     std::to_string(wanted.size()),
                 "--imu-columns");
-  std::array<std::size_t*, 7> places{&columns.time};
-  for (std::size_t i = 0; i < 3; ++i) {
-    places[1 + i] = &columns.gyro[i];
-    places[4 + i] = &columns.accel[i];
-  }
+  std::array<std::size_t, 7> at{};
   for (std::size_t i = 0; i < 7; ++i) {
     const auto found = std::find(header.begin(), header.end(), wanted[i]);
     if (found == header.end())
       return fail(ErrorCode::kNotFound, "no column '" + printable_name(wanted[i]) +
                                             "'; there is: " + list_of_names(header));
-    *places[i] = static_cast<std::size_t>(found - header.begin());
+    at[i] = static_cast<std::size_t>(found - header.begin());
   }
-  return columns;
+  return columns_at(at);
 }
 
 Expected<ImuColumns> guessed_columns(const std::vector<std::string>& header) {
-  ImuColumns columns;
   std::array<std::optional<std::size_t>, 7> found;
   for (std::size_t i = 0; i < std::min(header.size(), kMostHeaderColumns); ++i) {
     const ColumnName name = column_name(header[i]);
@@ -188,12 +191,9 @@ Expected<ImuColumns> guessed_columns(const std::vector<std::string>& header) {
     return fail(ErrorCode::kNotFound, "no column for " + missing +
                                           "; there is: " + list_of_names(header) +
                                           ". Name the seven with --imu-columns");
-  columns.time = *found[0];
-  for (std::size_t i = 0; i < 3; ++i) {
-    columns.gyro[i] = *found[1 + i];
-    columns.accel[i] = *found[4 + i];
-  }
-  return columns;
+  std::array<std::size_t, 7> at{};
+  for (std::size_t i = 0; i < 7; ++i) at[i] = *found[i];
+  return columns_at(at);
 }
 
 Expected<void> set_units(const std::vector<std::string>& header, const std::string& units,
@@ -203,11 +203,11 @@ Expected<void> set_units(const std::vector<std::string>& header, const std::stri
   columns.gyro_unit = unit_of(column_name(header[columns.gyro[0]]), 0.0, gyro_unit_of);
   columns.accel_unit = unit_of(column_name(header[columns.accel[0]]), 0.0, accel_unit_of);
   if (units.empty()) return {};
-  const std::vector<std::string> said = split_header(units);
-  if (said.size() == 3) {
-    columns.time_exponent = time_exponent_of(said[0]);
-    columns.gyro_unit = gyro_unit_of(said[1]);
-    columns.accel_unit = accel_unit_of(said[2]);
+  const std::vector<std::string> fields = split_header(units);
+  if (fields.size() == 3) {
+    columns.time_exponent = time_exponent_of(fields[0]);
+    columns.gyro_unit = gyro_unit_of(fields[1]);
+    columns.accel_unit = accel_unit_of(fields[2]);
     if (columns.time_exponent >= 0 && columns.gyro_unit > 0 && columns.accel_unit > 0) return {};
   }
   return fail(ErrorCode::kInvalid,

@@ -1,25 +1,59 @@
 #include "capture/import/imu_csv.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <fstream>
 #include <limits>
 #include <numbers>
 
 #include "base/text.hpp"
-#include "capture/import/imu_columns.hpp"
 #include "capture/import/message_log.hpp"
 #include "capture/recording/csv_reader.hpp"
 #include "capture/recording/recording_layout.hpp"
 
 namespace fiducap {
+
+std::size_t put_in_order(std::vector<VectorReading>& readings) {
+  std::stable_sort(readings.begin(), readings.end(),
+                   [](const VectorReading& a, const VectorReading& b) { return a.ns < b.ns; });
+  const auto kept =
+      std::unique(readings.begin(), readings.end(),
+                  [](const VectorReading& a, const VectorReading& b) { return a.ns == b.ns; });
+  const auto struck = static_cast<std::size_t>(readings.end() - kept);
+  readings.erase(kept, readings.end());
+  return struck;
+}
+
+ImuPairs pair_readings(const std::vector<VectorReading>& gyro,
+                       const std::vector<VectorReading>& accel, Duration longest_gap) {
+  ImuPairs pairs;
+  pairs.samples.reserve(gyro.size());
+  auto after = accel.begin();
+  for (const VectorReading& g : gyro) {
+    while (after != accel.end() && after->ns < g.ns) ++after;
+    if (after != accel.end() && after->ns == g.ns) {
+      pairs.samples.push_back({instant_from_ns(g.ns), g.v, after->v});
+      continue;
+    }
+    const bool between = after != accel.begin() && after != accel.end();
+    if (!between || after->ns - (after - 1)->ns > longest_gap.count()) {
+      ++pairs.alone;
+      continue;
+    }
+    const VectorReading& before = *(after - 1);
+    const double share =
+        static_cast<double>(g.ns - before.ns) / static_cast<double>(after->ns - before.ns);
+    pairs.samples.push_back({instant_from_ns(g.ns), g.v, before.v + share * (after->v - before.v)});
+  }
+  return pairs;
+}
+
 namespace {
 
 constexpr std::size_t kMostImuRows = 20'000'000;
 constexpr std::size_t kRowsForGuess = 5000;
 
-/// A line in numbers; time as a double is good enough to guess its unit.
+/// Numbers of a line; time as a double suffices to guess its unit.
 struct RawRow {
   double time{};
   Eigen::Vector3d w;
@@ -48,15 +82,127 @@ class ImuCsv final {
   ImuCsv(std::string path, const ImportOptions& options)
       : path_(std::move(path)), options_(options) {}
 
-  Expected<ImuTable> read();
+  Expected<ImuTable> read() {
+    if (const auto found = find_columns(); !found) return tl::unexpected(found.error());
+    if (const auto guessed = guess_units(); !guessed) return tl::unexpected(guessed.error());
+    auto rows = CsvReader::open(path_);
+    if (!rows) return tl::unexpected(rows.error());
+    table_.found.kind = FoundKind::kImu;
+    table_.found.name = std::filesystem::path(path_).filename().string();
+    table_.found.type = "CSV";
+    for (RawRow row; rows->next() && rows->line_is_complete();) {
+      std::int64_t ns = 0;
+      if (parse_row(rows->fields(), columns_, row) &&
+          parse_time(rows->fields()[columns_.time], columns_.time_exponent, ns)) {
+        if (table_.samples.size() == kMostImuRows)
+          return fail(ErrorCode::kInvalid, "has more than 20 million lines", path_);
+        add(ns, row);
+      } else if (rows->line() > 1) {
+        if (table_.found.unreadable++ == 0)
+          table_.found.first_fault =
+              "line " + std::to_string(rows->line()) + " lacks the seven numbers";
+      }
+    }
+    return std::move(table_);
+  }
 
  private:
-  Expected<void> find_columns();
-  Expected<void> guess_units();
-  void guess_time(std::vector<double>& steps);
-  void guess_gyro(std::vector<double>& rates);
-  void guess_accel(std::vector<double>& forces);
-  void add(std::int64_t ns, const RawRow& row);
+  Expected<void> find_columns() {
+    const auto line = first_line(path_);
+    if (!line) return tl::unexpected(line.error());
+    std::vector<std::string> header = split_header(*line);
+    double number = 0;
+    if (header.size() >= 7 && parse(std::string_view(header[1]), number)) {
+      has_header_ = false;
+      header = {"time", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"};
+      remark("has no header; its columns are assumed to be time, gyro x y z, accelerometer x y z");
+    }
+    auto columns =
+        find_imu_columns(header, has_header_ ? options_.imu_columns : "", options_.imu_units);
+    if (!columns) {
+      Error error = columns.error();
+      if (error.context.empty()) error.context = path_;
+      return tl::unexpected(error);
+    }
+    columns_ = *columns;
+    if (has_header_)
+      remark("time is '" + printable_name(header[columns_.time]) + "', gyro '" +
+             printable_name(header[columns_.gyro[0]]) + "' …, accelerometer '" +
+             printable_name(header[columns_.accel[0]]) + "' …");
+    return {};
+  }
+
+  Expected<void> guess_units() {
+    auto rows = CsvReader::open(path_);
+    if (!rows) return tl::unexpected(rows.error());
+    std::vector<double> steps, rates, forces;
+    double last = std::numeric_limits<double>::quiet_NaN();
+    for (RawRow row; rates.size() < kRowsForGuess && rows->next();) {
+      if (!parse_row(rows->fields(), columns_, row)) continue;
+      if (row.time > last) steps.push_back(row.time - last);
+      last = row.time;
+      rates.push_back(row.w.cwiseAbs().maxCoeff());
+      forces.push_back(row.f.norm());
+    }
+    if (rates.size() < 2 || steps.empty())
+      return fail(ErrorCode::kInvalid, "has no two lines of seven numbers whose time increases",
+                  path_);
+    guess_time(steps);
+    guess_gyro(rates);
+    guess_accel(forces);
+    return {};
+  }
+
+  void guess_time(std::vector<double>& steps) {
+    if (columns_.time_exponent != ImuColumns::kNotSaid) return;
+    // For rates of 2.5 to 2500 Hz.
+    const double step = quantile_of(steps, 0.5);
+    constexpr std::array<std::pair<double, int>, 3> kUpTo{{{0.4, 9}, {400, 6}, {400e3, 3}}};
+    columns_.time_exponent = 0;
+    for (auto limit = kUpTo.rbegin(); limit != kUpTo.rend(); ++limit)
+      if (step <= limit->first) columns_.time_exponent = limit->second;
+    constexpr std::array<const char*, 4> kNames{"ns", "µs", "ms", "s"};
+    remark(std::string("time is assumed in ") +
+           kNames[static_cast<std::size_t>(columns_.time_exponent / 3)] + " (median step " +
+           shortest(step) + ")");
+  }
+
+  void guess_gyro(std::vector<double>& rates) {
+    if (columns_.gyro_unit > 0) return;
+    // Hand motion stays below 20 rad/s, but 1 % of the readings in degrees exceed it.
+    constexpr double kFast = 20;
+    const double fast = quantile_of(rates, 0.99);
+    columns_.gyro_unit = fast > kFast ? std::numbers::pi / 180 : 1.0;
+    remark(std::string("the gyro is assumed in ") + (fast > kFast ? "deg/s" : "rad/s") +
+           " (99 % of its readings are below " + fixed(fast, 2) + ")");
+  }
+
+  void guess_accel(std::vector<double>& forces) {
+    if (columns_.accel_unit > 0) return;
+    const double median = quantile_of(forces, 0.5);
+    const bool in_g = median > 0.5 && median < 2;
+    const bool in_mg = median > 500 && median < 2000;
+    columns_.accel_unit = in_g ? kStandardGravity_m_s2 : in_mg ? kStandardGravity_m_s2 / 1000 : 1.0;
+    remark(std::string("the accelerometer is assumed in ") +
+           (in_g    ? "g"
+            : in_mg ? "mg"
+                    : "m/s²") +
+           " (median " + fixed(median, 2) + ")");
+  }
+
+  void add(std::int64_t ns, const RawRow& row) {
+    FoundStream& found = table_.found;
+    ++found.count;
+    if (!table_.samples.empty() && ns <= found.last_ns) {
+      ++found.backwards;
+      return;
+    }
+    if (table_.samples.empty()) found.first_ns = ns;
+    found.last_ns = ns;
+    table_.samples.push_back(
+        {instant_from_ns(ns), row.w * columns_.gyro_unit, row.f * columns_.accel_unit});
+  }
+
   void remark(const std::string& text) {
     table_.remarks.push_back(std::filesystem::path(path_).filename().string() + ": " + text);
   }
@@ -67,127 +213,6 @@ class ImuCsv final {
   bool has_header_{true};
   ImuTable table_;
 };
-
-Expected<void> ImuCsv::find_columns() {
-  const auto line = first_line(path_);
-  if (!line) return tl::unexpected(line.error());
-  std::vector<std::string> header = split_header(*line);
-  double number = 0;
-  if (header.size() >= 7 && parse(std::string_view(header[1]), number)) {
-    has_header_ = false;
-    header = {"time", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"};
-    remark("has no header; its columns are taken for time, gyro x y z, accelerometer x y z");
-  }
-  auto columns =
-      find_imu_columns(header, has_header_ ? options_.imu_columns : "", options_.imu_units);
-  if (!columns) {
-    Error error = columns.error();
-    if (error.context.empty()) error.context = path_;
-    return tl::unexpected(error);
-  }
-  columns_ = *columns;
-  if (has_header_)
-    remark("time is '" + printable_name(header[columns_.time]) + "', gyro '" +
-           printable_name(header[columns_.gyro[0]]) + "' …, accelerometer '" +
-           printable_name(header[columns_.accel[0]]) + "' …");
-  return {};
-}
-
-void ImuCsv::guess_time(std::vector<double>& steps) {
-  if (columns_.time_exponent != ImuColumns::kNotSaid) return;
-  // An IMU has 2.5 to 2500 readings a second.
-  const double step = quantile_of(steps, 0.5);
-  constexpr std::array<std::pair<double, int>, 3> kUpTo{{{0.4, 9}, {400, 6}, {400e3, 3}}};
-  columns_.time_exponent = 0;
-  for (auto limit = kUpTo.rbegin(); limit != kUpTo.rend(); ++limit)
-    if (step <= limit->first) columns_.time_exponent = limit->second;
-  constexpr std::array<const char*, 4> kNames{"ns", "µs", "ms", "s"};
-  remark(std::string("time is taken for ") +
-         kNames[static_cast<std::size_t>(columns_.time_exponent / 3)] + " (median step " +
-         shortest(step) + ")");
-}
-
-void ImuCsv::guess_gyro(std::vector<double>& rates) {
-  if (columns_.gyro_unit > 0) return;
-  // 20 rad/s is three turns a second: hands do not do that, but a hundredth part of the readings of
-  // a gyro in degrees is beyond.
-  constexpr double kFast = 20;
-  const double fast = quantile_of(rates, 0.99);
-  columns_.gyro_unit = fast > kFast ? std::numbers::pi / 180 : 1.0;
-  remark(std::string("the gyro is taken for ") + (fast > kFast ? "deg/s" : "rad/s") +
-         " (99 % of its readings are below " + fixed(fast, 2) + ")");
-}
-
-void ImuCsv::guess_accel(std::vector<double>& forces) {
-  if (columns_.accel_unit > 0) return;
-  const double median = quantile_of(forces, 0.5);
-  const bool in_g = median > 0.5 && median < 2;
-  const bool in_mg = median > 500 && median < 2000;
-  columns_.accel_unit = in_g ? kStandardGravity_m_s2 : in_mg ? kStandardGravity_m_s2 / 1000 : 1.0;
-  remark(std::string("the accelerometer is taken for ") +
-         (in_g    ? "g"
-          : in_mg ? "mg"
-                  : "m/s²") +
-         " (median " + fixed(median, 2) + ")");
-}
-
-Expected<void> ImuCsv::guess_units() {
-  auto rows = CsvReader::open(path_);
-  if (!rows) return tl::unexpected(rows.error());
-  std::vector<double> steps, rates, forces;
-  double last = std::numeric_limits<double>::quiet_NaN();
-  for (RawRow row; rates.size() < kRowsForGuess && rows->next();) {
-    if (!parse_row(rows->fields(), columns_, row)) continue;
-    if (row.time > last) steps.push_back(row.time - last);
-    last = row.time;
-    rates.push_back(row.w.cwiseAbs().maxCoeff());
-    forces.push_back(row.f.norm());
-  }
-  if (rates.size() < 2 || steps.empty())
-    return fail(ErrorCode::kInvalid, "has no two lines of seven numbers whose time increases",
-                path_);
-  guess_time(steps);
-  guess_gyro(rates);
-  guess_accel(forces);
-  return {};
-}
-
-void ImuCsv::add(std::int64_t ns, const RawRow& row) {
-  FoundStream& found = table_.found;
-  ++found.count;
-  if (!table_.samples.empty() && ns <= found.last_ns) {
-    ++found.backwards;
-    return;
-  }
-  if (table_.samples.empty()) found.first_ns = ns;
-  found.last_ns = ns;
-  table_.samples.push_back(
-      {instant_from_ns(ns), row.w * columns_.gyro_unit, row.f * columns_.accel_unit});
-}
-
-Expected<ImuTable> ImuCsv::read() {
-  if (const auto found = find_columns(); !found) return tl::unexpected(found.error());
-  if (const auto guessed = guess_units(); !guessed) return tl::unexpected(guessed.error());
-  auto rows = CsvReader::open(path_);
-  if (!rows) return tl::unexpected(rows.error());
-  table_.found.kind = FoundKind::kImu;
-  table_.found.name = std::filesystem::path(path_).filename().string();
-  table_.found.type = "CSV";
-  for (RawRow row; rows->next() && rows->line_is_complete();) {
-    std::int64_t ns = 0;
-    if (parse_row(rows->fields(), columns_, row) &&
-        parse_time(rows->fields()[columns_.time], columns_.time_exponent, ns)) {
-      if (table_.samples.size() == kMostImuRows)
-        return fail(ErrorCode::kInvalid, "has more than 20 million lines", path_);
-      add(ns, row);
-    } else if (rows->line() > 1) {
-      if (table_.found.unreadable++ == 0)
-        table_.found.first_fault =
-            "line " + std::to_string(rows->line()) + " has not the seven numbers";
-    }
-  }
-  return std::move(table_);
-}
 
 }  // namespace
 

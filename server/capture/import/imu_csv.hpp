@@ -1,15 +1,69 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
+#include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "base/expected.hpp"
+#include "base/time.hpp"
 #include "capture/import/import_source.hpp"
 #include "capture/imu_sample.hpp"
 
 namespace fiducap {
 
-/// A table of an IMU: its readings in SI units, and what was assumed to get them.
+/// Columns and units of an IMU's table.
+struct ImuColumns {
+  std::size_t time{};
+  std::array<std::size_t, 3> gyro{};
+  std::array<std::size_t, 3> accel{};
+  int time_exponent{kNotSaid};  ///< A unit of time is 10^this ns; kNotSaid: not in the header.
+  double gyro_unit{0};          ///< In rad/s; 0: not in the header.
+  double accel_unit{0};         ///< In m/s²; 0: not in the header.
+
+  static constexpr int kNotSaid = -1;
+  [[nodiscard]] std::size_t last() const;
+};
+
+inline constexpr double kStandardGravity_m_s2 = 9.80665;
+
+/// Finds the columns by their names in many spellings: `gx`, `GyroX [deg/s]`,
+/// `angular_velocity.x`, `w_RS_S_x [rad s^-1]`, `omega_x` …
+/// @param names  seven of them, in the order time, gyro x y z, accelerometer x y z; empty: guess
+/// @param units  three, e.g. `ms,deg/s,g`; empty: by the header
+/// @return Error with the missing and the present columns
+[[nodiscard]] Expected<ImuColumns> find_imu_columns(const std::vector<std::string>& header,
+                                                    const std::string& names,
+                                                    const std::string& units);
+
+/// Fields of a line without blanks and quotes around them.
+[[nodiscard]] std::vector<std::string> split_header(std::string_view line);
+
+/// A reading of one of the sensors of an IMU.
+struct VectorReading {
+  std::int64_t ns{};
+  Eigen::Vector3d v{Eigen::Vector3d::Zero()};
+};
+
+struct ImuPairs {
+  std::vector<ImuSample> samples;
+  std::size_t alone{0};  ///< Gyro readings without an accelerometer around them: left out.
+};
+
+/// Sorts by time and removes repeated times, which phones write.
+/// @return number of removed readings
+std::size_t put_in_order(std::vector<VectorReading>& readings);
+
+/// The accelerometer at the times of the gyro, linear between the readings around each.
+/// @pre both in order   @param longest_gap  over which nothing is interpolated
+[[nodiscard]] ImuPairs pair_readings(const std::vector<VectorReading>& gyro,
+                                     const std::vector<VectorReading>& accel, Duration longest_gap);
+
+/// A table of an IMU: its readings in SI units, and the assumptions made.
 struct ImuTable {
   std::vector<ImuSample> samples;  ///< Times increase.
   FoundStream found;
@@ -18,14 +72,14 @@ struct ImuTable {
 
 /// Reads a CSV file of an IMU. Columns are found by their header (see find_imu_columns), units by
 /// the header, else by the numbers: the step of time, the size of gravity.
-/// @return Error naming file and missing column
+/// @return Error with file and missing column
 [[nodiscard]] Expected<ImuTable> read_imu_csv(const std::string& path,
                                               const ImportOptions& options);
 
-/// Digits with or without a point as whole nanoseconds. @param exponent  a unit is 10^this ns
+/// A decimal number as whole nanoseconds. @param exponent  a unit is 10^this ns
 [[nodiscard]] bool parse_time(std::string_view field, int exponent, std::int64_t& ns);
 
-/// The first line with content: where names of columns stand. Empty: the file has none.
+/// The first line with content: the header. Error: there is none.
 [[nodiscard]] Expected<std::string> first_line(const std::string& path);
 
 }  // namespace fiducap

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <fstream>
 #include <string>
 #include <vector>
@@ -10,8 +11,8 @@
 
 namespace fiducap {
 
-/// A file read from its start. What it is asked for is never more than what it has left, so that a
-/// few bytes that speak of gigabytes cost nothing.
+/// A file read from its start. Requests beyond its end are refused before memory is allocated: a
+/// few bytes may claim gigabytes.
 class InputFile final {
  public:
   [[nodiscard]] static Expected<InputFile> open(const std::string& path);
@@ -26,7 +27,7 @@ class InputFile final {
   [[nodiscard]] std::uint64_t size() const { return size_; }
   [[nodiscard]] std::uint64_t at() const { return at_; }
   [[nodiscard]] std::uint64_t left() const { return size_ - at_; }
-  /// How much of it is read, 0 to 1.
+  /// Share that was read, 0 to 1.
   [[nodiscard]] double share() const {
     return size_ == 0 ? 1.0 : static_cast<double>(at_) / static_cast<double>(size_);
   }
@@ -38,6 +39,38 @@ class InputFile final {
   std::ifstream file_;
   std::uint64_t size_{0};
   std::uint64_t at_{0};
+};
+
+/// A file in a ZIP archive, according to its directory.
+struct ZipEntry {
+  std::string name;  ///< With folders, as in the archive; never used as a path.
+  std::uint16_t method{};
+  std::uint32_t crc{};
+  std::uint64_t packed_bytes{};
+  std::uint64_t bytes{};
+  std::uint64_t at{};  ///< Of its head in the archive.
+};
+
+/// Directory and files of a ZIP archive. Stored and deflated files; not encrypted, not split, at
+/// most 4 GB.
+class ZipArchive final {
+ public:
+  [[nodiscard]] static Expected<ZipArchive> open(const std::string& path);
+
+  [[nodiscard]] const std::vector<ZipEntry>& entries() const { return entries_; }
+  /// Writes the content of `entry` to a new file `to`. Fails when it is larger than in the
+  /// directory, or when the archive unpacks to 1 GiB more than its own size.
+  [[nodiscard]] Expected<void> unpack(const ZipEntry& entry, const std::filesystem::path& to);
+
+ private:
+  explicit ZipArchive(std::string path) : path_(std::move(path)) {}
+  Expected<void> read_directory();
+  Expected<void> read_entries(std::vector<std::byte> directory, std::size_t count);
+
+  std::string path_;
+  std::uint64_t size_{0};
+  std::vector<ZipEntry> entries_;
+  std::uint64_t may_unpack_{0};
 };
 
 }  // namespace fiducap

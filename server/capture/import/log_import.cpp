@@ -1,15 +1,14 @@
-#include "capture/import/log_import.hpp"
+#include "capture/import/import_parts.hpp"
 
 #include <utility>
 
 #include "base/log.hpp"
-#include "capture/import/log_survey.hpp"
 #include "capture/import/ros_messages.hpp"
 
 namespace fiducap {
 namespace {
 
-/// Topic of the log → what becomes of it.
+/// An imported topic of the log.
 struct TakenTopic {
   std::string name;
   std::string type;
@@ -25,7 +24,7 @@ class LogSource final : public SensorSource {
         cameras_(std::move(cameras)),
         log_stamps_(options.log_stamps),
         imu_offset_(options.imu_offset),
-        complained_(cameras_.size(), false) {}
+        warned_(cameras_.size(), false) {}
 
   Expected<std::optional<SensorSample>> next(std::stop_token stop) override {
     LoggedMessage message;
@@ -55,7 +54,7 @@ class LogSource final : public SensorSource {
     return by_topic_[topic];
   }
 
-  /// @return nullopt: a stamp that says nothing
+  /// @return nullopt: no stamp
   [[nodiscard]] std::optional<Instant> stamp(std::int64_t header_ns, std::int64_t logged_ns) const {
     const std::int64_t ns = log_stamps_ ? logged_ns : header_ns;
     if (ns <= 0) return std::nullopt;
@@ -79,8 +78,8 @@ class LogSource final : public SensorSource {
     const auto decoded = decode(topic, message, mount.model, header_ns, *gray);
     const auto at = stamp(header_ns, message.logged_ns);
     if (decoded && at) return CameraFrame{taken.camera, *at + mount.time_shift, std::move(gray)};
-    if (!decoded && !complained_[k]) {
-      complained_[k] = true;
+    if (!decoded && !warned_[k]) {
+      warned_[k] = true;
       log::warning("import",
                    taken.name + ": " + decoded.error().text() + "; such images are left out");
     }
@@ -107,7 +106,7 @@ class LogSource final : public SensorSource {
   std::vector<CameraMount> cameras_;
   bool log_stamps_;
   Duration imu_offset_;
-  std::vector<bool> complained_;
+  std::vector<bool> warned_;
   GrayImagePool pool_;
 };
 

@@ -1,20 +1,20 @@
-#include "capture/import/log_survey.hpp"
+#include "capture/import/import_parts.hpp"
 
 #include <algorithm>
 #include <array>
 #include <optional>
 
-#include "capture/encoded_size.hpp"
+#include "capture/gray_image.hpp"
 #include "capture/import/ros_messages.hpp"
 
 namespace fiducap {
 namespace {
 
 constexpr int kLargestSide = 65535;
-constexpr std::int64_t kMostPixels = 1 << 27;  // no camera has so many
+constexpr std::int64_t kMostPixels = 1 << 27;  // more than any camera
 constexpr std::uint64_t kMessagesPerProgress = 500;
 
-/// Old recorders wrote names without the first slash.
+/// Old recorders omit the first slash.
 std::string full_name(const std::string& topic) {
   return topic.starts_with('/') ? topic : '/' + topic;
 }
@@ -30,26 +30,160 @@ struct SurveyedTopic {
   std::uint64_t count{0};
   Expected<CameraModel> lens = CameraModel{};  ///< Size 0: none came.
   Expected<CameraModel> rectified_lens = CameraModel{};
-  bool used{false};  ///< A lens that belongs to images.
+  bool used{false};  ///< A lens of an image topic.
 };
 
 class LogSurveyor final {
  public:
   LogSurveyor(MessageLog& log, bool log_stamps) : log_(log), log_stamps_(log_stamps) {}
 
-  Expected<LogSurvey> run(const ImportProgress& progress);
+  Expected<LogSurvey> run(const ImportProgress& progress) {
+    LoggedMessage message;
+    for (std::uint64_t n = 0;; ++n) {
+      const auto more = log_.next(message);
+      if (!more) return tl::unexpected(more.error());
+      if (!*more) break;
+      add_new_topics();
+      look_at(message);
+      if (progress && n % kMessagesPerProgress == 0) progress(log_.share());
+    }
+    add_new_topics();
+    match_lenses();
+    for (std::size_t i = 0; i < topics_.size(); ++i)
+      if (topics_[i].type == RosType::kOther ||
+          (topics_[i].type == RosType::kCameraInfo && !topics_[i].used))
+        survey_.others.push_back(printable_name(log_.topics()[i].name) + " (" +
+                                 printable_name(log_.topics()[i].type) + ", " +
+                                 std::to_string(topics_[i].count) + " messages)");
+    survey_.remarks = log_.remarks();
+    return std::move(survey_);
+  }
 
  private:
-  void meet(const LoggedTopic& topic);
-  void look_at(const LoggedMessage& message);
-  void image(FoundStream& stream, const LoggedMessage& message);
-  void compressed(FoundStream& stream, const LoggedMessage& message);
-  void imu(FoundStream& stream, const LoggedMessage& message);
-  void lens(SurveyedTopic& topic, const LoggedMessage& message);
-  void stamp(FoundStream& stream, std::int64_t header_ns, std::int64_t logged_ns);
-  static void unreadable(FoundStream& stream, const Error& error);
-  static void set_size(FoundStream& stream, std::int64_t width, std::int64_t height);
-  void match_lenses();
+  void add_new_topics() {
+    while (topics_.size() < log_.topics().size()) {
+      const LoggedTopic& topic = log_.topics()[topics_.size()];
+      SurveyedTopic mine{ros_type(topic), survey_.streams.size(), 0, {}, {}};
+      if (mine.type != RosType::kOther && mine.type != RosType::kCameraInfo) {
+        FoundStream stream;
+        stream.kind = mine.type == RosType::kImu ? FoundKind::kImu : FoundKind::kImages;
+        stream.name = printable_name(topic.name);
+        stream.type = printable_name(topic.type);
+        survey_.streams.push_back(std::move(stream));
+      }
+      topics_.push_back(std::move(mine));
+    }
+  }
+
+  void look_at(const LoggedMessage& message) {
+    SurveyedTopic& topic = topics_[message.topic];
+    ++topic.count;
+    switch (topic.type) {
+      case RosType::kImage:
+        return image(survey_.streams[topic.stream], message);
+      case RosType::kCompressedImage:
+        return compressed(survey_.streams[topic.stream], message);
+      case RosType::kImu:
+        return imu(survey_.streams[topic.stream], message);
+      case RosType::kCameraInfo:
+        return lens(topic, message);
+      case RosType::kOther:
+        return;
+    }
+  }
+
+  void image(FoundStream& stream, const LoggedMessage& message) {
+    const auto read = ros::read_image(format(message), message.bytes);
+    if (!read) return unreadable(stream, read.error());
+    if (stream.count == 0) {
+      stream.encoding = printable_name(read->image.encoding);
+      stream.is_depth = is_depth_encoding(read->image.encoding);
+    }
+    set_size(stream, read->image.width, read->image.height);
+    stamp(stream, read->stamp_ns, message.logged_ns);
+  }
+
+  void compressed(FoundStream& stream, const LoggedMessage& message) {
+    const auto read = ros::read_compressed(format(message), message.bytes);
+    if (!read) return unreadable(stream, read.error());
+    if (stream.count == 0) {
+      stream.encoding = printable_name(read->format);
+      stream.is_depth =
+          is_depth_encoding(read->format.substr(0, 5)) || is_depth_encoding(read->format);
+    }
+    if (stream.mount.model.width == 0)
+      if (const auto size = encoded_size(std::as_bytes(read->data)))
+        set_size(stream, size->width, size->height);
+    stamp(stream, read->stamp_ns, message.logged_ns);
+  }
+
+  void imu(FoundStream& stream, const LoggedMessage& message) {
+    const auto read = ros::read_imu(format(message), message.bytes);
+    if (!read) return unreadable(stream, read.error());
+    stamp(stream, read->stamp_ns, message.logged_ns);
+  }
+
+  void lens(SurveyedTopic& topic, const LoggedMessage& message) {
+    if (topic.lens && topic.lens->width != 0) return;  // a lens does not change
+    topic.lens = ros::read_lens(format(message), message.bytes);
+    topic.rectified_lens = ros::read_lens(format(message), message.bytes, true);
+  }
+
+  void stamp(FoundStream& stream, std::int64_t header_ns, std::int64_t logged_ns) {
+    const std::int64_t ns = log_stamps_ ? logged_ns : header_ns;
+    ++stream.count;
+    if (ns <= 0) {
+      ++stream.zero_stamps;
+    } else if (stream.first_ns == 0) {
+      stream.first_ns = stream.last_ns = ns;
+    } else if (ns <= stream.last_ns) {
+      ++stream.backwards;
+    } else {
+      stream.last_ns = ns;
+    }
+  }
+
+  static void unreadable(FoundStream& stream, const Error& error) {
+    if (stream.unreadable++ == 0) stream.first_fault = error.text();
+  }
+
+  static void set_size(FoundStream& stream, std::int64_t width, std::int64_t height) {
+    CameraModel& model = stream.mount.model;
+    if (model.width != 0 || width < 1 || height < 1 || width > kLargestSide ||
+        height > kLargestSide || width * height > kMostPixels)
+      return;
+    model.width = static_cast<int>(width);
+    model.height = static_cast<int>(height);
+  }
+
+  /// Assigns to each camera the lens of its camera_info.
+  void match_lenses() {
+    for (FoundStream& stream : survey_.streams) {
+      if (stream.kind != FoundKind::kImages) continue;
+      const std::string wanted = ros::camera_info_topic(full_name(stream.name));
+      stream.lens_fault = "no message on " + wanted;
+      for (std::size_t i = 0; i < topics_.size(); ++i) {
+        if (topics_[i].type != RosType::kCameraInfo || full_name(log_.topics()[i].name) != wanted)
+          continue;
+        topics_[i].used = true;
+        const CameraModel& size = stream.mount.model;
+        const auto& lens =
+            ros::is_rectified(full_name(stream.name)) ? topics_[i].rectified_lens : topics_[i].lens;
+        if (!lens) {
+          stream.lens_fault = wanted + ": " + lens.error().text();
+        } else if (lens->width == 0) {
+          continue;
+        } else if (size.width != 0 && (lens->width != size.width || lens->height != size.height)) {
+          stream.lens_fault = wanted + " is for images of another size";
+        } else {
+          stream.mount.model = *lens;
+          stream.lens_known = true;
+          stream.lens_fault.clear();
+        }
+      }
+    }
+  }
+
   [[nodiscard]] MessageFormat format(const LoggedMessage& message) const {
     return log_.topics()[message.topic].format;
   }
@@ -59,149 +193,6 @@ class LogSurveyor final {
   std::vector<SurveyedTopic> topics_;
   LogSurvey survey_;
 };
-
-void LogSurveyor::meet(const LoggedTopic& topic) {
-  SurveyedTopic mine{ros_type(topic), survey_.streams.size(), 0, {}, {}};
-  if (mine.type != RosType::kOther && mine.type != RosType::kCameraInfo) {
-    FoundStream stream;
-    stream.kind = mine.type == RosType::kImu ? FoundKind::kImu : FoundKind::kImages;
-    stream.name = printable_name(topic.name);
-    stream.type = printable_name(topic.type);
-    survey_.streams.push_back(std::move(stream));
-  }
-  topics_.push_back(std::move(mine));
-}
-
-void LogSurveyor::unreadable(FoundStream& stream, const Error& error) {
-  if (stream.unreadable++ == 0) stream.first_fault = error.text();
-}
-
-void LogSurveyor::stamp(FoundStream& stream, std::int64_t header_ns, std::int64_t logged_ns) {
-  const std::int64_t ns = log_stamps_ ? logged_ns : header_ns;
-  ++stream.count;
-  if (ns <= 0) {
-    ++stream.zero_stamps;
-  } else if (stream.first_ns == 0) {
-    stream.first_ns = stream.last_ns = ns;
-  } else if (ns <= stream.last_ns) {
-    ++stream.backwards;
-  } else {
-    stream.last_ns = ns;
-  }
-}
-
-void LogSurveyor::set_size(FoundStream& stream, std::int64_t width, std::int64_t height) {
-  CameraModel& model = stream.mount.model;
-  if (model.width != 0 || width < 1 || height < 1 || width > kLargestSide ||
-      height > kLargestSide || width * height > kMostPixels)
-    return;
-  model.width = static_cast<int>(width);
-  model.height = static_cast<int>(height);
-}
-
-void LogSurveyor::image(FoundStream& stream, const LoggedMessage& message) {
-  const auto read = ros::read_image(format(message), message.bytes);
-  if (!read) return unreadable(stream, read.error());
-  if (stream.count == 0) {
-    stream.encoding = printable_name(read->image.encoding);
-    stream.is_depth = is_depth_encoding(read->image.encoding);
-  }
-  set_size(stream, read->image.width, read->image.height);
-  stamp(stream, read->stamp_ns, message.logged_ns);
-}
-
-void LogSurveyor::compressed(FoundStream& stream, const LoggedMessage& message) {
-  const auto read = ros::read_compressed(format(message), message.bytes);
-  if (!read) return unreadable(stream, read.error());
-  if (stream.count == 0) {
-    stream.encoding = printable_name(read->format);
-    stream.is_depth =
-        is_depth_encoding(read->format.substr(0, 5)) || is_depth_encoding(read->format);
-  }
-  if (stream.mount.model.width == 0)
-    if (const auto size = encoded_size(std::as_bytes(read->data)))
-      set_size(stream, size->width, size->height);
-  stamp(stream, read->stamp_ns, message.logged_ns);
-}
-
-void LogSurveyor::imu(FoundStream& stream, const LoggedMessage& message) {
-  const auto read = ros::read_imu(format(message), message.bytes);
-  if (!read) return unreadable(stream, read.error());
-  stamp(stream, read->stamp_ns, message.logged_ns);
-}
-
-void LogSurveyor::lens(SurveyedTopic& topic, const LoggedMessage& message) {
-  if (topic.lens && topic.lens->width != 0) return;  // a lens does not change
-  topic.lens = ros::read_lens(format(message), message.bytes);
-  topic.rectified_lens = ros::read_lens(format(message), message.bytes, true);
-}
-
-void LogSurveyor::look_at(const LoggedMessage& message) {
-  SurveyedTopic& topic = topics_[message.topic];
-  ++topic.count;
-  switch (topic.type) {
-    case RosType::kImage:
-      return image(survey_.streams[topic.stream], message);
-    case RosType::kCompressedImage:
-      return compressed(survey_.streams[topic.stream], message);
-    case RosType::kImu:
-      return imu(survey_.streams[topic.stream], message);
-    case RosType::kCameraInfo:
-      return lens(topic, message);
-    case RosType::kOther:
-      return;
-  }
-}
-
-/// Each camera gets what is told beside its images.
-void LogSurveyor::match_lenses() {
-  for (FoundStream& stream : survey_.streams) {
-    if (stream.kind != FoundKind::kImages) continue;
-    const std::string wanted = ros::camera_info_topic(full_name(stream.name));
-    stream.lens_fault = "no message on " + wanted;
-    for (std::size_t i = 0; i < topics_.size(); ++i) {
-      if (topics_[i].type != RosType::kCameraInfo || full_name(log_.topics()[i].name) != wanted)
-        continue;
-      topics_[i].used = true;
-      const CameraModel& size = stream.mount.model;
-      const auto& lens =
-          ros::is_rectified(full_name(stream.name)) ? topics_[i].rectified_lens : topics_[i].lens;
-      if (!lens) {
-        stream.lens_fault = wanted + ": " + lens.error().text();
-      } else if (lens->width == 0) {
-        continue;
-      } else if (size.width != 0 && (lens->width != size.width || lens->height != size.height)) {
-        stream.lens_fault = wanted + " is for images of another size";
-      } else {
-        stream.mount.model = *lens;
-        stream.lens_known = true;
-        stream.lens_fault.clear();
-      }
-    }
-  }
-}
-
-Expected<LogSurvey> LogSurveyor::run(const ImportProgress& progress) {
-  LoggedMessage message;
-  for (std::uint64_t n = 0;; ++n) {
-    const auto more = log_.next(message);
-    if (!more) return tl::unexpected(more.error());
-    if (!*more) break;
-    while (topics_.size() < log_.topics().size()) meet(log_.topics()[topics_.size()]);
-    look_at(message);
-    if (progress && n % kMessagesPerProgress == 0) progress(log_.share());
-  }
-  while (topics_.size() < log_.topics().size()) meet(log_.topics()[topics_.size()]);
-  match_lenses();
-  for (std::size_t i = 0; i < topics_.size(); ++i)
-    if (topics_[i].type == RosType::kOther ||
-        (topics_[i].type == RosType::kCameraInfo && !topics_[i].used))
-      survey_.others.push_back(printable_name(log_.topics()[i].name) + " (" +
-                               printable_name(log_.topics()[i].type) + ", " +
-                               std::to_string(topics_[i].count) + " messages)");
-  survey_.remarks = log_.remarks();
-  return std::move(survey_);
-}
 
 }  // namespace
 

@@ -1,4 +1,4 @@
-#include "capture/import/mcap_log.hpp"
+#include "capture/import/message_log.hpp"
 
 #include <array>
 #include <map>
@@ -7,10 +7,9 @@
 
 #include <zlib.h>
 
-#include "base/byte_reader.hpp"
-#include "capture/import/chunk_codec.hpp"
+#include "base/bytes.hpp"
 #include "capture/import/input_file.hpp"
-#include "capture/import/log_damage.hpp"
+#include "capture/import/record_log.hpp"
 
 namespace fiducap {
 namespace {
@@ -42,231 +41,178 @@ struct McapRecord {
   std::span<const std::byte> content;
 };
 
-class McapLog final : public MessageLog {
+class McapLog final : public RecordLog {
  public:
-  explicit McapLog(InputFile file) : file_(std::move(file)) {}
+  explicit McapLog(InputFile file) : RecordLog(std::move(file)) {}
 
-  Expected<void> begin();
-  const std::vector<LoggedTopic>& topics() const override { return topics_; }
-  Expected<bool> next(LoggedMessage& out) override;
-  double share() const override { return file_.share(); }
-  std::vector<std::string> remarks() const override;
+  Expected<void> begin() {
+    if (!file_.read(kMcapMagic.size(), head_) ||
+        !std::equal(kMcapMagic.begin(), kMcapMagic.end(), head_.begin(),
+                    [](std::uint8_t a, std::byte b) { return std::byte{a} == b; }))
+      return fail(ErrorCode::kInvalid, "is no MCAP file", file_.path());
+    crc_ = crc_of(head_);
+    return {};
+  }
+
+  Expected<bool> next(LoggedMessage& out) override {
+    McapRecord record;
+    while (read_in_chunk(record) || read_record(record)) {
+      if (data_ended_ && record.op != kMcapFooter) continue;  // the summary repeats data
+      if (record.op == kMcapSchema) add_schema(record.content);
+      if (record.op == kMcapChannel) add_channel(record.content);
+      if (record.op == kMcapChunk) open_chunk(record.content);
+      if (record.op == kMcapMessage && take(record.content, out)) return true;
+      if (record.op == kMcapDataEnd) end_of_data(record.content);
+      if (record.op == kMcapFooter) check_summary(record.content);
+    }
+    return false;
+  }
+
+  std::vector<std::string> remarks() const override {
+    std::vector<std::string> all;
+    LogDamage damage = damage_;
+    if (damage.cut_at == file_.size()) {  // between two records: only the end is missing
+      all.emplace_back("was not closed (its recorder was killed): it was read from its start");
+      damage.cut_at.reset();
+    }
+    damage.append_to(all, file_.size());
+    return all;
+  }
 
  private:
-  bool read_record(McapRecord& record);
-  bool pass(std::uint64_t bytes);
-  bool read_in_chunk(McapRecord& record);
-  void open_chunk(std::span<const std::byte> content);
-  void learn_schema(std::span<const std::byte> content);
-  void learn_channel(std::span<const std::byte> content);
-  bool take(std::span<const std::byte> content, LoggedMessage& out);
-  void end_of_data(std::span<const std::byte> content);
-  void check_summary(std::span<const std::byte> footer);
+  /// Of the file. @return false at the end of the complete part
+  bool read_record(McapRecord& record) {
+    if (ended_ || damage_.cut_at) return false;
+    damage_.cut_at = file_.at();  // until it is complete
+    if (!file_.read(9, head_)) return false;
+    LittleEndianReader from(head_);
+    record.op = from.u8();
+    const std::uint64_t length = from.u64();
+    crc_before_ = crc_;
+    crc_ = crc_of(head_, crc_);
+    record.content = {};
+    const bool wanted = record.op == kMcapFooter || record.op == kMcapDataEnd ||
+                        (!data_ended_ && (record.op == kMcapSchema || record.op == kMcapChannel ||
+                                          record.op == kMcapMessage || record.op == kMcapChunk));
+    if (length > file_.left() || (wanted && length > kLargestChunk_bytes)) return false;
+    if (!wanted) {
+      if (!pass(length)) return false;
+    } else {
+      if (!file_.read(length, content_)) return false;
+      crc_ = crc_of(content_, crc_);
+      record.content = content_;
+    }
+    damage_.cut_at.reset();
+    return true;
+  }
 
-  InputFile file_;
-  std::vector<LoggedTopic> topics_;
+  /// Skips bytes, including them in the checksum.
+  bool pass(std::uint64_t bytes) {
+    while (bytes > 0) {
+      const std::uint64_t piece = std::min(bytes, kPiece_bytes);
+      if (!file_.read(piece, content_)) return false;
+      crc_ = crc_of(content_, crc_);
+      bytes -= piece;
+    }
+    return true;
+  }
+
+  bool read_in_chunk(McapRecord& record) {
+    if (chunk_at_ >= chunk_.size()) return false;
+    LittleEndianReader from(std::span<const std::byte>(chunk_).subspan(chunk_at_));
+    record.op = from.u8();
+    const std::uint64_t length = from.u64();
+    record.content = length <= from.left() ? from.bytes(static_cast<std::size_t>(length))
+                                           : std::span<const std::byte>();
+    if (from.failed() || record.content.size() != length) {
+      drop_chunk("a record in a chunk is broken");
+      return false;
+    }
+    chunk_at_ = chunk_.size() - from.left();
+    return true;
+  }
+
+  void open_chunk(std::span<const std::byte> content) {
+    LittleEndianReader from(content);
+    from.u64();  // first and last time
+    from.u64();
+    const std::uint64_t size = from.u64();
+    const std::uint32_t crc = from.u32();
+    const std::string compression = mcap_text(from);
+    const std::uint64_t length = from.u64();
+    if (from.failed() || length > from.left()) return damage_.note("a chunk has a broken head");
+    const auto packed = from.bytes(static_cast<std::size_t>(length));
+    if (unpack(compression, packed, size) && crc != 0 && crc != crc_of(chunk_))
+      drop_chunk("a chunk has a wrong checksum");
+  }
+
+  void add_schema(std::span<const std::byte> content) {
+    LittleEndianReader from(content);
+    const std::uint16_t id = from.u16();
+    std::string name = mcap_text(from);
+    if (from.failed()) return damage_.note("a schema is broken");
+    schemas_.emplace(id, plain_type(name));
+  }
+
+  void add_channel(std::span<const std::byte> content) {
+    LittleEndianReader from(content);
+    const std::uint16_t id = from.u16();
+    const std::uint16_t schema = from.u16();
+    const std::string name = mcap_text(from);
+    const std::string encoding = mcap_text(from);
+    if (from.failed()) return damage_.note("a channel is broken");
+    if (channels_.contains(id) || channels_.size() == kMostTopics) return;  // also when repeated
+    const auto type = schemas_.find(schema);
+    const MessageFormat format = encoding == "cdr"    ? MessageFormat::kCdr
+                                 : encoding == "ros1" ? MessageFormat::kRos1
+                                                      : MessageFormat::kOther;
+    channels_[id] = index_of({name, type == schemas_.end() ? encoding : type->second, format});
+  }
+
+  bool take(std::span<const std::byte> content, LoggedMessage& out) {
+    LittleEndianReader from(content);
+    const auto channel = channels_.find(from.u16());
+    from.u32();  // sequence
+    const std::uint64_t logged_ns = from.u64();
+    from.u64();  // published
+    if (from.failed() || channel == channels_.end()) {
+      damage_.note("a message belongs to no channel");
+      return false;
+    }
+    out = {channel->second, static_cast<std::int64_t>(logged_ns), from.bytes(from.left())};
+    return true;
+  }
+
+  void end_of_data(std::span<const std::byte> content) {
+    data_ended_ = true;
+    const std::uint32_t crc = LittleEndianReader(content).u32();
+    if (crc != 0 && crc != crc_before_) damage_.note("the checksum over all data is wrong");
+    crc_ = 0;  // a new section: the summary, of which only the checksum is tested
+  }
+
+  void check_summary(std::span<const std::byte> footer) {
+    ended_ = true;
+    constexpr std::size_t kBeforeCrc = 16;
+    if (footer.size() < kBeforeCrc + 4) return damage_.note("its last record is broken");
+    const std::uint32_t crc = LittleEndianReader(footer.subspan(kBeforeCrc)).u32();
+    const std::uint32_t found = crc_of(footer.first(kBeforeCrc), crc_of(head_, crc_before_));
+    if (data_ended_ && crc != 0 && crc != found)
+      damage_.note("the summary has a wrong checksum (it was not used)");
+  }
+
   std::map<std::uint16_t, std::string> schemas_;
   std::map<std::uint16_t, std::size_t> channels_;
-  std::vector<std::byte> head_, content_, chunk_;
-  std::size_t chunk_at_{0};
-  std::uint32_t crc_{0};  ///< Of the section so far, the record before the newest included.
-  std::uint32_t crc_before_{0};
+  std::vector<std::byte> head_, content_;
+  std::uint32_t crc_{0};         ///< Of the section so far.
+  std::uint32_t crc_before_{0};  ///< Without the newest record.
   bool data_ended_{false};
   bool ended_{false};
-  LogDamage damage_;
 };
-
-Expected<void> McapLog::begin() {
-  if (!file_.read(kMcapMagic.size(), head_) ||
-      !std::equal(kMcapMagic.begin(), kMcapMagic.end(), head_.begin(),
-                  [](std::uint8_t a, std::byte b) { return std::byte{a} == b; }))
-    return fail(ErrorCode::kInvalid, "is no MCAP file", file_.path());
-  crc_ = crc_of(head_);
-  return {};
-}
-
-/// Reads over bytes that nobody wants, for the sake of their checksum.
-bool McapLog::pass(std::uint64_t bytes) {
-  while (bytes > 0) {
-    const std::uint64_t piece = std::min(bytes, kPiece_bytes);
-    if (!file_.read(piece, content_)) return false;
-    crc_ = crc_of(content_, crc_);
-    bytes -= piece;
-  }
-  return true;
-}
-
-/// Of the file. @return false at the end of what is whole
-bool McapLog::read_record(McapRecord& record) {
-  if (ended_ || damage_.cut_at) return false;
-  damage_.cut_at = file_.at();  // until it has turned out to be whole
-  if (!file_.read(9, head_)) return false;
-  LittleEndianReader from(head_);
-  record.op = from.u8();
-  const std::uint64_t length = from.u64();
-  crc_before_ = crc_;
-  crc_ = crc_of(head_, crc_);
-  record.content = {};
-  const bool wanted = record.op == kMcapFooter || record.op == kMcapDataEnd ||
-                      (!data_ended_ && (record.op == kMcapSchema || record.op == kMcapChannel ||
-                                        record.op == kMcapMessage || record.op == kMcapChunk));
-  if (length > file_.left() || (wanted && length > kLargestChunk_bytes)) return false;
-  if (!wanted) {
-    if (!pass(length)) return false;
-  } else {
-    if (!file_.read(length, content_)) return false;
-    crc_ = crc_of(content_, crc_);
-    record.content = content_;
-  }
-  damage_.cut_at.reset();
-  return true;
-}
-
-bool McapLog::read_in_chunk(McapRecord& record) {
-  if (chunk_at_ >= chunk_.size()) return false;
-  LittleEndianReader from(std::span<const std::byte>(chunk_).subspan(chunk_at_));
-  record.op = from.u8();
-  const std::uint64_t length = from.u64();
-  record.content = length <= from.left() ? from.bytes(static_cast<std::size_t>(length))
-                                         : std::span<const std::byte>();
-  if (from.failed() || record.content.size() != length) {
-    chunk_at_ = chunk_.size();
-    damage_.note("a record in a chunk is broken");
-    return false;
-  }
-  chunk_at_ = chunk_.size() - from.left();
-  return true;
-}
-
-void McapLog::open_chunk(std::span<const std::byte> content) {
-  chunk_at_ = 0;
-  chunk_.clear();
-  LittleEndianReader from(content);
-  from.u64();  // first and last time
-  from.u64();
-  const std::uint64_t size = from.u64();
-  const std::uint32_t crc = from.u32();
-  const std::string compression = mcap_text(from);
-  const std::uint64_t length = from.u64();
-  if (from.failed() || length > from.left()) return damage_.note("a chunk has a broken head");
-  const auto packed = from.bytes(static_cast<std::size_t>(length));
-  if (const auto unpacked = unpack_chunk(compression, packed, size, chunk_); !unpacked) {
-    chunk_.clear();
-    return damage_.note("a chunk " + unpacked.error().what);
-  }
-  if (crc == 0 || crc == crc_of(chunk_)) return;
-  chunk_.clear();
-  damage_.note("a chunk has another checksum than it should");
-}
-
-void McapLog::learn_schema(std::span<const std::byte> content) {
-  LittleEndianReader from(content);
-  const std::uint16_t id = from.u16();
-  std::string name = mcap_text(from);
-  if (from.failed()) return damage_.note("a schema is broken");
-  schemas_.emplace(id, plain_type(name));
-}
-
-void McapLog::learn_channel(std::span<const std::byte> content) {
-  LittleEndianReader from(content);
-  const std::uint16_t id = from.u16();
-  const std::uint16_t schema = from.u16();
-  const std::string name = mcap_text(from);
-  const std::string encoding = mcap_text(from);
-  if (from.failed()) return damage_.note("a channel is broken");
-  if (channels_.contains(id) || channels_.size() == kMostTopics) return;  // also: written again
-  const auto type = schemas_.find(schema);
-  const MessageFormat format = encoding == "cdr"    ? MessageFormat::kCdr
-                               : encoding == "ros1" ? MessageFormat::kRos1
-                                                    : MessageFormat::kOther;
-  const LoggedTopic topic{name, type == schemas_.end() ? encoding : type->second, format};
-  for (std::size_t i = 0; i < topics_.size(); ++i)
-    if (topics_[i].name == topic.name && topics_[i].type == topic.type) channels_[id] = i;
-  if (channels_.contains(id)) return;
-  channels_[id] = topics_.size();
-  topics_.push_back(topic);
-}
-
-bool McapLog::take(std::span<const std::byte> content, LoggedMessage& out) {
-  LittleEndianReader from(content);
-  const auto channel = channels_.find(from.u16());
-  from.u32();  // sequence
-  const std::uint64_t logged_ns = from.u64();
-  from.u64();  // published
-  if (from.failed() || channel == channels_.end()) {
-    damage_.note("a message belongs to no channel");
-    return false;
-  }
-  out = {channel->second, static_cast<std::int64_t>(logged_ns), from.bytes(from.left())};
-  return true;
-}
-
-void McapLog::end_of_data(std::span<const std::byte> content) {
-  data_ended_ = true;
-  const std::uint32_t crc = LittleEndianReader(content).u32();
-  if (crc != 0 && crc != crc_before_) damage_.note("the checksum over all data is another one");
-  crc_ = 0;  // a new section: the summary, which is not used, but checked
-}
-
-void McapLog::check_summary(std::span<const std::byte> footer) {
-  ended_ = true;
-  constexpr std::size_t kBeforeCrc = 16;
-  if (footer.size() < kBeforeCrc + 4) return damage_.note("its last record is broken");
-  const std::uint32_t crc = LittleEndianReader(footer.subspan(kBeforeCrc)).u32();
-  const std::uint32_t found = crc_of(footer.first(kBeforeCrc), crc_of(head_, crc_before_));
-  if (data_ended_ && crc != 0 && crc != found)
-    damage_.note("the summary has another checksum than it should (it was not used)");
-}
-
-Expected<bool> McapLog::next(LoggedMessage& out) {
-  McapRecord record;
-  while (read_in_chunk(record) || read_record(record)) {
-    if (data_ended_ && record.op != kMcapFooter) continue;  // the summary repeats what is known
-    switch (record.op) {
-      case kMcapSchema:
-        learn_schema(record.content);
-        break;
-      case kMcapChannel:
-        learn_channel(record.content);
-        break;
-      case kMcapChunk:
-        open_chunk(record.content);
-        break;
-      case kMcapMessage:
-        if (take(record.content, out)) return true;
-        break;
-      case kMcapDataEnd:
-        end_of_data(record.content);
-        break;
-      case kMcapFooter:
-        check_summary(record.content);
-        break;
-      default:
-        break;
-    }
-  }
-  return false;
-}
-
-std::vector<std::string> McapLog::remarks() const {
-  std::vector<std::string> all;
-  LogDamage damage = damage_;
-  if (damage.cut_at == file_.size()) {  // between two records: nothing is missing but the end
-    all.emplace_back("was not closed (its recorder was stopped hard): it was read from its start");
-    damage.cut_at.reset();
-  }
-  damage.tell(file_.size(), all);
-  return all;
-}
 
 }  // namespace
 
 Expected<std::unique_ptr<MessageLog>> open_mcap(const std::string& path) {
-  auto file = InputFile::open(path);
-  if (!file) return tl::unexpected(file.error());
-  auto log = std::make_unique<McapLog>(std::move(*file));
-  if (const auto begun = log->begin(); !begun) return tl::unexpected(begun.error());
-  return log;
+  return open_record_log<McapLog>(path);
 }
 
 }  // namespace fiducap

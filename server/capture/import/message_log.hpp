@@ -5,25 +5,26 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/expected.hpp"
 
 namespace fiducap {
 
-/// How the bytes of a message are laid out.
+/// Serialisation of a message.
 enum class MessageFormat {
   kRos1,  ///< ROS 1: packed, little endian.
   kCdr,   ///< ROS 2: CDR with its encapsulation header.
   kOther
 };
 
-/// More are not met: no robot has so many.
+/// More topics are ignored.
 inline constexpr std::size_t kMostTopics = 4096;
 
 struct LoggedTopic {
   std::string name;
-  std::string type;  ///< As ROS 1 writes it: `sensor_msgs/Imu`.
+  std::string type;  ///< As in ROS 1: `sensor_msgs/Imu`.
   MessageFormat format{MessageFormat::kOther};
 };
 
@@ -33,8 +34,8 @@ struct LoggedMessage {
   std::span<const std::byte> bytes;  ///< Until the next call.
 };
 
-/// Messages in the order in which a recorder wrote them, whatever the file. What is damaged is left
-/// out and remarked; where the file is cut, reading ends, and that is remarked.
+/// A file of messages in their recorded order. Damaged parts are left out; a truncated file is read
+/// up to there. Both appear in the remarks.
 class MessageLog {
  public:
   virtual ~MessageLog() = default;
@@ -42,20 +43,43 @@ class MessageLog {
   [[nodiscard]] virtual const std::vector<LoggedTopic>& topics() const = 0;
   /// @return false at the end; Error when the file cannot be read any more
   [[nodiscard]] virtual Expected<bool> next(LoggedMessage& out) = 0;
-  /// How much is read, 0 to 1.
+  /// Progress, 0 to 1.
   [[nodiscard]] virtual double share() const = 0;
-  /// What a person should know about the file, complete at its end.
+  /// Remarks for the user, complete at the end of the file.
   [[nodiscard]] virtual std::vector<std::string> remarks() const = 0;
 };
+
+/// A bag, an MCAP file, an SQLite file of rosbag2, or a folder of the latter two, by its content.
+/// @return Error that names the expected formats
+[[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_message_log(const std::string& path);
+
+/// A bag of ROS 1, format 2.0, chunks packed by none, bz2 or lz4. Read from front to back without
+/// its index.
+[[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_bag(const std::string& path);
+/// An MCAP file, profiles ros1 and ros2, chunks packed by none, lz4 or zstd. Read from front to
+/// back without its summary. Checksums are tested if present.
+[[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_mcap(const std::string& path);
+/// One SQLite file of rosbag2, read-only; a damaged one is read up to there.
+[[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_db3(const std::string& path);
+/// A folder of rosbag2: its files in the order of `metadata.yaml`, else of their names. Unpacks
+/// messages that are packed one by one (zstd).
+[[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_rosbag2_folder(const std::string& path);
 
 /// `sensor_msgs/msg/Imu` → `sensor_msgs/Imu`.
 [[nodiscard]] std::string plain_type(const std::string& type);
 
-/// Text from outside, fit for a message: printable, not longer than 200 characters.
+/// Text from outside, fit for a message: printable, at most 200 characters.
 [[nodiscard]] std::string printable_name(std::string_view text);
 
-/// A bag, an MCAP file, an SQLite file of rosbag2, or a folder of the latter two, by its content.
-/// @return Error saying what it is instead
-[[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_message_log(const std::string& path);
+/// Largest chunk or message that is unpacked.
+inline constexpr std::uint64_t kLargestChunk_bytes = std::uint64_t{1} << 29;
+
+/// Unpacks a chunk or message: `none` (or empty), `bz2`, `lz4` (frames, as ROS and MCAP write
+/// them), `zstd`. Memory grows with the actual content, at most to the stated size.
+/// @param stated_bytes  size of the content according to the file; 0: not known
+/// @return Error when it is damaged, or has another size than stated
+[[nodiscard]] Expected<void> unpack_chunk(std::string_view compression,
+                                          std::span<const std::byte> packed,
+                                          std::uint64_t stated_bytes, std::vector<std::byte>& out);
 
 }  // namespace fiducap

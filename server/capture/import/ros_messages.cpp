@@ -1,8 +1,93 @@
 #include "capture/import/ros_messages.hpp"
 
 #include <algorithm>
+#include <limits>
 
-#include "capture/import/ros_fields.hpp"
+namespace fiducap {
+
+Expected<RosFields> RosFields::open(MessageFormat format, std::span<const std::byte> message) {
+  if (format == MessageFormat::kRos1)
+    return RosFields(LittleEndianReader(message), false, message.size());
+  if (format != MessageFormat::kCdr)
+    return fail(ErrorCode::kUnsupported, "is neither serialised by ROS 1 nor as CDR");
+  constexpr std::size_t kEncapsulation = 4;
+  if (message.size() < kEncapsulation)
+    return fail(ErrorCode::kTruncated, "is shorter than the head of CDR");
+  const auto kind =
+      std::to_integer<unsigned>(message[0]) * 256 + std::to_integer<unsigned>(message[1]);
+  const auto body = message.subspan(kEncapsulation);
+  if (kind == 0) return RosFields(BigEndianReader(body), true, body.size());
+  if (kind == 1) return RosFields(LittleEndianReader(body), true, body.size());
+  return fail(ErrorCode::kUnsupported,
+              "is CDR of representation " + std::to_string(kind) + "; supported are 0 and 1");
+}
+
+void RosFields::align(std::size_t to) {
+  if (!aligned_) return;
+  const std::size_t at = size_ - std::visit([](const auto& from) { return from.left(); }, from_);
+  const std::size_t fill = (to - at % to) % to;
+  if (fill > 0) raw(fill);
+}
+
+std::span<const std::byte> RosFields::raw(std::size_t n) {
+  return std::visit([n](auto& from) { return from.bytes(n); }, from_);
+}
+
+std::uint8_t RosFields::u8() {
+  return std::visit([](auto& from) { return from.u8(); }, from_);
+}
+
+std::uint32_t RosFields::u32() {
+  align(4);
+  return std::visit([](auto& from) { return from.u32(); }, from_);
+}
+
+double RosFields::f64() {
+  align(8);
+  return std::visit([](auto& from) { return from.f64(); }, from_);
+}
+
+void RosFields::skip_f64s(std::size_t n) {
+  if (n == 0) return;
+  align(8);
+  raw(8 * n);
+}
+
+std::size_t RosFields::count(std::size_t entry_bytes) {
+  const std::size_t n = u32();
+  const std::size_t left = std::visit([](const auto& from) { return from.left(); }, from_);
+  if (n * entry_bytes <= left) return n;
+  raw(std::numeric_limits<std::size_t>::max());  // sets the failure
+  return 0;
+}
+
+std::string_view RosFields::text() {
+  const auto all = raw(count(1));
+  std::string_view text(reinterpret_cast<const char*>(all.data()), all.size());
+  if (aligned_ && text.ends_with('\0')) text.remove_suffix(1);
+  return text;
+}
+
+std::span<const std::uint8_t> RosFields::bytes() {
+  const auto all = raw(count(1));
+  return {reinterpret_cast<const std::uint8_t*>(all.data()), all.size()};
+}
+
+std::int64_t RosFields::header_stamp_ns() {
+  if (!aligned_) u32();  // sequence number of ROS 1
+  const std::uint32_t sec = u32();
+  const std::uint32_t nanosec = u32();
+  text();
+  // Signed in ROS 2, unsigned in ROS 1.
+  const std::int64_t s = aligned_ ? std::int64_t{static_cast<std::int32_t>(sec)} : sec;
+  return s * 1'000'000'000 + nanosec;
+}
+
+Expected<void> RosFields::check(const char* what) const {
+  return std::visit([what](const auto& from) { return from.check(what); }, from_);
+}
+
+}  // namespace fiducap
 
 namespace fiducap::ros {
 namespace {
@@ -16,49 +101,49 @@ Eigen::Vector3d vector_of(RosFields& from) {
   return {x, y, z};
 }
 
+/// @param take  reads the fields after the header
+template <typename Message, typename Take>
+Expected<Message> read_message(MessageFormat format, std::span<const std::byte> in,
+                               const char* type, Take&& take) {
+  auto from = RosFields::open(format, in);
+  if (!from) return tl::unexpected(from.error());
+  Message message;
+  message.stamp_ns = from->header_stamp_ns();
+  take(*from, message);
+  if (const auto whole = from->check(type); !whole) return tl::unexpected(whole.error());
+  return message;
+}
+
 }  // namespace
 
 Expected<ImuMessage> read_imu(MessageFormat format, std::span<const std::byte> in) {
-  auto from = RosFields::open(format, in);
-  if (!from) return tl::unexpected(from.error());
-  ImuMessage imu;
-  imu.stamp_ns = from->header_stamp_ns();
-  from->skip_f64s(4 + kCovariance);  // orientation
-  imu.w = vector_of(*from);
-  from->skip_f64s(kCovariance);
-  imu.f = vector_of(*from);
-  from->skip_f64s(kCovariance);
-  if (const auto whole = from->check("sensor_msgs/Imu"); !whole)
-    return tl::unexpected(whole.error());
-  return imu;
+  return read_message<ImuMessage>(format, in, "sensor_msgs/Imu", [](RosFields& from, auto& imu) {
+    from.skip_f64s(4 + kCovariance);  // orientation
+    imu.w = vector_of(from);
+    from.skip_f64s(kCovariance);
+    imu.f = vector_of(from);
+    from.skip_f64s(kCovariance);
+  });
 }
 
 Expected<ImageMessage> read_image(MessageFormat format, std::span<const std::byte> in) {
-  auto from = RosFields::open(format, in);
-  if (!from) return tl::unexpected(from.error());
-  ImageMessage message;
-  message.stamp_ns = from->header_stamp_ns();
-  message.image.height = from->u32();
-  message.image.width = from->u32();
-  message.image.encoding = from->text();
-  message.image.is_bigendian = from->u8() != 0;
-  message.image.step = from->u32();
-  message.image.data = from->bytes();
-  if (const auto whole = from->check("sensor_msgs/Image"); !whole)
-    return tl::unexpected(whole.error());
-  return message;
+  const auto take = [](RosFields& from, ImageMessage& message) {
+    message.image.height = from.u32();
+    message.image.width = from.u32();
+    message.image.encoding = from.text();
+    message.image.is_bigendian = from.u8() != 0;
+    message.image.step = from.u32();
+    message.image.data = from.bytes();
+  };
+  return read_message<ImageMessage>(format, in, "sensor_msgs/Image", take);
 }
 
 Expected<CompressedMessage> read_compressed(MessageFormat format, std::span<const std::byte> in) {
-  auto from = RosFields::open(format, in);
-  if (!from) return tl::unexpected(from.error());
-  CompressedMessage message;
-  message.stamp_ns = from->header_stamp_ns();
-  message.format = from->text();
-  message.data = from->bytes();
-  if (const auto whole = from->check("sensor_msgs/CompressedImage"); !whole)
-    return tl::unexpected(whole.error());
-  return message;
+  const auto take = [](RosFields& from, CompressedMessage& message) {
+    message.format = from.text();
+    message.data = from.bytes();
+  };
+  return read_message<CompressedMessage>(format, in, "sensor_msgs/CompressedImage", take);
 }
 
 Expected<CameraModel> read_lens(MessageFormat format, std::span<const std::byte> in,
@@ -66,7 +151,7 @@ Expected<CameraModel> read_lens(MessageFormat format, std::span<const std::byte>
   auto from = RosFields::open(format, in);
   if (!from) return tl::unexpected(from.error());
   CameraInfo info;
-  [[maybe_unused]] const std::int64_t stamp_ns = from->header_stamp_ns();
+  (void)from->header_stamp_ns();
   info.height = from->u32();
   info.width = from->u32();
   info.distortion_model = from->text();

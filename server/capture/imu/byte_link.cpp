@@ -1,18 +1,20 @@
 #include "capture/imu/byte_link.hpp"
 
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <chrono>
+#include <cstring>
+
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <cerrno>
-#include <charconv>
-#include <chrono>
-#include <cstring>
+#include "base/log.hpp"
 
 namespace fiducap {
-
 namespace {
 
 constexpr std::size_t kHeaders = 28;  // IPv4 and UDP
@@ -38,13 +40,19 @@ Expected<int> open_udp_socket(const LinkConfig& config) {
   if (descriptor >= 0) ::close(descriptor);
   const std::string why =
       reason == EADDRINUSE
-          ? "another program has the UDP port (a ground station?): close it, or use "
+          ? "another program uses the UDP port (a ground station?): close it, or use "
             "another port on both sides"
       : reason == EADDRNOTAVAIL
           ? "this machine has no such address: use one of its own, or 0.0.0.0 for all"
-          : std::string("the UDP port cannot be had: ") + std::strerror(reason);
+          : std::string("the UDP port cannot be opened: ") + std::strerror(reason);
   return fail(ErrorCode::kUnavailable, why, text_of(own));
 }
+
+constexpr std::size_t kEnoughBytes = 4096;
+constexpr Duration kLongSilence = std::chrono::seconds(5);
+constexpr double kMostlyText = 0.9;  // of random bytes 0.38 are printable
+constexpr std::uint64_t kWindow = 1000;
+constexpr double kDisturbed = 0.01;
 
 }  // namespace
 
@@ -71,29 +79,6 @@ std::string text_of(const LinkPeer& peer) {
   return text;
 }
 
-bool LinkConfig::takes_the_first_sender() const {
-  return device.empty() && peer.empty() && !address.starts_with("127.");
-}
-
-void LinkConfig::check(Checker& checker) const {
-  const bool by_udp = device.empty();
-  const auto other = parse_peer(peer);
-  const auto own = parse_peer(address);
-  const bool speaks_first = other && other->port > 0;
-  checker
-      .require(device.empty() || device.starts_with('/'), "device", '"' + device + '"',
-               "must be the path of a serial device, e.g. /dev/ttyACM0")
-      .within("baud", baud, 50, 12'000'000)
-      .require(by_udp || (port == 0 && peer.empty()), "port", port,
-               "must not be given together with device: it is a serial line or UDP")
-      .require(!by_udp || port > 0 || speaks_first, "port", port,
-               "must be the UDP port where the readings come in (or give device, a serial line)")
-      .require(own && own->port == 0, "address", '"' + address + '"',
-               "must be an IPv4 address of this machine, or 0.0.0.0 for all")
-      .require(peer.empty() || other, "peer", '"' + peer + '"',
-               "must be an IPv4 address, e.g. 192.168.1.20 or 192.168.1.20:14580");
-}
-
 Expected<ByteLink> ByteLink::open(const LinkConfig& config) {
   const bool is_serial = !config.device.empty();
   auto descriptor =
@@ -109,9 +94,9 @@ ByteLink::~ByteLink() {
   if (descriptor_ >= 0) ::close(descriptor_);
 }
 
-Expected<ByteLink::Piece> ByteLink::read(Duration patience) {
+Expected<ByteLink::Piece> ByteLink::read(Duration timeout) {
   pollfd wait{descriptor_, POLLIN, 0};
-  const auto left_ms = std::chrono::ceil<std::chrono::milliseconds>(patience).count();
+  const auto left_ms = std::chrono::ceil<std::chrono::milliseconds>(timeout).count();
   if (::poll(&wait, 1, static_cast<int>(left_ms)) <= 0) return Piece{};
   return is_serial_ ? read_serial() : Expected<Piece>(read_datagram());
 }
@@ -120,11 +105,11 @@ Expected<ByteLink::Piece> ByteLink::read_serial() {
   const ssize_t size = ::read(descriptor_, buffer_.data(), buffer_.size());
   if (size > 0) return Piece{std::span(buffer_).first(static_cast<std::size_t>(size)), {}};
   if (size < 0 && (errno == EAGAIN || errno == EINTR)) return Piece{};
-  return fail(ErrorCode::kClosed, "the serial device is gone: was it unplugged, or did it restart?",
-              name_);
+  return fail(ErrorCode::kClosed,
+              "the serial device is disconnected: was it unplugged, or did it restart?", name_);
 }
 
-/// One that is not to be heard is nothing.
+/// @return an empty piece for other senders
 ByteLink::Piece ByteLink::read_datagram() {
   sockaddr_in address{};
   socklen_t length = sizeof address;
@@ -133,7 +118,7 @@ ByteLink::Piece ByteLink::read_datagram() {
   if (size <= 0) return {};
   const LinkPeer from{ntohl(address.sin_addr.s_addr), ntohs(address.sin_port)};
   if (peer_ && !is_configured(from)) return {};
-  rule_.heard(peer_of(from), static_cast<std::size_t>(size) + kHeaders, {});
+  rule_.count_received(peer_of(from), static_cast<std::size_t>(size) + kHeaders, {});
   return {std::span<const std::byte>(buffer_).first(static_cast<std::size_t>(size)), from};
 }
 
@@ -143,7 +128,7 @@ bool ByteLink::is_configured(const LinkPeer& peer) const {
 
 void ByteLink::write(std::span<const std::byte> bytes, const LinkPeer& to, bool proven) {
   const bool may_go = is_serial_ || proven || is_configured(to) ||
-                      rule_.may_answer_stranger(peer_of(to), bytes.size() + kHeaders);
+                      rule_.may_answer_untrusted(peer_of(to), bytes.size() + kHeaders);
   if (!may_go) return;
   const sockaddr_in address = address_of(to);
   [[maybe_unused]] const ssize_t sent =
@@ -158,6 +143,82 @@ std::uint16_t ByteLink::port() const {
   if (is_serial_ || ::getsockname(descriptor_, reinterpret_cast<sockaddr*>(&address), &length) != 0)
     return 0;
   return ntohs(address.sin_port);
+}
+
+bool is_printable(std::byte byte) {
+  const auto c = static_cast<unsigned char>(byte);
+  return (c >= 0x20 && c < 0x7f) || c == '\n' || c == '\r' || c == '\t';
+}
+
+void LinkWatch::add(std::size_t bytes, std::size_t printable, std::uint64_t units,
+                    std::uint64_t broken, Instant now) {
+  if (!received_at_) received_at_ = now;
+  if (bytes == 0) {
+    if (is_silent_ || now - *received_at_ < kLongSilence) return;
+    is_silent_ = true;
+    message_ = is_serial_
+                   ? "nothing received for 5 s: does the device send, is its TX wired to this "
+                     "end's RX, and is it the right port?"
+                   : "nothing received for 5 s: does the device send to this machine's address "
+                     "and port, and does no firewall stop it?";
+    return;
+  }
+  received_at_ = now;
+  if (std::exchange(is_silent_, false)) message_ = "it sends again";
+  bytes_ += bytes;
+  printable_ += printable;
+  broken_ += broken;
+  units_ += units;
+  broken_in_window_ += broken;
+  if (units > 0) {
+    bytes_ = printable_ = 0;
+    broken_ = 0;
+    is_foreign_ = false;
+  }
+  if (bytes_ >= kEnoughBytes && !std::exchange(is_foreign_, true)) report_foreign();
+  if (units_ + broken_in_window_ < kWindow) return;
+  const double share =
+      static_cast<double>(broken_in_window_) / static_cast<double>(units_ + broken_in_window_);
+  const bool disturbed = units_ > 0 && share > kDisturbed;
+  if (disturbed && !is_disturbed_)
+    message_ =
+        std::to_string(broken_in_window_) + " of " + std::to_string(units_ + broken_in_window_) +
+        " have a wrong checksum and are left out: is the line disturbed, or too slow for the "
+        "data?";
+  is_disturbed_ = disturbed;
+  units_ = broken_in_window_ = 0;
+}
+
+void LinkWatch::report_foreign() {
+  const std::string none = "no " + unit_ + " among " + std::to_string(bytes_) + " bytes";
+  const bool is_text = static_cast<double>(printable_) > kMostlyText * static_cast<double>(bytes_);
+  if (broken_ > 0 && is_text)
+    message_ = none + ", but " + std::to_string(broken_) +
+               " with a wrong checksum: does the device compute it as documented?";
+  else if (is_text)
+    message_ = none + ", but another text: is it the right device?";
+  else if (is_serial_)
+    message_ = none + ": is the baud rate right (" + std::to_string(baud_) + " here)?";
+  else
+    message_ = none + ": another protocol is sent to this port";
+}
+
+Expected<std::optional<SensorSample>> ByteSource::next(std::stop_token stop) {
+  while (!stop.stop_requested()) {
+    if (auto sample = take_sample()) return *sample;
+    const auto piece = link_.read(period_);
+    if (!piece) return tl::unexpected(piece.error());
+    const Instant now = clock_.now();
+    if (const auto units = receive(*piece, now)) {
+      const auto printable = std::count_if(piece->bytes.begin(), piece->bytes.end(), is_printable);
+      watch_.add(piece->bytes.size(), static_cast<std::size_t>(printable), units->good,
+                 units->broken, now);
+      if (const auto message = watch_.take_event())
+        log::warning("capture", link_.name() + ": " + *message);
+    }
+    finish(now);
+  }
+  return std::nullopt;
 }
 
 }  // namespace fiducap

@@ -13,7 +13,8 @@
 #include "base/expected.hpp"
 #include "base/time.hpp"
 #include "capture/imu/link_config.hpp"
-#include "middleware/net/sender_rule.hpp"
+#include "capture/sensor_source.hpp"
+#include "middleware/net/networks.hpp"
 
 namespace fiducap {
 
@@ -31,12 +32,12 @@ struct LinkPeer {
 
 /// A serial line, for this process alone, or a UDP socket.
 ///
-/// Opening a serial line raises DTR, as Linux always does: boards with auto-reset start again,
-/// once. Closing it leaves DTR raised, so that opening it again does not restart them. What had
-/// waited in the line before is thrown away.
+/// Opening a serial line raises DTR, as Linux always does, which restarts boards with auto-reset.
+/// Closing it leaves DTR raised, so that opening it again does not restart them. Bytes received
+/// before the opening are discarded.
 class ByteLink final {
  public:
-  /// @return Error naming device or port, and what to do
+  /// @return Error with device or port, and remedy
   [[nodiscard]] static Expected<ByteLink> open(const LinkConfig& config);
   ByteLink(ByteLink&& other) noexcept
       : descriptor_(std::exchange(other.descriptor_, -1)),
@@ -51,11 +52,11 @@ class ByteLink final {
     std::span<const std::byte> bytes;  ///< Empty: nothing came. Valid until the next read.
     LinkPeer from{};
   };
-  /// Waits for bytes, at most so long.   @return Error kClosed when the line is gone
-  [[nodiscard]] Expected<Piece> read(Duration patience);
-  /// Never waits; what the line does not take is lost. Over UDP an address gets no more than three
-  /// times the bytes of IP that came in its name, unless it is the configured peer's or proven.
-  /// @param to  ignored by a serial line   @param proven  it has answered what only it could read
+  /// Waits for bytes.   @return Error kClosed when the line is disconnected
+  [[nodiscard]] Expected<Piece> read(Duration timeout);
+  /// Never waits; bytes that the line does not accept are lost. Over UDP an address gets at most
+  /// three times the bytes of IP that came in its name, unless it is the configured peer or proven.
+  /// @param to  ignored by a serial line   @param proven  has answered a secret sent to its address
   void write(std::span<const std::byte> bytes, const LinkPeer& to, bool proven = false);
 
   [[nodiscard]] const std::string& name() const { return name_; }
@@ -73,8 +74,8 @@ class ByteLink final {
   int descriptor_;
   std::string name_;
   bool is_serial_;
-  std::optional<LinkPeer> peer_;  ///< Nobody else is heard; port 0: any of its ports.
-  // Being on an attached network is no proof: there is a better one (TIMESYNC).
+  std::optional<LinkPeer> peer_;  ///< The only accepted sender; port 0: any of its ports.
+  // An attached network is no proof: there is a better one (TIMESYNC).
   net::SenderRule rule_{net::random_key(),
                         net::TrustedNetworks({}, [] { return std::vector<net::Network>(); })};
   std::array<std::byte, 4096> buffer_{};
@@ -82,5 +83,74 @@ class ByteLink final {
 
 /// Opens a serial line at that rate, 8N1, without any translation. @return its descriptor
 [[nodiscard]] Expected<int> open_serial_port(const std::string& device, int baud);
+
+/// Checks whether the bytes of a link are the configured protocol, and reports the likely cause
+/// once: nothing is connected, the baud rate is wrong, another protocol, a disturbed line.
+class LinkWatch final {
+ public:
+  /// @param unit  of the protocol: `line of the IMU protocol`, `MAVLink frame`
+  LinkWatch(std::string unit, bool is_serial, int baud)
+      : unit_(std::move(unit)), is_serial_(is_serial), baud_(baud) {}
+
+  /// Received bytes, possibly none, and their content. @param broken  units with a wrong checksum
+  void add(std::size_t bytes, std::size_t printable, std::uint64_t units, std::uint64_t broken,
+           Instant now);
+  /// The newest message since the last call.
+  [[nodiscard]] std::optional<std::string> take_event() {
+    return std::exchange(message_, std::nullopt);
+  }
+
+ private:
+  void report_foreign();
+
+  std::string unit_;
+  bool is_serial_;
+  int baud_;
+  std::optional<Instant> received_at_;  ///< Newest byte, or the beginning.
+  std::size_t bytes_{0};                ///< Since the last unit.
+  std::size_t printable_{0};
+  std::uint64_t broken_{0};
+  std::uint64_t units_{0};  ///< Of the present window, for the share of broken ones.
+  std::uint64_t broken_in_window_{0};
+  bool is_silent_{false};
+  bool is_foreign_{false};
+  bool is_disturbed_{false};
+  std::optional<std::string> message_;
+};
+
+/// Bytes of a text.
+[[nodiscard]] bool is_printable(std::byte byte);
+
+/// A source of IMU samples that come over a ByteLink. Never ends; lost with its link.
+class ByteSource : public SensorSource {
+ public:
+  Expected<std::optional<SensorSample>> next(std::stop_token stop) final;
+
+ protected:
+  struct Units {
+    std::uint64_t good{0};
+    std::uint64_t broken{0};
+  };
+  /// @param period  longest time between two calls of `finish`, and delay of a stop
+  ByteSource(ByteLink link, std::string unit, int baud, Duration period, const Clock& clock)
+      : link_(std::move(link)),
+        watch_(std::move(unit), link_.is_serial(), baud),
+        period_(period),
+        clock_(clock) {}
+
+  /// The oldest sample that was not taken yet.
+  [[nodiscard]] virtual std::optional<ImuSample> take_sample() = 0;
+  /// @param piece  possibly empty   @return its content; nullopt: ignored
+  [[nodiscard]] virtual std::optional<Units> receive(const ByteLink::Piece& piece, Instant now) = 0;
+  /// Called after each piece.
+  virtual void finish(Instant now) = 0;
+  [[nodiscard]] ByteLink& link() { return link_; }
+
+ private:
+  ByteLink link_;
+  LinkWatch watch_;
+  Duration period_;
+  const Clock& clock_;
+};
 
 }  // namespace fiducap

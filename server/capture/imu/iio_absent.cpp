@@ -1,5 +1,5 @@
-// Instead of iio_source.cpp where there is no libiio.
-#include "capture/imu/iio_source.hpp"
+// Replaces iio_source.cpp without libiio.
+#include "capture/imu/imu_source.hpp"
 
 namespace fiducap {
 

@@ -1,28 +1,70 @@
 #include "capture/imu/imu_source.hpp"
 
 #include <algorithm>
-#include <cctype>
+#include <array>
+#include <limits>
 #include <utility>
 
-#include "capture/imu/iio_source.hpp"
-#include "capture/imu/line_source.hpp"
-#include "capture/imu/mavlink_source.hpp"
-#include "capture/imu/px4_source.hpp"
+#include <fiducap_dds/px4.h>
+
 #include "capture/ros/ros_source.hpp"
 
 namespace fiducap {
-
 namespace {
 
 using Opened = Expected<std::unique_ptr<SensorSource>>;
 
-bool is_topic_name(const std::string& name) {
-  const auto good = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '/'; };
-  return name.size() >= 2 && name.size() <= 200 && name.front() == '/' && name.back() != '/' &&
-         name.find("//") == std::string::npos && std::all_of(name.begin(), name.end(), good);
-}
+constexpr int kPx4Depth = 512;
+// accelerometer_timestamp_relative of a reading without an accelerometer.
+constexpr std::int32_t kNoAccelerometer = std::numeric_limits<std::int32_t>::max();
+// Topics are versioned with their messages.
+constexpr std::array<const char*, 2> kVersions{"", "_v1"};
 
-/// Readings of another source, turned into the body's axes and into SI units.
+/// frd → flu.
+Eigen::Vector3d flu_from(const float (&v)[3]) { return {v[0], -v[1], -v[2]}; }
+
+/// PX4 over its uXRCE-DDS bridge (`SensorCombined`). Stamps are the agent's UTC (UXRCE_DDS_SYNCT,
+/// PX4's default), or the autopilot's clock, placed by arrival.
+class Px4Source final : public dds::TopicSource {
+ public:
+  Px4Source(std::shared_ptr<dds::Participant> participant, bool synchronized, const Clock& clock,
+            dds::WaitSet arrivals)
+      : TopicSource(
+            std::move(participant), synchronized, clock, std::move(arrivals),
+            "PX4's stamps are not this machine's time: they are placed by arrival now. Turn "
+            "UXRCE_DDS_SYNCT on, and run the agent on this machine") {}
+
+  Expected<void> subscribe_all(const ImuTopicConfig& config) {
+    for (const char* version : kVersions) {
+      if (auto done = subscribe(config.topic + version, px4_msgs_msg_dds__SensorCombined__desc,
+                                config.reliable, kPx4Depth);
+          !done)
+        return done;
+    }
+    return {};
+  }
+
+ private:
+  std::optional<SensorSample> next_sample() override {
+    constexpr std::uint64_t kLast_us = std::uint64_t{1} << 52;  // later ones are refused
+    for (dds::Reader& reader : readers()) {
+      while (auto loan = reader.take()) {
+        const auto& message = loan.as<px4_msgs_msg_dds__SensorCombined_>();
+        if (message.accelerometer_timestamp_relative == kNoAccelerometer) continue;
+        const auto at =
+            place(static_cast<std::int64_t>(std::min(message.timestamp, kLast_us) * 1000));
+        if (!at || (last_ && *at <= *last_)) continue;
+        last_ = at;
+        return ImuSample{*at, flu_from(message.gyro_rad), flu_from(message.accelerometer_m_s2)};
+      }
+    }
+    return std::nullopt;
+  }
+
+  std::optional<Instant> last_;
+};
+
+/// Converts the readings of a source to the body's axes and SI units.
 class TurnedSource final : public SensorSource {
  public:
   TurnedSource(std::unique_ptr<SensorSource> source, const ImuSourceConfig& config)
@@ -49,17 +91,23 @@ class TurnedSource final : public SensorSource {
 Opened open_ros(const ImuTopicConfig& config, const ImuOpening& opening) {
   auto participant = opening.join_dds();
   if (!participant) return tl::unexpected(participant.error());
-  dds::RosSourceConfig ros;
-  ros.imu = config.topic;
-  ros.reliable = config.reliable;
-  ros.synchronized = config.synchronized;
+  const dds::RosSourceConfig ros{.images = {},
+                                 .imu = config.topic,
+                                 .reliable = config.reliable,
+                                 .synchronized = config.synchronized};
   return dds::open_ros_source(std::move(*participant), ros, {}, opening.clock);
 }
 
 Opened open_px4(const ImuTopicConfig& config, const ImuOpening& opening) {
   auto participant = opening.join_dds();
   if (!participant) return tl::unexpected(participant.error());
-  return dds::open_px4_source(std::move(*participant), config, opening.clock);
+  auto arrivals = dds::WaitSet::make(**participant);
+  if (!arrivals) return tl::unexpected(arrivals.error());
+  auto source = std::make_unique<Px4Source>(std::move(*participant), config.synchronized,
+                                            opening.clock, std::move(*arrivals));
+  if (auto subscribed = source->subscribe_all(config); !subscribed)
+    return tl::unexpected(subscribed.error());
+  return source;
 }
 
 Opened open_chosen(const ImuSourceConfig& config, const ImuOpening& opening) {
@@ -78,27 +126,7 @@ Opened open_chosen(const ImuSourceConfig& config, const ImuOpening& opening) {
   return open_line_source(config.line, opening.clock);
 }
 
-void check_chosen(const ImuTopicConfig& config, Checker& checker) {
-  checker.require(is_topic_name(config.topic), "topic", '"' + config.topic + '"',
-                  "must be a topic, e.g. /imu/data");
-}
-
-template <typename Config>
-void check_chosen(const Config& config, Checker& checker) {
-  config.check(checker);
-}
-
 }  // namespace
-
-std::vector<ConfigError> ImuSourceConfig::check(const std::string& prefix) const {
-  Checker checker{prefix};
-  visit_imu_source(*this, [&](const auto& chosen) { check_chosen(chosen, checker); });
-  const bool is_frd = type == ImuSourceType::kMavlink || type == ImuSourceType::kPx4;
-  checker.require(!is_frd || axes.written != "frd", "axes", axes.written,
-                  "must not be frd here: readings of MAVLink and PX4 are turned to flu already. An "
-                  "autopilot that is mounted upside down has [x, -y, -z]");
-  return checker.errors;
-}
 
 Opened open_imu_source(const ImuSourceConfig& config, const ImuOpening& opening) {
   auto source = open_chosen(config, opening);

@@ -1,13 +1,18 @@
 #include "capture/imu/line_receiver.hpp"
 
+#include <algorithm>
 #include <charconv>
+#include <chrono>
 #include <cmath>
 
-namespace fiducap {
+#include "base/log.hpp"
+#include "capture/imu/byte_link.hpp"
+#include "capture/imu/imu_source.hpp"
 
+namespace fiducap {
 namespace {
 
-/// Fields between commas, read one after the other.
+/// Reads fields between commas.
 class Fields final {
  public:
   explicit Fields(std::string_view text) : rest_(text) {}
@@ -36,24 +41,77 @@ class Fields final {
   bool is_over_{false};
 };
 
-/// Of NMEA: all characters before the star, exclusive or.
+/// As in NMEA: exclusive or of all characters before the star.
 std::uint8_t line_checksum(std::string_view text) {
   std::uint8_t sum = 0;
   for (const char c : text) sum = static_cast<std::uint8_t>(sum ^ static_cast<unsigned char>(c));
   return sum;
 }
 
+constexpr Duration kSlice = std::chrono::milliseconds(50);
+// After this silence another sender is accepted.
+constexpr Duration kGivenUp = std::chrono::seconds(5);
+
+class LineSource final : public ByteSource {
+ public:
+  LineSource(ByteLink link, int baud, const Clock& clock)
+      : ByteSource(std::move(link), "line of the IMU protocol", baud, kSlice, clock) {}
+
+ private:
+  std::optional<ImuSample> take_sample() override { return receiver_.take(); }
+
+  std::optional<Units> receive(const ByteLink::Piece& piece, Instant now) override {
+    if (!piece.bytes.empty() && !is_our_sender(piece.from, now)) return std::nullopt;
+    const LineReceiver::Counts before = receiver_.counts();
+    receiver_.receive(piece.bytes, now);
+    const LineReceiver::Counts& after = receiver_.counts();
+    const std::uint64_t lines = after.readings - before.readings + after.triggers - before.triggers;
+    if (lines > 0) received_at_ = now;
+    return Units{lines, after.wrong_checksums - before.wrong_checksums};
+  }
+
+  void finish(Instant) override {
+    if (std::exchange(restarts_, receiver_.clock().restarts()) == receiver_.clock().restarts())
+      return;
+    log::warning("capture",
+                 link().name() +
+                     ": the clock of the IMU has restarted, and so has the device: check "
+                     "its power supply if it was not reset");
+  }
+
+  /// The first sender, as long as it sends.
+  bool is_our_sender(const LinkPeer& from, Instant now) {
+    if (from == sender_) return true;
+    if (received_at_ && now - *received_at_ < kGivenUp) {
+      if (!std::exchange(foreign_reported_, true))
+        log::warning("capture", link().name() + ": readings of " + text_of(from) +
+                                    " are ignored, because " + text_of(sender_) +
+                                    " came first. Set `peer` to choose");
+      return false;
+    }
+    sender_ = from;
+    receiver_.restart();
+    return true;
+  }
+
+  LineReceiver receiver_;
+  LinkPeer sender_;
+  std::optional<Instant> received_at_;
+  bool foreign_reported_{false};
+  std::uint64_t restarts_{0};
+};
+
 }  // namespace
 
 std::variant<ImuLine, TriggerLine, LineFault> parse_line(std::string_view line) {
   const auto star = line.rfind('*');
   if (star == std::string_view::npos || line.size() != star + 3) return LineFault::kForm;
-  std::uint8_t told = 0;
+  std::uint8_t checksum = 0;
   const char* end = line.data() + line.size();
-  const auto [stopped, failure] = std::from_chars(line.data() + star + 1, end, told, 16);
+  const auto [stopped, failure] = std::from_chars(line.data() + star + 1, end, checksum, 16);
   if (failure != std::errc{} || stopped != end) return LineFault::kForm;
   const std::string_view text = line.substr(0, star);
-  if (line_checksum(text) != told) return LineFault::kChecksum;
+  if (line_checksum(text) != checksum) return LineFault::kChecksum;
   Fields fields(text);
   const std::string_view kind = fields.next();
   if (kind == "IMU") {
@@ -97,23 +155,21 @@ void LineReceiver::end_line(Instant arrived) {
     const auto at = clock_.place(imu->count_us, arrived);
     if (!at) return;
     ++counts_.readings;
-    waiting_.push_back({*at, imu->w, imu->f});
+    waiting_.push({*at, imu->w, imu->f});
   } else if (const auto* trigger = std::get_if<TriggerLine>(&parsed)) {
     ++counts_.triggers;
     if (const auto at = clock_.time_of(trigger->count_us)) trigger_ = {*at, trigger->number};
   } else {
-    const bool checksum = std::get<LineFault>(parsed) == LineFault::kChecksum;
-    ++(checksum ? counts_.wrong_checksums : counts_.malformed);
+    const bool is_checksum = std::get<LineFault>(parsed) == LineFault::kChecksum;
+    ++(is_checksum ? counts_.wrong_checksums : counts_.malformed);
   }
 }
 
-std::optional<ImuSample> LineReceiver::take() {
-  if (taken_ == waiting_.size()) {
-    waiting_.clear();
-    taken_ = 0;
-    return std::nullopt;
-  }
-  return waiting_[taken_++];
+Expected<std::unique_ptr<SensorSource>> open_line_source(const LinkConfig& config,
+                                                         const Clock& clock) {
+  auto link = ByteLink::open(config);
+  if (!link) return tl::unexpected(link.error());
+  return std::make_unique<LineSource>(std::move(*link), config.baud, clock);
 }
 
 }  // namespace fiducap

@@ -9,8 +9,8 @@
 #include <variant>
 #include <vector>
 
-#include "capture/imu/device_clock.hpp"
 #include "capture/imu_sample.hpp"
+#include "capture/stamp_mapper.hpp"
 
 namespace fiducap {
 
@@ -32,7 +32,7 @@ enum class LineFault { kChecksum, kForm };
 /// One line without its end. See docs/imu-line-protocol.md.
 [[nodiscard]] std::variant<ImuLine, TriggerLine, LineFault> parse_line(std::string_view line);
 
-/// Bytes of a device that speaks the line protocol → samples. No socket, no clock.
+/// Decodes the bytes of a device with the line protocol to samples. No socket, no clock.
 class LineReceiver final {
  public:
   struct Counts {
@@ -42,7 +42,7 @@ class LineReceiver final {
     std::uint64_t malformed{0};  ///< Also lines that are too long.
     std::uint64_t comments{0};   ///< Lines that begin with `#`.
   };
-  /// When the newest camera trigger was, on our time line.
+  /// The newest camera trigger, on our time line.
   struct Trigger {
     Instant at{};
     std::uint64_t number{};
@@ -50,9 +50,9 @@ class LineReceiver final {
 
   void receive(std::span<const std::byte> bytes, Instant arrived);
   /// The oldest one not taken yet.
-  [[nodiscard]] std::optional<ImuSample> take();
-  /// What waits was of a sender that is gone.
-  void begin_anew() { length_ = kUnknown; }
+  [[nodiscard]] std::optional<ImuSample> take() { return waiting_.take(); }
+  /// Another sender follows: discards the incomplete line.
+  void restart() { length_ = kUnknown; }
 
   [[nodiscard]] const Counts& counts() const { return counts_; }
   [[nodiscard]] const DeviceClock& clock() const { return clock_; }
@@ -64,10 +64,9 @@ class LineReceiver final {
   void end_line(Instant arrived);
 
   std::array<char, kLongest> line_{};
-  std::size_t length_{kUnknown};  ///< Until the first end a half line may come, which is no fault.
+  std::size_t length_{kUnknown};  ///< A half line at the beginning is no fault.
   DeviceClock clock_{32, 1000};
-  std::vector<ImuSample> waiting_;
-  std::size_t taken_{0};
+  ImuQueue waiting_;
   std::optional<Trigger> trigger_;
   Counts counts_;
 };

@@ -4,14 +4,15 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <string_view>
 
 #include <Eigen/Core>
 
 namespace fiducap {
 
-/// Gyro and accelerometer of two devices, each with times of its own: the accelerometer is brought
-/// to the gyro's times by straight lines between its readings. A gyro reading waits for the next
-/// one of the accelerometer. Bounded: of more than 256 that wait the oldest are dropped, counted.
+/// Combines gyroscope and accelerometer of two devices: interpolates the accelerometer linearly at
+/// the times of the gyroscope. A gyroscope reading waits for the next one of the accelerometer. At
+/// most 256 wait; older ones are dropped and counted.
 class ReadingPairs final {
  public:
   struct Timed {
@@ -24,12 +25,12 @@ class ReadingPairs final {
     Eigen::Vector3d f{Eigen::Vector3d::Zero()};
   };
 
-  /// Of one device times increase; what does not is dropped.
+  /// Readings whose time does not increase are dropped.
   void add_gyro(const Timed& reading) { gyro_.add(reading); }
   void add_accel(const Timed& reading) { accel_.add(reading); }
   [[nodiscard]] std::optional<Pair> take();
 
-  /// Whose newest reading is older: which one is to be read next.
+  /// The gyroscope is to be read next.
   [[nodiscard]] bool gyro_is_behind() const { return gyro_.newest_ns() <= accel_.newest_ns(); }
   [[nodiscard]] std::uint64_t dropped() const { return gyro_.dropped + accel_.dropped; }
 
@@ -50,5 +51,9 @@ class ReadingPairs final {
   Queue gyro_;
   Queue accel_;
 };
+
+/// A mount_matrix of Linux's IIO, `0, 1, 0; 1, 0, 0; 0, 0, -1`: from the axes of the sensor to
+/// those of its device. @return nullopt: not nine numbers, or not orthonormal
+[[nodiscard]] std::optional<Eigen::Matrix3d> parse_mount_matrix(std::string_view text);
 
 }  // namespace fiducap

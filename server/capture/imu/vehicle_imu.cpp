@@ -1,26 +1,28 @@
 #include "capture/imu/vehicle_imu.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <utility>
 
-#include "middleware/mavlink/messages.hpp"
+#include "base/log.hpp"
+#include "capture/imu/imu_source.hpp"
+#include "middleware/mavlink/frame.hpp"
 #include "middleware/net/peer.hpp"
 
 namespace fiducap::mavlink {
-
 namespace {
 
 constexpr Duration kHeartbeatPeriod = std::chrono::seconds(1);
-// Then another message may take the place of the one that readings came in.
+// After this time readings are taken from another message.
 constexpr Duration kMessageGone = std::chrono::seconds(1);
-// Nobody is spoken to for longer than he spoke.
-constexpr Duration kListens = std::chrono::seconds(10);
-// An autopilot may answer anything.
+// Sending stops when the vehicle has been silent for this long.
+constexpr Duration kAddressExpires = std::chrono::seconds(10);
+// Plausible offset of an autopilot's clock.
 constexpr Duration kFarthestClock{std::int64_t{1} << 61};
-// Answers to one piece: a flood of questions gets no flood of answers.
+// Answers to one piece are limited.
 constexpr std::size_t kMostAnswers = 512;
 
-// An answer to a question counts in the slot of the question and in the next one.
+// An answer is valid in the slot of its question and in the next one.
 constexpr Duration kSlot = std::chrono::seconds(1);
 
 std::int64_t slot_of(Instant now) { return to_ns(now) / kSlot.count(); }
@@ -29,7 +31,7 @@ bool is_message(const Frame& frame, MessageId message) {
   return frame.message == static_cast<std::uint32_t>(message);
 }
 
-/// Forward, right, down → forward, left, up.
+/// frd → flu.
 Eigen::Vector3d flu_of(const Eigen::Vector3d& frd) { return {frd.x(), -frd.y(), -frd.z()}; }
 
 }  // namespace
@@ -38,19 +40,19 @@ VehicleImu::VehicleImu(const MavlinkImuConfig& config)
     : config_(config), choice_(config.system), key_(net::random_key()), requests_(config) {}
 
 void VehicleImu::receive(std::span<const std::byte> bytes, const LinkPeer& from, Instant arrived) {
-  if (from != last_from_) stream_.clear();  // what waits is the beginning of another one's frame
+  if (from != last_from_) stream_.clear();  // an incomplete frame of the other sender
   last_from_ = from;
   stream_.add(bytes, [&](const Frame& frame) { take_frame(frame, from, arrived); });
 }
 
 void VehicleImu::take_frame(const Frame& frame, const LinkPeer& from, Instant arrived) {
   const bool may_replace = proven_rival_ == from && !is_proven(arrived);
-  const bool is_ours = choice_.hear(frame, from, arrived, may_replace);
-  if (const auto news = choice_.take_news()) tell(*news);
+  const bool is_ours = choice_.accept(frame, from, arrived, may_replace);
+  if (auto event = choice_.take_event()) report(std::move(*event));
   if (!is_ours) return take_foreign(frame, from, arrived);
-  if (std::exchange(turn_, choice_.turn()) != choice_.turn()) {
-    begin_anew();
-    tell("takes the IMU of " + choice_.text_of_vehicle(), false);
+  if (std::exchange(changes_, choice_.changes()) != choice_.changes()) {
+    restart();
+    report("uses the IMU of " + choice_.text_of_vehicle(), false);
   }
   if (is_message(frame, MessageId::kTimesync)) {
     take_timesync(frame, arrived);
@@ -70,7 +72,7 @@ void VehicleImu::take_foreign(const Frame& frame, const LinkPeer& from, Instant 
     proven_rival_ = from;
 }
 
-/// Nothing is kept of whom was asked: a flood of forged rivals takes no place of a real one.
+/// Stateless: forged rivals cannot displace the state of a real one.
 std::int64_t VehicleImu::number_for(const LinkPeer& rival, std::int64_t slot) const {
   const std::array key{key_[0] ^ static_cast<std::uint64_t>(slot), key_[1]};
   return static_cast<std::int64_t>(net::peer_hash(key, {rival.address, rival.port}) >> 1 | 1);
@@ -85,13 +87,13 @@ std::optional<LinkPeer> VehicleImu::challenge(Instant now, std::vector<std::byte
 void VehicleImu::take_timesync(const Frame& frame, Instant arrived) {
   const Timesync timesync = decode_timesync(frame);
   if (timesync.tc1_ns != 0) {
-    sync_.answer(timesync, arrived);
+    sync_.accept_reply(timesync, arrived);
   } else if (answers_.size() < kMostAnswers) {
     encode_timesync(next_sender(), {to_ns(arrived), timesync.ts1_ns}, answers_);
   }
 }
 
-/// The higher the better; 0: not to be taken.
+/// The higher the better; 0: not used.
 int VehicleImu::rank_of(MessageId message) const {
   using Message = MavlinkImuMessage;
   const auto only = [&](Message wanted) { return config_.message == wanted ? 1 : 0; };
@@ -123,6 +125,26 @@ bool VehicleImu::is_taken(MessageId message, Instant arrived) {
   return true;
 }
 
+std::optional<Instant> VehicleImu::place(const InertialReading& reading, Instant arrived) {
+  DeviceClock& clock = reading.counts_ms ? milliseconds_ : microseconds_;
+  const auto offset = sync_.offset(arrived, clock.drift());
+  const bool is_sane =
+      offset && offset->to_autopilot > -kFarthestClock && offset->to_autopilot < kFarthestClock;
+  const auto known = is_sane ? std::optional(-offset->to_autopilot) : std::nullopt;
+  const auto at = clock.place(reading.count, arrived, known);
+  if (clock.by_arrival() && !std::exchange(foreign_clock_reported_, true))
+    report(
+        "its readings and its TIMESYNC answers are of different clocks: readings are placed by "
+        "arrival");
+  if (const auto restarts = microseconds_.restarts() + milliseconds_.restarts();
+      std::exchange(restarts_, restarts) != restarts) {
+    sync_ = {};
+    requests_.restart();
+    report("the autopilot has restarted");
+  }
+  return at;
+}
+
 void VehicleImu::take_reading(const Frame& frame, Instant arrived) {
   const auto reading = decode_inertial(frame);
   if (!reading) return;
@@ -134,58 +156,34 @@ void VehicleImu::take_reading(const Frame& frame, Instant arrived) {
     ++counts_.repeated;
     return;
   }
-  DeviceClock& clock = reading->counts_ms ? milliseconds_ : microseconds_;
-  const auto offset = sync_.offset(arrived, clock.drift());
-  const bool is_sane =
-      offset && offset->to_autopilot > -kFarthestClock && offset->to_autopilot < kFarthestClock;
-  const auto known = is_sane ? std::optional(-offset->to_autopilot) : std::nullopt;
-  const auto at = clock.place(reading->count, arrived, known);
-  if (clock.by_arrival() && !std::exchange(told_foreign_clock_, true))
-    tell(
-        "its readings are not stamped with the clock that it answers TIMESYNC with: "
-        "they are placed by arrival");
-  if (const auto restarts = microseconds_.restarts() + milliseconds_.restarts();
-      std::exchange(restarts_, restarts) != restarts) {
-    sync_ = {};
-    requests_.begin_anew();
-    tell("the autopilot's clock has started again: it has restarted");
-  }
+  const auto at = place(*reading, arrived);
   if (!at || (last_sampled_ && *at <= *last_sampled_)) return;
   last_sampled_ = at;
   ++counts_.readings;
   requests_.count(arrived);
-  waiting_.push_back({*at, flu_of(reading->w), flu_of(reading->f)});
+  waiting_.push({*at, flu_of(reading->w), flu_of(reading->f)});
 }
 
-void VehicleImu::begin_anew() {
+void VehicleImu::restart() {
   rival_.reset();
   proven_rival_.reset();
   sync_ = {};
-  requests_.begin_anew();
+  requests_.restart();
   microseconds_ = DeviceClock(64, 1000);
   milliseconds_ = DeviceClock(32, 1'000'000);
   restarts_ = 0;
   taken_.reset();
-  told_foreign_clock_ = false;
+  foreign_clock_reported_ = false;
 }
 
-std::optional<ImuSample> VehicleImu::take() {
-  if (given_ == waiting_.size()) {
-    waiting_.clear();
-    given_ = 0;
-    return std::nullopt;
-  }
-  return waiting_[given_++];
-}
-
-/// As another part of the vehicle.
+/// This computer is a component of the vehicle.
 Sender VehicleImu::next_sender() {
   const auto& vehicle = choice_.vehicle();
   const int system = vehicle ? vehicle->system : config_.system > 0 ? config_.system : 1;
   return {static_cast<std::uint8_t>(system), kOnboardComputer, sequence_++};
 }
 
-void VehicleImu::speak(Instant now, std::vector<std::byte>& out) {
+void VehicleImu::append_due(Instant now, std::vector<std::byte>& out) {
   out.insert(out.end(), answers_.begin(), answers_.end());
   answers_.clear();
   if (!next_heartbeat_ || now >= *next_heartbeat_) {
@@ -194,30 +192,86 @@ void VehicleImu::speak(Instant now, std::vector<std::byte>& out) {
   }
   if (!address(now)) return;
   const auto& vehicle = *choice_.vehicle();
-  if (const auto question = sync_.question(now)) encode_timesync(next_sender(), *question, out);
+  if (const auto request = sync_.next_request(now)) encode_timesync(next_sender(), *request, out);
   Sender from = next_sender();
   requests_.append_due({vehicle.system, vehicle.component}, vehicle.autopilot, taken_, now, from,
                        out);
   sequence_ = from.sequence;
-  if (const auto news = requests_.take_news()) tell(*news);
+  if (auto event = requests_.take_event()) report(std::move(*event));
 }
 
 std::optional<LinkPeer> VehicleImu::address(Instant now) const {
   const auto& vehicle = choice_.vehicle();
-  return vehicle && now - vehicle->heard_at < kListens ? std::optional(vehicle->at) : std::nullopt;
+  return vehicle && now - vehicle->received_at < kAddressExpires ? std::optional(vehicle->at)
+                                                                 : std::nullopt;
 }
 
-void VehicleImu::tell(const std::string& text, bool is_bad) {
-  News& news = news_.emplace_back();
-  news.text = text;
-  news.is_bad = is_bad;
+void VehicleImu::report(std::string text, bool is_bad) {
+  events_.push_back({std::move(text), is_bad});
 }
 
-std::optional<VehicleImu::News> VehicleImu::take_news() {
-  if (news_.empty()) return std::nullopt;
-  News first = std::move(news_.front());
-  news_.erase(news_.begin());
+std::optional<VehicleImu::Event> VehicleImu::take_event() {
+  if (events_.empty()) return std::nullopt;
+  Event first = std::move(events_.front());
+  events_.erase(events_.begin());
   return first;
 }
 
 }  // namespace fiducap::mavlink
+
+namespace fiducap {
+namespace {
+
+constexpr Duration kMavlinkPeriod = std::chrono::milliseconds(20);
+
+class MavlinkSource final : public ByteSource {
+ public:
+  MavlinkSource(ByteLink link, const MavlinkImuConfig& config, const Clock& clock)
+      : ByteSource(std::move(link), "MAVLink frame", config.link.baud, kMavlinkPeriod, clock),
+        first_(parse_peer(config.link.peer)),
+        vehicle_(config) {}
+
+ private:
+  std::optional<ImuSample> take_sample() override { return vehicle_.take(); }
+
+  std::optional<Units> receive(const ByteLink::Piece& piece, Instant now) override {
+    const auto& stream = vehicle_.frames();
+    const auto frames = stream.frames() + stream.others();
+    const auto broken = stream.broken();
+    if (!piece.bytes.empty()) last_ = piece.from;
+    vehicle_.receive(piece.bytes, last_, now);
+    return Units{stream.frames() + stream.others() - frames, stream.broken() - broken};
+  }
+
+  /// Sends to the vehicle, or to the configured address before that has answered.
+  void finish(Instant now) override {
+    while (const auto event = vehicle_.take_event())
+      log::write(event->is_bad ? log::Level::kWarning : log::Level::kInfo, "capture",
+                 link().name() + ": " + event->text);
+    out_.clear();
+    if (const auto rival = vehicle_.challenge(now, out_)) link().write(out_, *rival);
+    out_.clear();
+    vehicle_.append_due(now, out_);
+    if (out_.empty()) return;
+    const auto to = vehicle_.address(now);
+    const bool may_call = link().is_serial() || (first_ && first_->port > 0);
+    if (to || may_call)
+      link().write(out_, to.value_or(first_.value_or(LinkPeer{})), vehicle_.is_proven(now));
+  }
+
+  std::optional<LinkPeer> first_;  ///< Configured address.
+  mavlink::VehicleImu vehicle_;
+  LinkPeer last_{};
+  std::vector<std::byte> out_;
+};
+
+}  // namespace
+
+Expected<std::unique_ptr<SensorSource>> open_mavlink_source(const MavlinkImuConfig& config,
+                                                            const Clock& clock) {
+  auto link = ByteLink::open(config.link);
+  if (!link) return tl::unexpected(link.error());
+  return std::make_unique<MavlinkSource>(std::move(*link), config, clock);
+}
+
+}  // namespace fiducap

@@ -11,8 +11,7 @@
 namespace fiducap {
 namespace {
 
-// tan() of the ideal pinhole pixel runs away towards 90°: nothing useful can be said about a ray
-// beyond this.
+// Ideal pinhole pixels diverge towards 90°.
 constexpr double kWidestRay_rad = 1.55;
 
 Eigen::Vector2d normalized(const CameraModel& camera, const Eigen::Vector2d& px) {
@@ -46,14 +45,12 @@ std::vector<ConfigError> CameraModel::check() const {
       .positive("fv", fv)
       .within("cu", cu, -1.0 * width, 2.0 * width)
       .within("cv", cv, -1.0 * height, 2.0 * height);
-  for (std::size_t i = 0; i < coefficients.size(); ++i) {
+  for (std::size_t i = 0; i < coefficients.size(); ++i)
     checker.require(std::isfinite(coefficients[i]), "coefficients[" + std::to_string(i) + "]",
                     coefficients[i], "must be finite");
-  }
-  if (distortion == Distortion::kEquidistant) {
+  if (distortion == Distortion::kEquidistant)
     checker.require(coefficients[4] == 0, "coefficients[4]", coefficients[4],
                     "must be 0: an equidistant lens has four coefficients");
-  }
   return checker.errors;
 }
 

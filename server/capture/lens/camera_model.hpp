@@ -18,7 +18,7 @@ enum class Distortion {
   kEquidistant,       ///< OpenCV fisheye / Kalibr `equidistant`: k1 k2 k3 k4
 };
 
-/// Pinhole camera with a lens. π of the paper (II-C) is `pinhole`, what the lens adds is `project`.
+/// Pinhole camera with a lens. π of the paper (II-C) is `pinhole`; `project` adds the distortion.
 /// Camera axes V: z forward, x right, y down. Pixel (0, 0) is the centre of the upper-left pixel.
 struct CameraModel {
   int width{};
@@ -32,52 +32,86 @@ struct CameraModel {
     return {fu * p_VP.x() / p_VP.z() + cu, fv * p_VP.y() / p_VP.z() + cv};
   }
 
-  /// Raw pixel of a point in camera axes, lens included.
+  /// Distorted pixel of a point in camera axes.
   /// @return nullopt behind the camera, or where the distortion polynomial has folded back.
   [[nodiscard]] std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& p_VP) const;
 
   [[nodiscard]] std::vector<ConfigError> check() const;
 };
 
-/// An ideal pinhole pixel and how it moves with the raw one.
+/// An ideal pinhole pixel and its derivative by the raw one.
 struct UndistortedPixel {
   Eigen::Vector2d px;              ///< In the pinhole camera of the same fu fv cu cv.
-  Eigen::Matrix2d ideal_from_raw;  ///< ∂ ideal / ∂ raw: carries pixel noise through the lens.
+  Eigen::Matrix2d ideal_from_raw;  ///< ∂ ideal / ∂ raw: propagates pixel noise.
 };
 
-/// Takes the lens out of raw pixels (OpenCV `undistortPoints` / `fisheye::undistortPoints`,
+/// Removes the distortion of a raw pixel (OpenCV `undistortPoints` / `fisheye::undistortPoints`,
 /// iterated to convergence).
-/// @return one entry per pixel; nullopt where the ray is more than `max_angle_rad` off the axis or
-/// did not converge.
+/// @return nullopt when the ray is more than `max_angle_rad` off the axis, or without convergence
 [[nodiscard]] std::optional<UndistortedPixel> undistort(const CameraModel& camera,
                                                         const Eigen::Vector2d& raw_px,
                                                         double max_angle_rad = 1.45);
 
-/// What a calibration leaves, told or not: of printed tags it is hardly better.
+/// Typical residual error of a calibrated lens.
 inline constexpr double kUsualLensError_px = 0.05;
 inline constexpr double kLargestLensError_px = 10;
 
-/// A camera on a body: lens, place, time.
+/// A camera on a body: lens, extrinsics, clock. Sigmas are 1-sigma; 0: exact.
 struct CameraMount {
   CameraModel model;
   Pose X_BV;                       ///< Extrinsics: camera axes in body axes (EuRoC's T_BS).
-  double position_sigma_m{0.005};  ///< How far X_BV may be off, per axis, 1-sigma.
+  double position_sigma_m{0.005};  ///< Of X_BV, per axis.
   double rotation_sigma_rad{0.00873};
   Duration time_shift{0};  ///< t_imu = t_camera + time_shift (Kalibr timeshift_cam_imu).
-  /// How far time_shift may be off, 1-sigma; 0: exact.
   double time_shift_sigma_s{0.02};
-  double readout_s{0.0};  ///< Rolling shutter: first row to last row; the stamp is that of the
-                          ///< middle row. 0: global.
-  double readout_sigma_s{0.0};  ///< 0: readout_s is exact.
-  /// How far the model may be off, 1-sigma: a guessed lens says so, and is learned. 0: as
-  /// calibrated.
+  /// Rolling shutter: first row to last row; the stamp is that of the middle row. 0: global.
+  double readout_s{0.0};
+  double readout_sigma_s{0.0};
+  // Of the lens model; a guessed lens has large ones, and is estimated.
   double focal_sigma{0.0};      ///< Of fu and fv together, relative.
   double centre_sigma_px{0.0};  ///< Of cu and cv, each.
   double k1_sigma{0.0};         ///< Of the first coefficient of distortion.
-  /// How far corners are off by what the model does not follow, 1-sigma per coordinate: no noise,
-  /// but the same again wherever in the image a tag was before. 0: the model is exact.
+  /// Unmodelled distortion per coordinate: not noise, but constant at each place of the image.
   double lens_error_px{0.0};
   double rate_hz{20.0};
+};
+
+/// Default of a real camera: a calibration leaves a residual error.
+[[nodiscard]] inline CameraMount calibrated_mount() {
+  CameraMount mount;
+  mount.lens_error_px = kUsualLensError_px;
+  return mount;
+}
+
+/// The lens sigmas are those of a calibration, not of a guess. False for an exact lens.
+[[nodiscard]] inline bool has_calibrated_lens(const CameraMount& mount) {
+  constexpr double kFocal = 5e-3;
+  constexpr double kDistortion = 0.02;
+  return mount.focal_sigma > 0 && mount.focal_sigma <= kFocal && mount.k1_sigma <= kDistortion;
+}
+
+/// Difference of a lens from the configured one: first its coefficient of radial distortion is `k1`
+/// larger, then raw pixels are (1 + focal) times as far from the principal point, which is shifted
+/// by `centre_px`.
+struct LensOffset {
+  double focal{};
+  Eigen::Vector2d centre_px{Eigen::Vector2d::Zero()};
+  double k1{};
+
+  [[nodiscard]] bool is_none() const { return focal == 0 && centre_px.isZero(0) && k1 == 0; }
+  [[nodiscard]] CameraModel applied_to(CameraModel configured) const {
+    configured.fu *= 1 + focal;
+    configured.fv *= 1 + focal;
+    configured.cu += centre_px.x();
+    configured.cv += centre_px.y();
+    if (k1 == 0) return configured;
+    if (configured.distortion == Distortion::kNone) {
+      configured.distortion = Distortion::kRadialTangential;
+      configured.coefficients = {};
+    }
+    configured.coefficients[0] += k1;
+    return configured;
+  }
 };
 
 }  // namespace fiducap

@@ -5,13 +5,13 @@
 
 #include <Eigen/LU>
 
-#include "base/assert.hpp"
+#include "base/expected.hpp"
 
 namespace fiducap {
 namespace {
 
 constexpr int kMaxIterations = 50;
-// Of radius ~1. Convergence is quadratic: after a step this small only rounding is left.
+// Of radius ~1. Convergence is quadratic: after a step this small only rounding errors remain.
 constexpr double kConverged = 1e-12;
 
 double evaluate(const std::array<double, 5>& polynomial, double s) {
@@ -100,7 +100,7 @@ DistortedPoint Lens::distort_radial_tangential(const Eigen::Vector2d& ideal) con
 
 DistortedPoint Lens::distort_equidistant(const Eigen::Vector2d& ideal) const {
   const double r = ideal.norm();
-  // Nearer to the axis the differences below are only rounding, and what they multiply is < 1e-12.
+  // Nearer to the axis the differences below are rounding errors, with factors < 1e-12.
   if (r < 1e-6) return {ideal, Eigen::Matrix2d::Identity()};
   const double angle = std::atan(r);
   const double scale = angle * evaluate(scale_, angle * angle) / r;
@@ -121,8 +121,8 @@ std::optional<Eigen::Vector2d> Lens::undistort_radius(const Eigen::Vector2d& raw
   double high = fold_of(slope_, limit);
   if (!(high * evaluate(scale_, high * high) >= wanted)) return std::nullopt;
   double radius = std::min(wanted, high);
-  for (int i = 0; i < kMaxIterations;
-       ++i) {  // monotone on [low, high]: Newton, halving where it would leave
+  // Monotone on [low, high]: Newton, bisection where it would leave the bracket.
+  for (int i = 0; i < kMaxIterations; ++i) {
     const double error = radius * evaluate(scale_, radius * radius) - wanted;
     (error > 0 ? high : low) = radius;
     double next = radius - error / evaluate(slope_, radius * radius);
@@ -156,7 +156,7 @@ std::optional<Eigen::Vector2d> Lens::undistort(const Eigen::Vector2d& raw,
 FirstBend::FirstBend(Distortion distortion, const Eigen::Vector2d& ideal)
     : ideal_(ideal), along_(ideal.squaredNorm()), slope_(1) {
   const double square = along_;
-  // Nearer to the axis both models are the same but for rounding.
+  // Nearer to the axis both models are equal up to rounding.
   if (distortion != Distortion::kEquidistant || square < 1e-8) return;
   const double r = std::sqrt(square);
   const double angle = std::atan(r);

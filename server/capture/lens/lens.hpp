@@ -9,7 +9,7 @@
 
 namespace fiducap {
 
-/// A raw point and how it moves with the ideal one; both at focal length 1, principal point (0, 0).
+/// A raw point and its derivative by the ideal one, at focal length 1, principal point (0, 0).
 struct DistortedPoint {
   Eigen::Vector2d point;
   Eigen::Matrix2d raw_from_ideal;  ///< ∂ raw / ∂ ideal
@@ -17,23 +17,23 @@ struct DistortedPoint {
 
 /// The lens of a CameraModel at focal length 1: ideal pinhole point ↔ raw point.
 ///
-/// OpenCV has the same formulas, but its `undistortPoints` iterates a fixed point that diverges for
-/// strong lenses without saying so, its `fisheye::undistortPoints` clamps the angle, neither
-/// notices a folded polynomial and both allocate. So this is a bracketed Newton iteration of our
-/// own; the tests compare it with OpenCV where OpenCV converges.
+/// OpenCV has the same formulas, but its fixed-point `undistortPoints` diverges silently for strong
+/// lenses, `fisheye::undistortPoints` clamps the angle, neither detects a folded polynomial and
+/// both allocate. This is a bracketed Newton iteration; tests compare it with OpenCV where that
+/// converges.
 ///
-/// "Radius" is what the polynomial is about: tan θ for radial-tangential, θ for equidistant lenses.
+/// "Radius" is the variable of the polynomial: tan θ for radial-tangential, θ for equidistant
+/// lenses.
 class Lens final {
  public:
   /// @pre camera.distortion != Distortion::kNone
   explicit Lens(const CameraModel& camera);
 
   [[nodiscard]] double radius_of(const Eigen::Vector2d& ideal) const;
-  /// True when the image stops moving outwards somewhere between the centre and `radius`.
+  /// True when the raw radius stops growing somewhere between the centre and `radius`.
   [[nodiscard]] bool folds_back_before(double radius) const;
   [[nodiscard]] DistortedPoint distort(const Eigen::Vector2d& ideal) const;
-  /// @return nullopt when no ideal point within `max_angle_rad` and before the fold has this raw
-  /// point.
+  /// @return nullopt when no ideal point within `max_angle_rad` and the fold has this raw point.
   [[nodiscard]] std::optional<Eigen::Vector2d> undistort(const Eigen::Vector2d& raw,
                                                          double max_angle_rad) const;
 
@@ -43,7 +43,7 @@ class Lens final {
 
   [[nodiscard]] DistortedPoint distort_radial_tangential(const Eigen::Vector2d& ideal) const;
   [[nodiscard]] DistortedPoint distort_equidistant(const Eigen::Vector2d& ideal) const;
-  /// Takes out the radial part alone. @return the ideal point on the ray through `raw`.
+  /// Removes the radial part alone. @return the ideal point on the ray through `raw`.
   [[nodiscard]] std::optional<Eigen::Vector2d> undistort_radius(const Eigen::Vector2d& raw,
                                                                 double limit) const;
 
@@ -54,9 +54,8 @@ class Lens final {
   double p2_;
 };
 
-/// What the first coefficient of distortion, where it is 1, adds to the raw point of an ideal one,
-/// at focal length 1, principal point (0, 0). Both models add it in proportion to k1, whatever the
-/// other coefficients are.
+/// Derivative of the raw point by k1, at focal length 1, principal point (0, 0). In both models the
+/// raw point is linear in k1.
 class FirstBend final {
  public:
   /// @param distortion  kNone: as radial-tangential

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <charconv>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
@@ -10,12 +11,13 @@
 #include <vector>
 
 #include "base/expected.hpp"
+#include "base/time.hpp"
 
 namespace fiducap {
 
-/// Reads a comma-separated text file line by line. Memory stays at one buffer, whatever the file
-/// holds: a line longer than the buffer is counted as damaged and left out. Empty lines and lines
-/// that begin with `#` are skipped.
+/// Reads a comma-separated text file line by line, with the memory of one buffer: a line longer
+/// than that is left out and counted as damaged. Empty lines and lines that begin with `#` are
+/// skipped.
 class CsvReader final {
  public:
   [[nodiscard]] static Expected<CsvReader> open(const std::filesystem::path& path);
@@ -28,10 +30,10 @@ class CsvReader final {
   /// False when the file ended before the end of the current line: its last number may be cut.
   [[nodiscard]] bool line_is_complete() const { return complete_; }
 
-  /// The caller cannot use the current line.
+  /// Counts the current line as damaged.
   void count_damaged();
   [[nodiscard]] std::uint64_t damaged() const { return damaged_; }
-  /// One log line when there was damage; nothing otherwise.
+  /// One log line, if there was damage.
   void log_damage() const;
   [[nodiscard]] const std::string& path() const { return path_; }
 
@@ -53,7 +55,7 @@ class CsvReader final {
   bool complete_{true};
 };
 
-/// The whole field as a number, nothing left over.
+/// The whole field as a number.
 template <typename Number>
 [[nodiscard]] bool parse(std::string_view field, Number& out) {
   const char* end = field.data() + field.size();
@@ -61,11 +63,75 @@ template <typename Number>
   return error == std::errc() && stop == end;
 }
 
-/// As many fields as there are numbers wanted. @return false when there are fewer or one is not a
-/// number.
+/// The first `out.size()` fields. @return false when there are fewer or one is not a number.
 [[nodiscard]] bool parse(std::span<const std::string_view> fields, std::span<double> out);
 
 /// Nanoseconds since some epoch, not negative and far from the end of int64.
 [[nodiscard]] bool parse_stamp(std::string_view field, std::int64_t& ns);
+
+/// Finds the wrong stamps of one file of a recording by majority, before its lines are used: a
+/// wrong stamp must not cost the lines around it.
+///
+/// Left out are groups of stamps more than an hour away from the largest group, and then the fewest
+/// lines without which time never decreases. Needs no memory while time increases.
+class StampColumn final {
+ public:
+  [[nodiscard]] static Expected<StampColumn> read(const std::filesystem::path& path);
+
+  /// @pre lines are asked for in increasing order
+  [[nodiscard]] bool accepts(std::uint64_t line);
+
+  [[nodiscard]] std::size_t stamps() const { return stamps_; }  ///< Lines that have one.
+  [[nodiscard]] std::size_t left_out() const { return left_out_.size(); }
+  /// Lines without a stamp, a header among them.
+  [[nodiscard]] std::size_t unreadable() const { return unreadable_; }
+  /// First such field, other than a header.
+  [[nodiscard]] const std::string& first_unreadable() const { return first_unreadable_; }
+  /// @pre stamps() > 0
+  [[nodiscard]] Instant first() const { return first_; }
+  [[nodiscard]] Instant last() const { return last_; }
+  /// Median step between stamps; equal ones (rows of one image) count as one.
+  [[nodiscard]] Duration step() const { return step_; }
+  /// One log line, if stamps were left out.
+  void log_left_out() const;
+
+ private:
+  struct Stamp {
+    std::int64_t ns{};
+    std::uint64_t line{};
+  };
+  explicit StampColumn(std::string path) : path_(std::move(path)) {}
+  [[nodiscard]] Expected<bool> is_in_order();
+  [[nodiscard]] Expected<std::vector<Stamp>> read_all() const;
+  void keep_majority(const std::vector<Stamp>& all);
+
+  std::string path_;
+  std::size_t stamps_{0};
+  std::size_t unreadable_{0};
+  std::string first_unreadable_;
+  Instant first_{};
+  Instant last_{};
+  Duration step_{};
+  std::vector<std::uint64_t> left_out_;  ///< Lines, increasing.
+  std::size_t next_left_out_{0};
+};
+
+/// The lines of one file whose stamps can be used, see StampColumn.
+class StampedRows final {
+ public:
+  [[nodiscard]] static Expected<StampedRows> open(const std::filesystem::path& path);
+  /// Moves to the next such line; an incomplete last line is left out.
+  [[nodiscard]] bool next(std::int64_t& ns);
+  [[nodiscard]] std::span<const std::string_view> fields() const { return rows_.fields(); }
+  void count_damaged() { rows_.count_damaged(); }
+  void log_damage() const;
+
+ private:
+  StampedRows(CsvReader rows, StampColumn stamps)
+      : rows_(std::move(rows)), stamps_(std::move(stamps)) {}
+
+  CsvReader rows_;
+  StampColumn stamps_;
+};
 
 }  // namespace fiducap

@@ -7,18 +7,17 @@
 #include <string>
 #include <vector>
 
-#include "base/clock.hpp"
 #include "base/config_check.hpp"
 #include "base/expected.hpp"
+#include "base/time.hpp"
 #include "capture/imu_sample.hpp"
 #include "capture/lens/camera_model.hpp"
-#include "capture/odometry.hpp"
+#include "capture/recording/odometry.hpp"
 #include "capture/sensor_source.hpp"
-#include "capture/source_surroundings.hpp"
 
 namespace fiducap {
 
-/// A tag whose pose belongs to the recording's problem (`tags.yaml` known_tags).
+/// A tag with a given pose (`tags.yaml` known_tags).
 struct RecordedTag {
   int tag_id{};
   double edge_m{};
@@ -36,8 +35,7 @@ void describe(V& v, RecordedTag& c) {
   v.value("rotation_sigma_rad", c.rotation_sigma_rad);
 }
 
-/// What a recording says about itself: calibration and tags, no samples. The EuRoC/ASL folder
-/// layout with detections.
+/// Calibration and tags of a recording in the EuRoC/ASL folder layout with detections; no samples.
 struct RecordingInfo {
   std::string folder;
   std::string name;  ///< Last part of the folder.
@@ -45,8 +43,8 @@ struct RecordingInfo {
   std::vector<bool> has_images;   ///< Per camera: cam<K>/data/<ns>.png …
   std::vector<bool> has_corners;  ///< … or tags<K>/data.csv.
   std::optional<ImuNoise> imu;
-  std::optional<double> gravity_m_s2;  ///< Where it was made; nullopt: not told.
-  Pose X_BI;  ///< IMU in body axes (imu0 T_BS); samples come out in body axes.
+  std::optional<double> gravity_m_s2;  ///< Where it was made; nullopt: not known.
+  Pose X_BI;  ///< IMU in body axes (imu0 T_BS); samples are read in body axes.
   std::string tag_family{"tag36h11"};
   double tag_size_m{0.16};
   std::map<int, double> tag_sizes_m;
@@ -54,11 +52,11 @@ struct RecordingInfo {
   std::optional<int> max_hamming;
   std::optional<int> reference_tag;
   std::vector<RecordedTag> known_tags;
-  /// Another program's, all of it, where there is no IMU: only what is solved for offline uses it.
+  /// Of recordings without IMU; used by offline solutions only.
   std::shared_ptr<const Odometry> odometry{};
 };
 
-/// True state of the body, where the recording has it (`state_groundtruth_estimate0`).
+/// True state of the body, if recorded (`state_groundtruth_estimate0`).
 struct TruthSample {
   Instant at{};
   Pose X_WB;
@@ -69,12 +67,19 @@ struct TruthSample {
 
 /// @return Error naming the file and what is missing or broken in it.
 [[nodiscard]] Expected<RecordingInfo> read_recording_info(const std::string& folder);
+
+// The YAML files that read_recording_info reads, as text.
+[[nodiscard]] std::string camera_yaml(const CameraMount& mount);
+[[nodiscard]] std::string imu_yaml(const RecordingInfo& info);
+[[nodiscard]] std::string tags_yaml(const RecordingInfo& info);
+[[nodiscard]] std::string extrinsics_yaml(const std::vector<Pose>& X_BV);
+
 /// `mav0/odom0` (stamp, pose; T_BS and noises in sensor.yaml), or `vio_odom.csv` of a phone.
 [[nodiscard]] Expected<std::optional<Odometry>> read_odometry(const std::string& folder);
-/// By time; lines that go backwards are left out. Empty when the recording has none.
+/// By time, without lines that go backwards. Empty when the recording has none.
 [[nodiscard]] Expected<std::vector<TruthSample>> read_truth(const std::string& folder);
-/// `truth/reference_poses.csv`: another program's answer (velocity and biases zero). Empty when
-/// there is none.
+/// `truth/reference_poses.csv`: the estimate of another program (velocity and biases zero). Empty
+/// when there is none.
 [[nodiscard]] Expected<std::vector<TruthSample>> read_reference_poses(const std::string& folder);
 /// `truth/tags.csv` (id,size,px,py,pz,qw,qx,qy,qz). Empty when there is none. Sigmas are zero.
 [[nodiscard]] Expected<std::vector<RecordedTag>> read_truth_tags(const std::string& folder);
@@ -101,15 +106,13 @@ void describe(V& v, RecordingSourceConfig& c) {
                                                     const std::string& body_prefix);
 
 struct RecordingPlayback {
-  bool paced{
-      false};  ///< True: stamps are moved to the server's clock and samples come when they are due.
+  bool paced{false};  ///< Stamps are moved to the server's clock, samples come when due.
   bool loop{false};
   double speed{1.0};  ///< With `paced`.
 };
 
-/// Streams IMU, images and corners merged by time. Damaged lines are counted in a log line and left
-/// out; a file that ends in the middle of a line gives all lines before it. Reads as it goes,
-/// memory does not grow with the recording.
+/// Streams IMU, images and corners merged by time. Damaged lines are left out, counted and logged;
+/// an incomplete last line is left out. Memory does not grow with the recording.
 [[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_recording(
     const RecordingInfo& info, const RecordingPlayback& playback, const Clock& clock);
 

@@ -1,8 +1,12 @@
 #include <cmath>
+#include <locale>
+#include <sstream>
+
+#include <yaml-cpp/yaml.h>
 
 #include "base/log.hpp"
 #include "base/yaml_section.hpp"
-#include "capture/lens/pinhole_yaml.hpp"
+#include "capture/lens/calibration_files.hpp"
 #include "capture/recording/recording.hpp"
 #include "capture/recording/recording_layout.hpp"
 
@@ -24,7 +28,7 @@ Expected<CameraMount> read_camera(const std::filesystem::path& path) {
   read_lens_sigmas(*yaml, mount);
   const double shift = yaml->number("timeshift_cam_imu").value_or(0);
   if (std::abs(shift) > kLargestTimeShift_s)
-    yaml->complain("timeshift_cam_imu", "is more than 10 s");
+    yaml->add_fault("timeshift_cam_imu", "is more than 10 s");
   mount.time_shift = from_seconds(std::clamp(shift, -kLargestTimeShift_s, kLargestTimeShift_s));
   mount.time_shift_sigma_s = yaml->number("timeshift_sigma").value_or(mount.time_shift_sigma_s);
   mount.readout_s = yaml->number("readout").value_or(mount.readout_s);
@@ -33,7 +37,7 @@ Expected<CameraMount> read_camera(const std::filesystem::path& path) {
        {std::pair("timeshift_sigma", mount.time_shift_sigma_s),
         std::pair("readout", mount.readout_s), std::pair("readout_sigma", mount.readout_sigma_s)}) {
     if (!(seconds >= 0 && seconds < kLargestTimeShift_s))
-      yaml->complain(key, "must lie between 0 and 10 s");
+      yaml->add_fault(key, "must lie between 0 and 10 s");
   }
   if (const auto sound = yaml->check(); !sound) return tl::unexpected(sound.error());
   return mount;
@@ -56,13 +60,13 @@ Expected<void> read_imu(const std::filesystem::path& path, RecordingInfo& info) 
   info.imu = noise;
   info.gravity_m_s2 = yaml->number("gravity_m_s2");
   if (info.gravity_m_s2 && !(*info.gravity_m_s2 > 9 && *info.gravity_m_s2 < 11))
-    yaml->complain("gravity_m_s2", "must lie between 9 and 11");
+    yaml->add_fault("gravity_m_s2", "must lie between 9 and 11");
   info.X_BI = yaml->pose("T_BS").value_or(Pose{});
   if (info.X_BI.p.norm() > 1e-3) {
     log::warning("capture",
                  path.string() +
                      ": the IMU is not in the origin of the body axes (T_BS); its samples are "
-                     "turned into body axes, but not moved");
+                     "rotated into body axes, but the lever arm is ignored");
   }
   return yaml->check();
 }
@@ -75,35 +79,34 @@ RecordedTag read_known_tag(const YamlSection& yaml, double default_size_m) {
   const std::vector<double> q = yaml.required_numbers("orientation_wxyz", 4);
   const Eigen::Quaterniond q_WT(q[0], q[1], q[2], q[3]);
   if (std::abs(q_WT.norm() - 1) > 1e-2) {
-    yaml.complain("orientation_wxyz", "is not a unit quaternion");
+    yaml.add_fault("orientation_wxyz", "is not a unit quaternion");
   } else {
     tag.X_WT = {q_WT.normalized(), {p[0], p[1], p[2]}};
   }
   tag.position_sigma_m = yaml.number("position_sigma_m").value_or(0);
   tag.rotation_sigma_rad = yaml.number("rotation_sigma_rad").value_or(0);
-  if (tag.edge_m <= 0) yaml.complain("size_m", "must be > 0");
-  if (tag.position_sigma_m < 0) yaml.complain("position_sigma_m", "must be >= 0");
-  if (tag.rotation_sigma_rad < 0) yaml.complain("rotation_sigma_rad", "must be >= 0");
+  if (tag.edge_m <= 0) yaml.add_fault("size_m", "must be > 0");
+  if (tag.position_sigma_m < 0) yaml.add_fault("position_sigma_m", "must be >= 0");
+  if (tag.rotation_sigma_rad < 0) yaml.add_fault("rotation_sigma_rad", "must be >= 0");
   return tag;
 }
 
-// Keys of other programs (planes, boards, comments) are none of ours.
+// Keys of other programs (planes, boards, comments) are ignored.
 Expected<void> read_tags(const std::filesystem::path& path, RecordingInfo& info) {
   const Expected<YamlSection> yaml = YamlSection::load(path);
   if (!yaml) return tl::unexpected(yaml.error());
   info.tag_family = yaml->text("family").value_or(info.tag_family);
   info.tag_size_m = yaml->number("default_size_m").value_or(info.tag_size_m);
-  if (info.tag_size_m <= 0) yaml->complain("default_size_m", "must be > 0");
+  if (info.tag_size_m <= 0) yaml->add_fault("default_size_m", "must be > 0");
   if (yaml->has("sizes_m")) yaml->read("sizes_m", info.tag_sizes_m);
   for (const auto& [id, size_m] : info.tag_sizes_m) {
-    if (!(size_m > 0)) yaml->complain("sizes_m", "of tag " + std::to_string(id) + " must be > 0");
+    if (!(size_m > 0)) yaml->add_fault("sizes_m", "of tag " + std::to_string(id) + " must be > 0");
   }
   if (yaml->has("ignore_tags")) yaml->read("ignore_tags", info.ignore_tags);
   info.max_hamming = yaml->integer("max_hamming");
   info.reference_tag = yaml->integer("reference_tag");
-  for (const YamlSection& known : yaml->sections("known_tags")) {
+  for (const YamlSection& known : yaml->sections("known_tags"))
     info.known_tags.push_back(read_known_tag(known, info.tag_size_m));
-  }
   return yaml->check();
 }
 
@@ -114,15 +117,44 @@ Expected<void> read_cameras(const RecordingLayout& layout, RecordingInfo& info) 
     info.cameras.push_back(*mount);
     info.has_images.push_back(is_file(layout.images_csv(k)) && is_folder(layout.images(k)));
     info.has_corners.push_back(is_file(layout.corners_csv(k)));
-    if (is_folder(layout.images(k)) && !is_file(layout.images_csv(k))) {
+    if (is_folder(layout.images(k)) && !is_file(layout.images_csv(k)))
       log::warning("capture", layout.images(k).string() +
                                   " is not used: " + layout.images_csv(k).string() +
-                                  ", which gives the times of its images, is missing");
-    }
+                                  " with the times of its images is missing");
   }
   if (!info.cameras.empty()) return {};
   return fail(ErrorCode::kNotFound, "no camera: cam0/sensor.yaml is missing",
               layout.mav().string());
+}
+
+// Numbers read back as the same double.
+std::ostringstream exact_text() {
+  std::ostringstream out;
+  out.imbue(std::locale::classic());
+  out.precision(17);
+  return out;
+}
+
+template <typename Range>
+std::string list_of(const Range& values) {
+  std::ostringstream out = exact_text();
+  out << '[';
+  bool first = true;
+  for (const auto& value : values) {
+    out << (first ? "" : ", ") << value;
+    first = false;
+  }
+  out << ']';
+  return out.str();
+}
+
+std::string matrix_of(const Pose& X, const std::string& indent) {
+  const Eigen::Matrix3d R = X.rotation();
+  std::vector<double> rows;
+  for (Eigen::Index i = 0; i < 3; ++i) rows.insert(rows.end(), {R(i, 0), R(i, 1), R(i, 2), X.p(i)});
+  rows.insert(rows.end(), {0, 0, 0, 1});
+  return indent + "T_BS:\n" + indent + "  cols: 4\n" + indent + "  rows: 4\n" + indent +
+         "  data: " + list_of(rows) + "\n";
 }
 
 }  // namespace
@@ -144,12 +176,11 @@ Expected<RecordingInfo> read_recording_info(const std::string& folder) {
   info.folder = folder;
   std::error_code ignored;
   info.name = std::filesystem::weakly_canonical(layout->folder(), ignored).filename().string();
-  if (info.name.empty()) {
+  if (info.name.empty())
     info.name = std::filesystem::weakly_canonical(layout->folder(), ignored)
                     .parent_path()
                     .filename()
                     .string();
-  }
   if (const auto read = read_cameras(*layout, info); !read) return tl::unexpected(read.error());
   if (is_file(layout->imu_csv())) {
     if (const auto read = read_imu(layout->imu_yaml(), info); !read)
@@ -159,11 +190,81 @@ Expected<RecordingInfo> read_recording_info(const std::string& folder) {
     if (const auto read = read_tags(layout->tags_yaml(), info); !read)
       return tl::unexpected(read.error());
   }
-  if (info.imu) return info;  // which knows better how the body moved
+  if (info.imu) return info;  // odometry is not needed
   auto odometry = read_odometry(folder);
   if (!odometry) return tl::unexpected(odometry.error());
   if (*odometry) info.odometry = std::make_shared<const Odometry>(std::move(**odometry));
   return info;
+}
+
+std::string camera_yaml(const CameraMount& mount) {
+  const CameraModel& model = mount.model;
+  const std::size_t coefficients = model.distortion == Distortion::kRadialTangential ? 5 : 4;
+  std::ostringstream out = exact_text();
+  out << "sensor_type: camera\n"
+      << matrix_of(mount.X_BV, "") << "rate_hz: " << mount.rate_hz << "\n"
+      << "resolution: [" << model.width << ", " << model.height << "]\n"
+      << "camera_model: pinhole\n"
+      << "intrinsics: " << list_of(std::array{model.fu, model.fv, model.cu, model.cv})
+      << "  # fu, fv, cu, cv\n"
+      << "distortion_model: " << name_of(model.distortion) << "\n"
+      << "distortion_coefficients: "
+      << list_of(std::vector(model.coefficients.begin(), model.coefficients.begin() + coefficients))
+      << "\n"
+      << "timeshift_cam_imu: " << to_seconds(mount.time_shift) << "  # s, t_imu = t_cam + shift\n"
+      << "timeshift_sigma: " << mount.time_shift_sigma_s << "\n"
+      << "readout: " << mount.readout_s << "  # s, rolling shutter, first row to last\n"
+      << "readout_sigma: " << mount.readout_sigma_s << "\n"
+      << "T_BS_sigma: {translation_m: " << mount.position_sigma_m
+      << ", rotation_rad: " << mount.rotation_sigma_rad << "}\n";
+  if (mount.focal_sigma > 0 || mount.centre_sigma_px > 0 || mount.k1_sigma > 0)
+    out << "intrinsics_sigma: {focal: " << mount.focal_sigma
+        << ", centre_px: " << mount.centre_sigma_px << ", k1: " << mount.k1_sigma << "}\n";
+  if (mount.lens_error_px > 0) out << "lens_error_px: " << mount.lens_error_px << "\n";
+  return out.str();
+}
+
+std::string imu_yaml(const RecordingInfo& info) {
+  const ImuNoise& noise = *info.imu;
+  std::ostringstream out = exact_text();
+  out << "sensor_type: imu\n"
+      << matrix_of(info.X_BI, "") << "rate_hz: " << noise.rate_hz << "\n"
+      << "gyroscope_noise_density: " << noise.gyro_noise_rad_s_rtHz << "  # rad/s/sqrt(Hz)\n"
+      << "gyroscope_random_walk: " << noise.gyro_walk_rad_s2_rtHz << "  # rad/s^2/sqrt(Hz)\n"
+      << "accelerometer_noise_density: " << noise.accel_noise_m_s2_rtHz << "  # m/s^2/sqrt(Hz)\n"
+      << "accelerometer_random_walk: " << noise.accel_walk_m_s3_rtHz << "  # m/s^3/sqrt(Hz)\n";
+  if (info.gravity_m_s2) out << "gravity_m_s2: " << *info.gravity_m_s2 << "\n";
+  if (noise.correction) out << to_imu_correction_yaml(*noise.correction, "samples are without it");
+  return out.str();
+}
+
+std::string tags_yaml(const RecordingInfo& info) {
+  std::ostringstream out = exact_text();
+  out << "family: " << YAML::Dump(YAML::Node(info.tag_family)) << "\n"
+      << "default_size_m: " << info.tag_size_m << "  # edge of the outer black border\n";
+  if (info.reference_tag) out << "reference_tag: " << *info.reference_tag << "\n";
+  if (info.max_hamming) out << "max_hamming: " << *info.max_hamming << "\n";
+  out << "sizes_m: {";
+  for (auto size = info.tag_sizes_m.begin(); size != info.tag_sizes_m.end(); ++size)
+    out << (size == info.tag_sizes_m.begin() ? "" : ", ") << size->first << ": " << size->second;
+  out << "}\nignore_tags: " << list_of(info.ignore_tags)
+      << "\n# world_from_tag\nknown_tags:" << (info.known_tags.empty() ? " []\n" : "\n");
+  for (const RecordedTag& tag : info.known_tags) {
+    const auto& [q, p] = tag.X_WT;
+    out << "  - {id: " << tag.tag_id << ", size_m: " << tag.edge_m
+        << ", position: " << list_of(std::array{p.x(), p.y(), p.z()})
+        << ", orientation_wxyz: " << list_of(std::array{q.w(), q.x(), q.y(), q.z()})
+        << ", position_sigma_m: " << tag.position_sigma_m
+        << ", rotation_sigma_rad: " << tag.rotation_sigma_rad << "}\n";
+  }
+  return out.str();
+}
+
+std::string extrinsics_yaml(const std::vector<Pose>& X_BV) {
+  std::string out = "# sensor -> body\n";
+  for (std::size_t k = 0; k < X_BV.size(); ++k)
+    out += "cam" + std::to_string(k) + ":\n" + matrix_of(X_BV[k], "  ");
+  return out;
 }
 
 }  // namespace fiducap

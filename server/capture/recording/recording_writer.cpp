@@ -1,18 +1,13 @@
 #include "capture/recording/recording_writer.hpp"
 
-#include "capture/recording/csv_writer.hpp"
-#include "capture/recording/gray_file.hpp"
-#include "capture/recording/output_file.hpp"
-#include "capture/recording/recording_layout.hpp"
-#include "capture/recording/recording_yaml.hpp"
+#include "capture/gray_image.hpp"
 
 namespace fiducap {
 namespace {
 
 constexpr const char* kImuHeader =
-    "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m "
-    "s^-2],a_RS_S_y [m "
-    "s^-2],a_RS_S_z [m s^-2]";
+    "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m s^-2],"
+    "a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]";
 constexpr const char* kImagesHeader = "#timestamp [ns],filename";
 constexpr const char* kCornersHeader =
     "#timestamp [ns],tag_id [],hamming [],u0 [px],v0 [px],u1 [px],v1 [px],u2 [px],v2 [px],u3 "
@@ -20,76 +15,26 @@ constexpr const char* kCornersHeader =
 constexpr const char* kFramesHeader = "#timestamp [ns],detections []";
 constexpr const char* kTruthHeader =
     "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], "
-    "q_RS_z [], v_RS_R_x "
-    "[m s^-1], v_RS_R_y [m s^-1], v_RS_R_z [m s^-1], b_w_RS_S_x [rad s^-1], b_w_RS_S_y [rad s^-1], "
-    "b_w_RS_S_z [rad "
-    "s^-1], b_a_RS_S_x [m s^-2], b_a_RS_S_y [m s^-2], b_a_RS_S_z [m s^-2]";
+    "q_RS_z [], v_RS_R_x [m s^-1], v_RS_R_y [m s^-1], v_RS_R_z [m s^-1], b_w_RS_S_x [rad s^-1], "
+    "b_w_RS_S_y [rad s^-1], b_w_RS_S_z [rad s^-1], b_a_RS_S_x [m s^-2], b_a_RS_S_y [m s^-2], "
+    "b_a_RS_S_z [m s^-2]";
 
-// Of what is true or calibrated; what sensors said is written to the last bit.
-constexpr int kSensorDecimals = 9;
-
-/// A file that is there from its first line on.
-class LazyCsv final {
- public:
-  Expected<CsvWriter*> get(const std::filesystem::path& path, const char* header) {
-    if (!writer_) {
-      Expected<CsvWriter> created = CsvWriter::create(path, header);
-      if (!created) return tl::unexpected(created.error());
-      writer_ = std::move(*created);
-    }
-    return &*writer_;
-  }
-  Expected<void> flush() { return writer_ ? writer_->flush() : Expected<void>{}; }
-  Expected<void> close() { return writer_ ? writer_->close() : Expected<void>{}; }
-  [[nodiscard]] std::uint64_t bytes() const { return writer_ ? writer_->bytes() : 0; }
-
- private:
-  std::optional<CsvWriter> writer_;
-};
+// Of truth and calibration; sensor data are written exactly.
+constexpr int kTruthDecimals = 9;
 
 }  // namespace
 
-class RecordingWriter::Impl {
- public:
-  explicit Impl(const RecordingInfo& info)
-      : layout_(info.folder),
-        info_(info),
-        R_IB_(info.X_BI.rotation().transpose()),
-        cameras_(info.cameras.size()) {}
+Expected<CsvWriter*> RecordingWriter::LazyCsv::get(const std::filesystem::path& path,
+                                                   const char* header) {
+  if (!writer_) {
+    Expected<CsvWriter> created = CsvWriter::create(path, header);
+    if (!created) return tl::unexpected(created.error());
+    writer_ = std::move(*created);
+  }
+  return &*writer_;
+}
 
-  Expected<void> write_calibration();
-  Expected<void> write(const ImuSample& sample);
-  Expected<void> write(const CameraFrame& frame);
-  Expected<void> write(const CornerFrame& frame);
-  Expected<void> write(const TruthSample& truth);
-  Expected<void> write_text(const std::filesystem::path& path, const std::string& text);
-  Expected<void> flush();
-  Expected<void> close();
-  [[nodiscard]] std::uint64_t bytes();
-
-  [[nodiscard]] const RecordingLayout& layout() const { return layout_; }
-
- private:
-  struct CameraFiles {
-    LazyCsv images;
-    LazyCsv corners;
-    LazyCsv frames;
-  };
-  Expected<std::int64_t> camera_stamp(int camera, Instant exposed_at) const;
-  template <typename Each>
-  void for_each_csv(Each&& each);
-
-  RecordingLayout layout_;
-  RecordingInfo info_;
-  Eigen::Matrix3d R_IB_;
-  std::vector<CameraFiles> cameras_;
-  LazyCsv imu_;
-  LazyCsv state_;
-  std::uint64_t whole_files_bytes_{0};  ///< Images and small files.
-  std::vector<std::uint8_t> scratch_;
-};
-
-Expected<void> RecordingWriter::Impl::write_calibration() {
+Expected<void> RecordingWriter::write_calibration() {
   for (std::size_t k = 0; k < info_.cameras.size(); ++k) {
     if (const auto done = write_text(layout_.camera_yaml(k), camera_yaml(info_.cameras[k])); !done)
       return done;
@@ -97,18 +42,17 @@ Expected<void> RecordingWriter::Impl::write_calibration() {
   if (info_.imu) {
     const auto done = write_text(layout_.imu_yaml(), imu_yaml(info_));
     if (!done) return done;
-    // There from the start: a recording has an IMU when it has this file.
+    // Created at once: a recording has an IMU when it has this file.
     if (const auto csv = imu_.get(layout_.imu_csv(), kImuHeader); !csv)
       return tl::unexpected(csv.error());
   }
   return write_text(layout_.tags_yaml(), tags_yaml(info_));
 }
 
-// What the camera's own clock showed: the reader adds the time shift again.
-Expected<std::int64_t> RecordingWriter::Impl::camera_stamp(int camera, Instant exposed_at) const {
-  if (camera < 0 || camera >= static_cast<int>(info_.cameras.size())) {
+// Time of the camera's clock: the reader adds the time shift again.
+Expected<std::int64_t> RecordingWriter::camera_stamp(int camera, Instant exposed_at) const {
+  if (camera < 0 || camera >= static_cast<int>(info_.cameras.size()))
     return fail(ErrorCode::kInvalid, "has no camera " + std::to_string(camera), info_.folder);
-  }
   const std::int64_t ns =
       to_ns(exposed_at - info_.cameras[static_cast<std::size_t>(camera)].time_shift);
   if (ns < 0)
@@ -117,7 +61,7 @@ Expected<std::int64_t> RecordingWriter::Impl::camera_stamp(int camera, Instant e
   return ns;
 }
 
-Expected<void> RecordingWriter::Impl::write(const ImuSample& sample) {
+Expected<void> RecordingWriter::append(const ImuSample& sample) {
   if (!info_.imu) return fail(ErrorCode::kInvalid, "was created without IMU", info_.folder);
   const auto csv = imu_.get(layout_.imu_csv(), kImuHeader);
   if (!csv) return tl::unexpected(csv.error());
@@ -128,21 +72,21 @@ Expected<void> RecordingWriter::Impl::write(const ImuSample& sample) {
       .end_line();
 }
 
-Expected<void> RecordingWriter::Impl::write(const CameraFrame& frame) {
+Expected<void> RecordingWriter::append(const CameraFrame& frame) {
   const auto ns = camera_stamp(frame.camera, frame.exposed_at - frame.clock_shift);
   if (!ns) return tl::unexpected(ns.error());
   const auto k = static_cast<std::size_t>(frame.camera);
   const auto csv = cameras_[k].images.get(layout_.images_csv(k), kImagesHeader);
   if (!csv) return tl::unexpected(csv.error());
   const std::string name = std::to_string(*ns) + ".png";
-  // The image before its line: a list never names an image that is not there.
+  // The image before its line: the list never names a missing image.
   const auto image = write_gray_file(layout_.images(k) / name, scratch_, *frame.image);
   if (!image) return tl::unexpected(image.error());
   whole_files_bytes_ += *image;
   return (*csv)->integer(*ns).text(name).end_line();
 }
 
-Expected<void> RecordingWriter::Impl::write(const CornerFrame& frame) {
+Expected<void> RecordingWriter::append(const CornerFrame& frame) {
   const auto ns = camera_stamp(frame.camera, frame.exposed_at - frame.clock_shift);
   if (!ns) return tl::unexpected(ns.error());
   const auto k = static_cast<std::size_t>(frame.camera);
@@ -158,60 +102,44 @@ Expected<void> RecordingWriter::Impl::write(const CornerFrame& frame) {
   return (*frames)->integer(*ns).integer(static_cast<std::int64_t>(frame.tags.size())).end_line();
 }
 
-Expected<void> RecordingWriter::Impl::write(const TruthSample& truth) {
+Expected<void> RecordingWriter::write_truth(const TruthSample& truth) {
   const auto csv = state_.get(layout_.state_csv(), kTruthHeader);
   if (!csv) return tl::unexpected(csv.error());
   return (*csv)
       ->integer(to_ns(truth.at))
-      .pose(truth.X_WB, kSensorDecimals)
-      .vector(truth.v_WB, kSensorDecimals)
-      .vector(truth.bias_w, kSensorDecimals)
-      .vector(truth.bias_f, kSensorDecimals)
+      .pose(truth.X_WB, kTruthDecimals)
+      .vector(truth.v_WB, kTruthDecimals)
+      .vector(truth.bias_w, kTruthDecimals)
+      .vector(truth.bias_f, kTruthDecimals)
       .end_line();
 }
 
-Expected<void> RecordingWriter::Impl::write_text(const std::filesystem::path& path,
-                                                 const std::string& text) {
+Expected<void> RecordingWriter::write_text(const std::filesystem::path& path,
+                                           const std::string& text) {
   const auto written = write_output_file(path, text);
   if (!written) return tl::unexpected(written.error());
   whole_files_bytes_ += *written;
   return {};
 }
 
-template <typename Each>
-void RecordingWriter::Impl::for_each_csv(Each&& each) {
-  for (LazyCsv* csv : {&imu_, &state_}) each(*csv);
-  for (CameraFiles& camera : cameras_) {
-    for (LazyCsv* csv : {&camera.images, &camera.corners, &camera.frames}) each(*csv);
-  }
-}
-
-Expected<void> RecordingWriter::Impl::flush() {
+Expected<void> RecordingWriter::on_all(Expected<void> (LazyCsv::*action)()) {
   Expected<void> all;
-  for_each_csv([&all](LazyCsv& csv) {
-    if (auto done = csv.flush(); !done && all) all = std::move(done);
-  });
+  const auto act = [&](LazyCsv& csv) {
+    if (auto done = (csv.*action)(); !done && all) all = std::move(done);
+  };
+  act(imu_);
+  act(state_);
+  for (CameraFiles& camera : cameras_)
+    for (LazyCsv* csv : {&camera.images, &camera.corners, &camera.frames}) act(*csv);
   return all;
 }
 
-Expected<void> RecordingWriter::Impl::close() {
-  Expected<void> all;
-  for_each_csv([&all](LazyCsv& csv) {
-    if (auto done = csv.close(); !done && all) all = std::move(done);
-  });
+std::uint64_t RecordingWriter::bytes() const {
+  std::uint64_t all = whole_files_bytes_ + imu_.bytes() + state_.bytes();
+  for (const CameraFiles& camera : cameras_)
+    all += camera.images.bytes() + camera.corners.bytes() + camera.frames.bytes();
   return all;
 }
-
-std::uint64_t RecordingWriter::Impl::bytes() {
-  std::uint64_t all = whole_files_bytes_;
-  for_each_csv([&all](const LazyCsv& csv) { all += csv.bytes(); });
-  return all;
-}
-
-RecordingWriter::RecordingWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
-RecordingWriter::~RecordingWriter() = default;
-RecordingWriter::RecordingWriter(RecordingWriter&&) noexcept = default;
-RecordingWriter& RecordingWriter::operator=(RecordingWriter&&) noexcept = default;
 
 Expected<RecordingWriter> RecordingWriter::create(const RecordingInfo& info) {
   std::error_code error;
@@ -221,30 +149,26 @@ Expected<RecordingWriter> RecordingWriter::create(const RecordingInfo& info) {
   if (!std::filesystem::is_empty(info.folder, error) || error) {
     return fail(
         ErrorCode::kInvalid,
-        "is not empty: a recording never overwrites anything; remove it, or name another one",
+        "is not empty: a recording never overwrites anything; remove it, or choose another one",
         info.folder);
   }
-  auto impl = std::make_unique<Impl>(info);
-  if (const auto done = impl->write_calibration(); !done) return tl::unexpected(done.error());
-  return RecordingWriter(std::move(impl));
+  RecordingWriter writer(info);
+  if (const auto done = writer.write_calibration(); !done) return tl::unexpected(done.error());
+  return writer;
 }
 
 Expected<void> RecordingWriter::write(const SensorSample& sample) {
-  return std::visit([this](const auto& s) { return impl_->write(s); }, sample);
-}
-
-Expected<void> RecordingWriter::write_truth(const TruthSample& truth) {
-  return impl_->write(truth);
+  return std::visit([this](const auto& s) { return append(s); }, sample);
 }
 
 Expected<void> RecordingWriter::write_truth_tags(const std::vector<RecordedTag>& tags) {
   Expected<CsvWriter> csv =
-      CsvWriter::create(impl_->layout().truth_tags_csv(), "id,size,px,py,pz,qw,qx,qy,qz");
+      CsvWriter::create(layout_.truth_tags_csv(), "id,size,px,py,pz,qw,qx,qy,qz");
   if (!csv) return tl::unexpected(csv.error());
   for (const RecordedTag& tag : tags) {
     const auto done = csv->integer(tag.tag_id)
-                          .number(tag.edge_m, kSensorDecimals)
-                          .pose(tag.X_WT, kSensorDecimals)
+                          .number(tag.edge_m, kTruthDecimals)
+                          .pose(tag.X_WT, kTruthDecimals)
                           .end_line();
     if (!done) return done;
   }
@@ -252,11 +176,7 @@ Expected<void> RecordingWriter::write_truth_tags(const std::vector<RecordedTag>&
 }
 
 Expected<void> RecordingWriter::write_truth_extrinsics(const std::vector<Pose>& X_BV) {
-  return impl_->write_text(impl_->layout().truth_extrinsics_yaml(), extrinsics_yaml(X_BV));
+  return write_text(layout_.truth_extrinsics_yaml(), extrinsics_yaml(X_BV));
 }
-
-Expected<void> RecordingWriter::flush() { return impl_->flush(); }
-Expected<void> RecordingWriter::finish() { return impl_->close(); }
-std::uint64_t RecordingWriter::bytes() const { return impl_->bytes(); }
 
 }  // namespace fiducap

@@ -4,26 +4,26 @@
 #include <vector>
 
 #include "base/config_check.hpp"
-#include "capture/source_surroundings.hpp"
+#include "capture/sensor_source.hpp"
 
 namespace fiducap::dds {
 
-/// The sensors of a body as topics of ROS 2: any driver of a camera or an IMU.
+/// Sensors of a body as topics of ROS 2, from any driver of a camera or an IMU.
 struct RosSourceConfig {
   /// Per camera of the body, in their order. sensor_msgs/Image; CompressedImage when the name ends
   /// in `/compressed`.
   std::vector<std::string> images;
   std::string imu;  ///< sensor_msgs/Imu, in the body's axes; empty: none.
-  bool reliable{
-      false};  ///< Ask for repeats of what is lost; a driver that offers none is not heard then.
-  /// The senders' clocks are this machine's or follow the same time (PTP, NTP). False, or when
-  /// their stamps cannot be right: stamps are placed by the quickest arrivals.
+  /// Reliable QoS; drivers without it are not received then.
+  bool reliable{false};
+  /// The senders' clocks are this machine's or synchronised with it (PTP, NTP). If false, or when
+  /// their stamps are impossible, stamps are placed by arrival.
   bool synchronized{true};
-  double camera_info_wait_s{
-      10};  ///< For the lens of a camera that the configuration does not describe.
+  /// For the lens of a camera that the configuration does not describe.
+  double camera_info_wait_s{10};
 
-  /// Cameras may have no lens in the configuration: their camera_info tells it.
-  static constexpr bool kTellsLenses = true;
+  /// Cameras may have no lens in the configuration: it comes from their camera_info.
+  static constexpr bool kProvidesLenses = true;
 
   [[nodiscard]] std::vector<ConfigError> check(const std::string& prefix) const;
 };
@@ -38,7 +38,7 @@ void describe(V& v, RosSourceConfig& c) {
   v.value("camera_info_wait_s", c.camera_info_wait_s);
 }
 
-/// Rules of the source and about the rest of the body.
+/// @return broken rules of the source and of the body around it
 [[nodiscard]] std::vector<ConfigError> check_source(const RosSourceConfig& config,
                                                     const SourceSurroundings& around,
                                                     const std::string& body_prefix);
@@ -50,7 +50,7 @@ struct RosCameraConfig {
   bool synchronized{true};
   double camera_info_wait_s{10};
 
-  static constexpr bool kTellsLenses = true;
+  static constexpr bool kProvidesLenses = true;
 
   /// The same as a source without an IMU.
   [[nodiscard]] RosSourceConfig as_source() const;
@@ -64,5 +64,8 @@ void describe(V& v, RosCameraConfig& c) {
   v.value("synchronized", c.synchronized);
   v.value("camera_info_wait_s", c.camera_info_wait_s);
 }
+
+/// `/imu/data`
+[[nodiscard]] bool is_topic_name(const std::string& name);
 
 }  // namespace fiducap::dds

@@ -1,23 +1,69 @@
 #include "capture/ros/ros_source.hpp"
 
-#include <fiducap_dds/ros_sensors.h>
-
 #include <algorithm>
+#include <cctype>
 #include <chrono>
 #include <utility>
 
+#include <fiducap_dds/ros_sensors.h>
+
 #include "base/log.hpp"
 #include "capture/ros_image.hpp"
-#include "capture/stamp_mapper.hpp"
-#include "middleware/reader.hpp"
 
 namespace fiducap::dds {
 
+bool is_topic_name(const std::string& name) {
+  const auto good = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '/'; };
+  return name.size() >= 2 && name.size() <= 200 && name.front() == '/' && name.back() != '/' &&
+         name.find("//") == std::string::npos && std::all_of(name.begin(), name.end(), good);
+}
+
+std::vector<ConfigError> RosSourceConfig::check(const std::string& prefix) const {
+  Checker checker{prefix};
+  checker.within("camera_info_wait_s", camera_info_wait_s, 0, 600)
+      .require(!images.empty() && images.size() <= 16, "images",
+               std::to_string(images.size()) + " entries", "must be 1 to 16 topics")
+      .require(imu.empty() || is_topic_name(imu), "imu", '"' + imu + '"',
+               "must be a topic, e.g. /imu/data");
+  for (const auto& topic : images)
+    checker.require(is_topic_name(topic), "images", '"' + topic + '"',
+                    "must be topics, e.g. /camera/image_raw");
+  return checker.errors;
+}
+
+RosSourceConfig RosCameraConfig::as_source() const {
+  return {.images = {image},
+          .imu = "",
+          .reliable = reliable,
+          .synchronized = synchronized,
+          .camera_info_wait_s = camera_info_wait_s};
+}
+
+std::vector<ConfigError> RosCameraConfig::check(const std::string& prefix) const {
+  return Checker{prefix}
+      .within("camera_info_wait_s", camera_info_wait_s, 0, 600)
+      .require(is_topic_name(image), "image", '"' + image + '"',
+               "must be a topic, e.g. /camera/image_raw")
+      .errors;
+}
+
+std::vector<ConfigError> check_source(const RosSourceConfig& config,
+                                      const SourceSurroundings& around,
+                                      const std::string& body_prefix) {
+  Checker rules{body_prefix, config.check(body_prefix + "source.")};
+  rules
+      .require(around.cameras.size() == config.images.size(), "cameras",
+               std::to_string(around.cameras.size()) + " entries",
+               "a ros source has one camera per topic in source.images")
+      .require(config.imu.empty() || !around.has_imu_source, "imu_source", "{…}",
+               "must not be given together with source.imu");
+  return rules.errors;
+}
+
 namespace {
 
-// So long a stop may take to be seen.
-constexpr Duration kSlice = std::chrono::milliseconds(50);
-// IMU samples are never dropped: half a second at 1 kHz may wait while an image is decoded.
+constexpr Duration kSlice = std::chrono::milliseconds(50);  // delay of a stop
+// IMU samples are never dropped: half a second at 1 kHz is queued while an image is decoded.
 constexpr int kImuDepth = 512;
 constexpr int kImageDepth = 2;
 
@@ -25,66 +71,56 @@ std::int64_t to_ns(const builtin_interfaces_msg_dds__Time_& stamp) {
   return std::int64_t{stamp.sec} * 1'000'000'000 + stamp.nanosec;
 }
 
-Expected<Reader> subscribe(const Participant& in, const std::string& topic,
-                           const dds_topic_descriptor_t& type, bool reliable, int depth) {
+Expected<Reader> make_reader(const Participant& in, const std::string& topic,
+                             const dds_topic_descriptor& type, bool reliable, int depth) {
   return Reader::make(in, {"rt" + topic, &type, {}}, {reliable, false, depth, 0});
 }
 
 struct Camera {
   std::string topic;
   CameraMount mount;
-  Reader reader;
-  bool complained{false};
+  bool warned{false};
 };
 
-class RosSource final : public SensorSource {
+class RosSource final : public TopicSource {
  public:
   RosSource(std::shared_ptr<Participant> participant, const RosSourceConfig& config,
             const Clock& clock, WaitSet arrivals)
-      : participant_(std::move(participant)),
-        mapper_(config.synchronized),
-        clock_(clock),
-        arrivals_(std::move(arrivals)) {}
+      : TopicSource(std::move(participant), config.synchronized, clock, std::move(arrivals),
+                    "the stamps of a ROS source are not of this machine's time: they are placed by "
+                    "arrival now (synchronise the clocks by PTP or NTP)"),
+        has_imu_(!config.imu.empty()) {}
 
   Expected<void> subscribe_all(const RosSourceConfig& config,
                                const std::vector<CameraMount>& mounts) {
-    if (!config.imu.empty()) {
-      auto reader = subscribe(*participant_, config.imu, sensor_msgs_msg_dds__Imu__desc,
-                              config.reliable, kImuDepth);
-      if (!reader) return tl::unexpected(reader.error());
-      imu_.emplace(std::move(*reader));
-      if (auto added = arrivals_.add(*imu_); !added) return added;
+    if (has_imu_) {
+      if (auto done =
+              subscribe(config.imu, sensor_msgs_msg_dds__Imu__desc, config.reliable, kImuDepth);
+          !done)
+        return done;
     }
     for (std::size_t k = 0; k < std::min(config.images.size(), mounts.size()); ++k) {
       const auto& type = ros::is_compressed(config.images[k])
                              ? sensor_msgs_msg_dds__CompressedImage__desc
                              : sensor_msgs_msg_dds__Image__desc;
-      auto reader = subscribe(*participant_, config.images[k], type, config.reliable, kImageDepth);
-      if (!reader) return tl::unexpected(reader.error());
-      if (auto added = arrivals_.add(*reader); !added) return added;
-      cameras_.push_back({config.images[k], mounts[k], std::move(*reader)});
+      if (auto done = subscribe(config.images[k], type, config.reliable, kImageDepth); !done)
+        return done;
+      cameras_.push_back({config.images[k], mounts[k]});
     }
     return {};
   }
 
-  Expected<std::optional<SensorSample>> next(std::stop_token stop) override {
-    while (!stop.stop_requested()) {
-      if (participant_->is_crowded())
-        return fail(ErrorCode::kUnavailable, "the DDS domain is crowded and left for a moment");
-      if (auto imu = next_imu()) return imu;
-      if (auto image = next_image()) return image;
-      // Nothing is lost when a message comes just now: the next wait ends at once.
-      [[maybe_unused]] const bool arrived = arrivals_.wait(kSlice);
-    }
-    return std::nullopt;
+ private:
+  std::optional<SensorSample> next_sample() override {
+    if (auto imu = next_imu()) return imu;
+    return next_image();
   }
 
- private:
   std::optional<SensorSample> next_imu() {
-    if (!imu_) return std::nullopt;
-    while (auto loan = imu_->take()) {
+    if (!has_imu_) return std::nullopt;
+    while (auto loan = readers().front().take()) {
       const auto& message = loan.as<sensor_msgs_msg_dds__Imu_>();
-      const auto at = place(message.header.stamp);
+      const auto at = place(to_ns(message.header.stamp));
       if (!at) continue;
       const auto& w = message.angular_velocity;
       const auto& f = message.linear_acceleration;
@@ -93,11 +129,11 @@ class RosSource final : public SensorSource {
     return std::nullopt;
   }
 
-  /// In turn, so that a camera that floods leaves room for the others.
+  /// In turn: a camera with a high rate does not block the others.
   std::optional<SensorSample> next_image() {
     for (std::size_t tried = 0; tried < cameras_.size(); ++tried) {
       const std::size_t k = turn_++ % cameras_.size();
-      auto loan = cameras_[k].reader.take();
+      auto loan = readers()[k + (has_imu_ ? 1 : 0)].take();
       if (!loan) continue;
       auto frame = ros::is_compressed(cameras_[k].topic)
                        ? read(k, loan.as<sensor_msgs_msg_dds__CompressedImage_>())
@@ -131,35 +167,19 @@ class RosSource final : public SensorSource {
                                      const Expected<void>& converted,
                                      std::shared_ptr<GrayImage> gray) {
     if (!converted) {
-      if (!std::exchange(cameras_[k].complained, true)) {
+      if (!std::exchange(cameras_[k].warned, true)) {
         log::warning("capture", cameras_[k].topic + ": " + converted.error().text() +
                                     "; such images are left out");
       }
       return std::nullopt;
     }
-    const auto at = place(stamp);
+    const auto at = place(to_ns(stamp));
     if (!at) return std::nullopt;
     return CameraFrame{static_cast<int>(k), *at + cameras_[k].mount.time_shift, std::move(gray)};
   }
 
-  std::optional<Instant> place(const builtin_interfaces_msg_dds__Time_& stamp) {
-    const bool by_stamp = !mapper_.by_arrival();
-    const auto at = mapper_.place(to_ns(stamp), clock_.now(), utc_now_ns());
-    if (by_stamp && mapper_.by_arrival()) {
-      log::warning(
-          "capture",
-          "the stamps of a ROS source are not of this machine's time (PTP or NTP would help): they "
-          "are placed by arrival now");
-    }
-    return at;
-  }
-
-  std::shared_ptr<Participant> participant_;
-  StampMapper mapper_;
-  const Clock& clock_;
-  std::optional<Reader> imu_;
+  bool has_imu_;  ///< Its reader is the first one.
   std::vector<Camera> cameras_;
-  WaitSet arrivals_;  // goes before the readers
   GrayImagePool pool_;
   std::size_t turn_{0};
 };
@@ -184,12 +204,12 @@ Expected<CameraModel> lens_of(const sensor_msgs_msg_dds__CameraInfo_& message, b
 Expected<CameraModel> wait_for_lens(const Participant& participant, const std::string& images,
                                     Instant deadline, const Clock& clock) {
   const std::string topic = ros::camera_info_topic(images);
-  auto reader = subscribe(participant, topic, sensor_msgs_msg_dds__CameraInfo__desc, false, 1);
+  auto reader = make_reader(participant, topic, sensor_msgs_msg_dds__CameraInfo__desc, false, 1);
   if (!reader) return tl::unexpected(reader.error());
   auto arrivals = WaitSet::make(participant);
   if (!arrivals) return tl::unexpected(arrivals.error());
   if (auto added = arrivals->add(*reader); !added) return tl::unexpected(added.error());
-  std::string why = "nothing came: is the driver running, in this domain?";
+  std::string why = "nothing received: is the driver running, in this domain?";
   do {
     [[maybe_unused]] const bool arrived = arrivals->wait(kSlice);
     while (auto loan = reader->take()) {
@@ -198,11 +218,37 @@ Expected<CameraModel> wait_for_lens(const Participant& participant, const std::s
       why = model.error().text();
     }
   } while (clock.now() < deadline);
-  return fail(ErrorCode::kNotFound, why + " Or describe the camera's lens in the configuration.",
-              topic);
+  return fail(ErrorCode::kNotFound, why + " Or describe the lens in the configuration.", topic);
 }
 
 }  // namespace
+
+Expected<std::optional<SensorSample>> TopicSource::next(std::stop_token stop) {
+  while (!stop.stop_requested()) {
+    if (participant_->is_flooded())
+      return fail(ErrorCode::kUnavailable,
+                  "the DDS domain has too many participants and is left for a short time");
+    if (auto sample = next_sample()) return sample;
+    // A message that arrives just now ends the next wait at once.
+    [[maybe_unused]] const bool arrived = arrivals_.wait(kSlice);
+  }
+  return std::nullopt;
+}
+
+Expected<void> TopicSource::subscribe(const std::string& topic, const dds_topic_descriptor& type,
+                                      bool reliable, int depth) {
+  auto reader = make_reader(*participant_, topic, type, reliable, depth);
+  if (!reader) return tl::unexpected(reader.error());
+  readers_.push_back(std::move(*reader));
+  return arrivals_.add(readers_.back());
+}
+
+std::optional<Instant> TopicSource::place(std::int64_t stamp_ns) {
+  const bool by_stamp = !mapper_.by_arrival();
+  const auto at = mapper_.place(stamp_ns, clock_.now(), utc_now_ns());
+  if (by_stamp && mapper_.by_arrival()) log::warning("capture", by_arrival_warning_);
+  return at;
+}
 
 std::int64_t utc_now_ns() {
   return std::chrono::duration_cast<Duration>(std::chrono::system_clock::now().time_since_epoch())
@@ -222,16 +268,16 @@ Expected<std::unique_ptr<SensorSource>> open_ros_source(std::shared_ptr<Particip
   return source;
 }
 
-Expected<void> ask_for_lenses(const Participant& participant, const RosSourceConfig& config,
-                              std::vector<CameraMount>& cameras, const Clock& clock) {
+Expected<void> wait_for_lenses(const Participant& participant, const RosSourceConfig& config,
+                               std::vector<CameraMount>& cameras, const Clock& clock) {
   const Instant deadline = clock.now() + from_seconds(config.camera_info_wait_s);
   for (std::size_t k = 0; k < std::min(cameras.size(), config.images.size()); ++k) {
     if (cameras[k].model.width != 0) continue;
     auto model = wait_for_lens(participant, config.images[k], deadline, clock);
     if (!model) return tl::unexpected(model.error());
     cameras[k].model = *model;
-    log::info("capture", config.images[k] + ": " + std::to_string(model->width) + " x " +
-                             std::to_string(model->height) + ", lens by camera_info");
+    log::info("capture", config.images[k] + ": " + size_text(model->width, model->height) +
+                             ", lens by camera_info");
   }
   return {};
 }

@@ -43,7 +43,7 @@ std::string kernel_name_of(const fs::path& names, const std::string& file) {
 }
 
 /// @return false: it is no camera
-bool ask(ListedCamera& camera, const CameraPlaces& places) {
+bool fill_in(ListedCamera& camera, const CameraPlaces& places) {
   auto port = places.open(camera.device);
   if (!port) {
     camera.closed = port.error();
@@ -101,7 +101,7 @@ std::vector<ListedCamera> list_cameras(const CameraPlaces& places) {
     camera.device = (places.devices / file).string();
     camera.lasting_name = lasting_name_of(places.devices, camera.device);
     camera.name = kernel_name_of(places.names, file);
-    if (ask(camera, places)) cameras.push_back(std::move(camera));
+    if (fill_in(camera, places)) cameras.push_back(std::move(camera));
   }
   return cameras;
 }
@@ -121,20 +121,21 @@ std::optional<SuggestedMode> suggest_mode(const ListedCamera& camera) {
 }
 
 std::string source_section(const ListedCamera& camera) {
-  std::string text = "source:\n" + key_line("type: camera", "") +
-                     key_line("open: " + camera.open(),
-                              camera.lasting_name.empty() ? "may be another number after a restart"
-                                                          : "the same after a restart");
+  std::string text =
+      "source:\n" + key_line("type: camera", "") +
+      key_line("open: " + camera.open(), camera.lasting_name.empty()
+                                             ? "may have another number after a restart"
+                                             : "the same after a restart");
   if (const auto mode = suggest_mode(camera)) {
     text += key_line("width: " + std::to_string(mode->size.width), "calibrate this size");
     text += key_line("height: " + std::to_string(mode->size.height), "");
     if (mode->rate_hz > 0) text += key_line("rate_hz: " + shortest(mode->rate_hz), "");
   }
-  text += key_line("format: auto", "the quickest, as measured; it says which");
+  text += key_line("format: auto", "the fastest as measured; the log names it");
   if (has_control(camera, V4L2_CID_EXPOSURE_ABSOLUTE)) {
-    text += key_line("exposure_s: 0.005", "short: motion smears tags. Then more light or gain");
+    text += key_line("exposure_s: 0.005", "short, against motion blur; then more light or gain");
   } else {
-    text += key_line("# exposure_s: 0.005", "cannot be set; what it is, if you know it");
+    text += key_line("# exposure_s: 0.005", "cannot be set; its value, if known");
   }
   for (const v4l2::Control& control : camera.controls) {
     const std::string range =
@@ -142,7 +143,7 @@ std::string source_section(const ListedCamera& camera) {
     if (control.id == V4L2_CID_GAIN && control.value)
       text += key_line("gain: " + std::to_string(*control.value), range);
     if (control.id == V4L2_CID_FOCUS_ABSOLUTE)
-      text += key_line("focus: 0", range + "; fixed, or the calibration does not hold");
+      text += key_line("focus: 0", range + "; fixed: the calibration depends on it");
   }
   return text;
 }

@@ -6,49 +6,49 @@
 #include <string>
 #include <vector>
 
-#include "capture/v4l2/control.hpp"
+#include "capture/v4l2/controls.hpp"
 #include "capture/v4l2/device.hpp"
 
 namespace fiducap {
 
-/// A video device of this computer, as far as it can be asked.
+/// A video device of this computer.
 struct ListedCamera {
-  std::string device;        ///< `/dev/video0`
-  std::string lasting_name;  ///< `/dev/v4l/by-id/…`: the same after a restart; empty: it has none.
-  std::string name;          ///< As the kernel calls it.
-  std::optional<Error> closed;  ///< Why nothing more is known.
+  std::string device;           ///< `/dev/video0`
+  std::string lasting_name;     ///< `/dev/v4l/by-id/…`, stable over restarts; empty: none.
+  std::string name;             ///< In the kernel.
+  std::optional<Error> closed;  ///< Reason why nothing more is known.
   v4l2::Identity identity;
   std::vector<v4l2::OfferedFormat> formats;
   std::vector<v4l2::Control> controls;
   std::optional<v4l2::Mode> now;
 
-  /// What a configuration calls it.
+  /// Its name in a configuration.
   [[nodiscard]] const std::string& open() const {
     return lasting_name.empty() ? device : lasting_name;
   }
 };
 
-/// Where devices are looked for; another place for tests.
+/// Folders that are searched for devices; others in tests.
 struct CameraPlaces {
   std::filesystem::path devices{"/dev"};
   std::filesystem::path names{"/sys/class/video4linux"};
   std::function<Expected<std::unique_ptr<v4l2::Port>>(const std::string&)> open{v4l2::open_port};
 };
 
-/// Those that give images, in order of their numbers, and those that may not be opened; nodes for
-/// metadata, outputs and codecs are left out. Images of a camera that runs are not disturbed.
+/// Cameras in order of their numbers, including those that may not be opened, without nodes for
+/// metadata, outputs and codecs. Running cameras are not disturbed.
 [[nodiscard]] std::vector<ListedCamera> list_cameras(const CameraPlaces& places);
 
-/// A good mode to begin with: the largest size up to a megapixel at its highest rate, if that is
-/// 25 Hz or more; else the quickest. nullopt: nothing that we read.
+/// A good initial mode: the largest size up to a megapixel at its highest rate, if that is 25 Hz or
+/// more; else the fastest. nullopt: no supported format.
 struct SuggestedMode {
   std::string format;
   PixelSize size{};
-  double rate_hz{};  ///< 0: it does not say.
+  double rate_hz{};  ///< 0: not known.
 };
 [[nodiscard]] std::optional<SuggestedMode> suggest_mode(const ListedCamera& camera);
 
-/// `source:` of a body, to be pasted into a configuration.
+/// Section `source:` of a body, for a configuration.
 [[nodiscard]] std::string source_section(const ListedCamera& camera);
 
 }  // namespace fiducap

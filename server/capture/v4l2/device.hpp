@@ -1,17 +1,38 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "base/expected.hpp"
-#include "capture/encoded_size.hpp"
-#include "capture/v4l2/v4l2_port.hpp"
+#include "base/time.hpp"
+#include "capture/gray_image.hpp"
 
 namespace fiducap::v4l2 {
 
-/// What a video device says of itself.
+/// The system calls of one open video device, which the destructor closes; an interface for tests.
+class Port {
+ public:
+  enum class Ready { kImage, kNothing, kBroken };
+
+  virtual ~Port() = default;
+  /// ioctl. @return 0, or errno
+  [[nodiscard]] virtual int control(unsigned long request, void* argument) = 0;
+  /// Memory of a buffer that the driver fills; empty when it cannot be mapped.
+  [[nodiscard]] virtual std::span<std::byte> map(std::size_t length, std::uint32_t offset) = 0;
+  virtual void unmap(std::span<std::byte> memory) = 0;
+  /// Waits for a filled buffer.
+  [[nodiscard]] virtual Ready wait(Duration at_most) = 0;
+};
+
+/// @return Error with reason and remedy
+[[nodiscard]] Expected<std::unique_ptr<Port>> open_port(const std::string& device);
+
+/// A video device as it identifies itself.
 struct Identity {
   std::string driver;           ///< `uvcvideo`
   std::string card;             ///< `HD Pro Webcam C920`
@@ -19,13 +40,12 @@ struct Identity {
   std::uint32_t buffer_type{};  ///< V4L2_BUF_TYPE_VIDEO_CAPTURE or …_MPLANE.
 };
 
-/// @return Error when it is no camera that streams: the node of an output, of metadata, of a codec
+/// @return Error when it is no streaming camera: the node of an output, of metadata, of a codec
 [[nodiscard]] Expected<Identity> identify(Port& port, const std::string& device);
 
-/// One size and how often, at most, the device promises an image of it.
 struct OfferedSize {
   PixelSize size{};
-  std::vector<double> rates_hz{};  ///< Falling; empty: it does not say.
+  std::vector<double> rates_hz{};  ///< Nominal maxima, falling; empty: not known.
 };
 
 struct OfferedFormat {
@@ -35,25 +55,25 @@ struct OfferedFormat {
   bool any_size_between{false};
 };
 
-/// All that the device offers, in its order; bounded, whatever it says.
+/// All that the device offers, in its order; bounded.
 [[nodiscard]] std::vector<OfferedFormat> offered_formats(Port& port, const Identity& identity);
 [[nodiscard]] std::vector<double> offered_rates(Port& port, std::uint32_t code, PixelSize size);
 
-/// What is set now.
 struct Mode {
   std::uint32_t code{};
   PixelSize size{};
   std::size_t stride{};
-  double rate_hz{};  ///< 0: the device does not say.
+  double rate_hz{};  ///< 0: not known.
 };
 
-/// nullopt: the device does not say.
+/// nullopt: not known.
 [[nodiscard]] std::optional<Mode> current_mode(Port& port, const Identity& identity);
-/// Asks for a mode. @param rate_hz  0: as it comes
-/// @return what the device made of it, which may be another size, format or rate; Error: errno
-[[nodiscard]] Expected<Mode> ask_for_mode(Port& port, const Identity& identity, std::uint32_t code,
+/// Requests a mode. @param rate_hz  0: not changed
+/// @return the actual mode, which may have another size, format or rate; Error: errno
+[[nodiscard]] Expected<Mode> request_mode(Port& port, const Identity& identity, std::uint32_t code,
                                           PixelSize size, double rate_hz);
 
-[[nodiscard]] std::string size_text(PixelSize size);
+/// Text of a field of the kernel, up to the first zero; unprintable characters as '?'.
+[[nodiscard]] std::string text_of_field(std::span<const std::uint8_t> bytes);
 
 }  // namespace fiducap::v4l2

@@ -1,4 +1,4 @@
-#include "capture/v4l2/mode_choice.hpp"
+#include "capture/v4l2/stream.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -15,14 +15,14 @@ namespace {
 constexpr double kSameRate = 0.97;  // of two rates: crystals and rounding differ by less
 constexpr Duration kMeasured = std::chrono::milliseconds(500);
 constexpr Duration kLongestMeasured = std::chrono::milliseconds(2500);
-constexpr int kMostMeasured = 3;  // what opens must not take many seconds
+constexpr int kMostMeasured = 3;  // to open within a few seconds
 constexpr Duration kMeasuredSlice = std::chrono::milliseconds(100);
 
-/// A format that gives the wished size, or says so.
+/// A format that offers the requested size.
 struct Candidate {
   const PixelFormat* format{};
-  double promised_hz{};  ///< Infinite: it does not say.
-  double asked_hz{};     ///< 0: as it comes.
+  double nominal_hz{};    ///< Infinite: not known.
+  double requested_hz{};  ///< 0: not changed.
   std::optional<double> measured_hz{};
 };
 
@@ -32,13 +32,13 @@ bool gives(const OfferedFormat& offered, PixelSize size) {
                      [&](const OfferedSize& one) { return one.size == size; });
 }
 
-/// The lowest rate that is not lower than wished; else the highest. @param rates_hz  falling
-double rate_to_ask(const std::vector<double>& rates_hz, double wished_hz) {
-  if (rates_hz.empty()) return wished_hz;
-  if (wished_hz <= 0) return rates_hz.front();
+/// The lowest rate not below the wanted one; else the highest. @param rates_hz  falling
+double rate_to_ask(const std::vector<double>& rates_hz, double wanted_hz) {
+  if (rates_hz.empty()) return wanted_hz;
+  if (wanted_hz <= 0) return rates_hz.front();
   double best = rates_hz.front();
   for (const double rate : rates_hz)
-    if (rate >= wished_hz * 0.99) best = rate;
+    if (rate >= wanted_hz * 0.99) best = rate;
   return best;
 }
 
@@ -65,49 +65,48 @@ std::string all_formats(const std::vector<OfferedFormat>& offered) {
   return all.empty() ? "nothing" : all;
 }
 
-Error nothing_fits(const std::vector<OfferedFormat>& offered, const ModeWish& wish) {
+Error nothing_fits(const std::vector<OfferedFormat>& offered, const ModeRequest& request) {
   const bool some_readable =
       std::any_of(offered.begin(), offered.end(),
                   [](const OfferedFormat& format) { return pixel_format(format.code) != nullptr; });
   if (!some_readable) {
     return {ErrorCode::kUnsupported,
-            "offers no format that is read here, but " + all_formats(offered) +
-                ": cameras with raw Bayer images are opened as `libcamera:`",
+            "offers no supported format, but " + all_formats(offered) +
+                ": open cameras with raw Bayer images as `libcamera:`",
             {}};
   }
-  const std::string wished =
-      wish.format == nullptr ? "images" : std::string(wish.format->name) + " images";
+  const std::string wanted =
+      request.format == nullptr ? "images" : std::string(request.format->name) + " images";
   return {ErrorCode::kInvalid,
-          "gives no " + wished + " of " + size_text(wish.size) + "; it offers " +
+          "gives no " + wanted + " of " + size_text(request.size) + "; it offers " +
               all_formats(offered) + " at " + all_sizes(offered),
           {}};
 }
 
 std::vector<Candidate> candidates_among(Port& port, const std::vector<OfferedFormat>& offered,
-                                        const ModeWish& wish) {
+                                        const ModeRequest& request) {
   std::vector<Candidate> candidates;
   for (const OfferedFormat& format : offered) {
     const PixelFormat* known = pixel_format(format.code);
-    if (known == nullptr || (wish.format != nullptr && known != wish.format)) continue;
-    if (!gives(format, wish.size)) continue;
-    const auto rates_hz = offered_rates(port, format.code, wish.size);
+    if (known == nullptr || (request.format != nullptr && known != request.format)) continue;
+    if (!gives(format, request.size)) continue;
+    const auto rates_hz = offered_rates(port, format.code, request.size);
     Candidate candidate{known, std::numeric_limits<double>::infinity(),
-                        rate_to_ask(rates_hz, wish.rate_hz)};
-    if (!rates_hz.empty()) candidate.promised_hz = candidate.asked_hz;
+                        rate_to_ask(rates_hz, request.rate_hz)};
+    if (!rates_hz.empty()) candidate.nominal_hz = candidate.requested_hz;
     candidates.push_back(candidate);
   }
-  // The quickest first; of those that promise the same, as the table of formats has them. 29.97 Hz
-  // and 30 Hz are the same.
+  // By falling rate, then in the order of pixel_formats(). 29.97 Hz and 30 Hz are equal.
   std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
-    const double a_hz = std::round(a.promised_hz), b_hz = std::round(b.promised_hz);
+    const double a_hz = std::round(a.nominal_hz), b_hz = std::round(b.nominal_hz);
     return a_hz != b_hz ? a_hz > b_hz : a.format < b.format;
   });
   return candidates;
 }
 
-/// @return 0 when not even a few images came
+/// @return 0 with too few images
 double measure_rate(Stream& stream, const Clock& clock) {
-  constexpr int kFirst = 2;  // a device that wakes up
+  constexpr int kFirst = 2;  // images of a starting device
   constexpr int kLeast = 4;
   const Instant began = clock.now();
   Instant first{}, last{};
@@ -134,40 +133,34 @@ std::string others_text(const std::vector<Candidate>& candidates, const PixelFor
     text += (text.empty() ? "" : ", ") + std::string(one.format->name);
     if (one.measured_hz) {
       text += " (" + fixed(*one.measured_hz, 1) + " Hz measured)";
-    } else if (one.promised_hz < std::numeric_limits<double>::infinity()) {
-      text += " (promises " + fixed(one.promised_hz, 1) + " Hz)";
+    } else if (one.nominal_hz < std::numeric_limits<double>::infinity()) {
+      text += " (" + fixed(one.nominal_hz, 1) + " Hz nominal)";
     }
   }
   return text;
 }
 
-/// Sets a mode and starts it.
-class Trial final {
- public:
-  Trial(Port& port, const Identity& identity, PixelSize size)
-      : port_(port), identity_(identity), size_(size) {}
+/// Sets and starts one mode.
+struct Trial {
+  Port& port;
+  const Identity& identity;
+  PixelSize size;
 
   [[nodiscard]] Expected<ChosenMode> start(const Candidate& candidate) const {
     ChosenMode chosen;
     chosen.format = candidate.format;
-    auto mode = ask_for_mode(port_, identity_, candidate.format->code, size_, candidate.asked_hz);
+    auto mode = request_mode(port, identity, candidate.format->code, size, candidate.requested_hz);
     if (!mode) return tl::unexpected(mode.error());
     chosen.mode = *mode;
-    if (mode->code != candidate.format->code || mode->size != size_) {
-      return fail(ErrorCode::kInvalid, "was asked for " + std::string(candidate.format->name) +
-                                           " at " + size_text(size_) + " and made it " +
+    if (mode->code != candidate.format->code || mode->size != size)
+      return fail(ErrorCode::kInvalid, "was set to " + std::string(candidate.format->name) +
+                                           " at " + size_text(size) + " but uses " +
                                            code_text(mode->code) + " at " + size_text(mode->size));
-    }
-    auto stream = Stream::start(port_, identity_);
+    auto stream = Stream::start(port, identity);
     if (!stream) return tl::unexpected(stream.error());
     chosen.stream = std::move(*stream);
     return chosen;
   }
-
- private:
-  Port& port_;
-  const Identity& identity_;
-  PixelSize size_;
 };
 
 Error gives_no_image() {
@@ -178,15 +171,15 @@ Error gives_no_image() {
           {}};
 }
 
-/// @return the quickest of all, streaming
-Expected<ChosenMode> quickest(std::vector<Candidate>& candidates, const Trial& trial,
-                              bool is_measured, const Clock& clock) {
+/// @return the fastest, streaming
+Expected<ChosenMode> fastest(std::vector<Candidate>& candidates, const Trial& trial,
+                             bool is_measured, const Clock& clock) {
   std::optional<ChosenMode> best;
   const Candidate* best_candidate = nullptr;
   Error failure = gives_no_image();
   int measured = 0;
   for (Candidate& candidate : candidates) {
-    if (best && (!is_measured || best->measured_hz >= kSameRate * candidate.promised_hz)) break;
+    if (best && (!is_measured || best->measured_hz >= kSameRate * candidate.nominal_hz)) break;
     if (measured == kMostMeasured) break;
     if (best) best->stream.reset();  // a device has one stream at a time
     auto started = trial.start(candidate);
@@ -213,17 +206,17 @@ Expected<ChosenMode> quickest(std::vector<Candidate>& candidates, const Trial& t
 
 }  // namespace
 
-Expected<ChosenMode> choose_mode(Port& port, const Identity& identity, const ModeWish& asked,
+Expected<ChosenMode> choose_mode(Port& port, const Identity& identity, const ModeRequest& requested,
                                  const Clock& clock) {
-  ModeWish wish = asked;
-  if (wish.size.width == 0) {
-    if (const auto now = current_mode(port, identity)) wish.size = now->size;
+  ModeRequest request = requested;
+  if (request.size.width == 0) {
+    if (const auto now = current_mode(port, identity)) request.size = now->size;
   }
   const auto offered = offered_formats(port, identity);
-  std::vector<Candidate> candidates = candidates_among(port, offered, wish);
-  if (candidates.empty()) return tl::unexpected(nothing_fits(offered, wish));
-  const Trial trial(port, identity, wish.size);
-  auto best = quickest(candidates, trial, !wish.waits_for_trigger, clock);
+  std::vector<Candidate> candidates = candidates_among(port, offered, request);
+  if (candidates.empty()) return tl::unexpected(nothing_fits(offered, request));
+  const Trial trial{port, identity, request.size};
+  auto best = fastest(candidates, trial, !request.waits_for_trigger, clock);
   if (best) best->others = others_text(candidates, best->format);
   return best;
 }

@@ -2,14 +2,17 @@
 
 #include <algorithm>
 #include <array>
+#include <csetjmp>
+#include <cstdio>
 #include <cstring>
 
+#include <jerror.h>
+#include <jpeglib.h>
 #include <linux/videodev2.h>
 
 namespace fiducap::v4l2 {
 namespace {
 
-// Newer than the headers of Debian 12 are only formats that nobody needs here.
 constexpr std::array kFormats{
     PixelFormat{V4L2_PIX_FMT_GREY, "GREY"},
     PixelFormat{V4L2_PIX_FMT_Y10, "Y10", Layout::kWords, 0, 2, 2},
@@ -35,7 +38,13 @@ constexpr std::array kFormats{
     PixelFormat{V4L2_PIX_FMT_JPEG, "JPEG", Layout::kJpeg},
 };
 
-// The loops are plain so that the compiler vectorises them.
+template <typename Predicate>
+const PixelFormat* first_format(Predicate is_wanted) {
+  const auto* found = std::find_if(kFormats.begin(), kFormats.end(), is_wanted);
+  return found == kFormats.end() ? nullptr : found;
+}
+
+// Plain loops, which the compiler vectorises.
 template <std::size_t kStep>
 void pick_bytes(const std::uint8_t* from, std::size_t count, std::uint8_t* to) {
   for (std::size_t i = 0; i < count; ++i) to[i] = from[kStep * i];
@@ -49,7 +58,7 @@ void shift_words(const std::uint8_t* from, std::size_t count, int shift, std::ui
   }
 }
 
-/// The upper bytes of groups of `kPixels`, which one byte of lower bits follows.
+/// The upper bytes of groups of `kPixels`; a byte of lower bits follows each group.
 template <std::size_t kPixels>
 void skip_lower_bits(const std::uint8_t* from, std::size_t count, std::uint8_t* to) {
   for (std::size_t i = 0; i < count; ++i) to[i] = from[i + i / kPixels];
@@ -88,20 +97,40 @@ void read_row(const PixelFormat& format, const std::uint8_t* from, std::size_t c
   }
 }
 
+/// Error handler of libjpeg; it must not return from an error.
+struct JpegErrors {
+  jpeg_error_mgr manager{};  ///< First: libjpeg passes its address only.
+  std::jmp_buf way_out{};
+  int damaged{};  ///< Number of the first message about wrong pixels; 0: none.
+};
+
+JpegErrors& errors_of(j_common_ptr jpeg) { return *reinterpret_cast<JpegErrors*>(jpeg->err); }
+
+// Others are harmless and regular with some cameras (bytes between markers).
+bool means_wrong_pixels(int message) {
+  return message == JWRN_HIT_MARKER || message == JWRN_JPEG_EOF || message == JWRN_HUFF_BAD_CODE ||
+         message == JWRN_MUST_RESYNC || message == JWRN_NOT_SEQUENTIAL;
+}
+
+void leave(j_common_ptr jpeg) { std::longjmp(errors_of(jpeg).way_out, 1); }
+
+void note(j_common_ptr jpeg, int level) {
+  JpegErrors& errors = errors_of(jpeg);
+  const int message = errors.manager.msg_code;
+  if (level < 0 && errors.damaged == 0 && means_wrong_pixels(message)) errors.damaged = message;
+}
+
+void ignore(j_common_ptr) {}
+
 }  // namespace
 
 std::span<const PixelFormat> pixel_formats() { return kFormats; }
 
 const PixelFormat* pixel_format(std::uint32_t code) {
-  const auto* found = std::find_if(kFormats.begin(), kFormats.end(),
-                                   [code](const PixelFormat& f) { return f.code == code; });
-  return found == kFormats.end() ? nullptr : found;
+  return first_format([code](const PixelFormat& f) { return f.code == code; });
 }
-
 const PixelFormat* pixel_format(std::string_view name) {
-  const auto* found = std::find_if(kFormats.begin(), kFormats.end(),
-                                   [name](const PixelFormat& f) { return f.name == name; });
-  return found == kFormats.end() ? nullptr : found;
+  return first_format([name](const PixelFormat& f) { return f.name == name; });
 }
 
 std::string code_text(std::uint32_t code) {
@@ -146,6 +175,68 @@ bool read_gray(const PixelFormat& format, std::span<const std::byte> bytes, std:
   for (std::size_t v = 0; v < height; ++v)
     read_row(format, from + v * stride, width, out.pixels.data() + v * width);
   return true;
+}
+
+class JpegGray::Impl {
+ public:
+  Impl() {
+    jpeg_.err = jpeg_std_error(&errors_.manager);
+    errors_.manager.error_exit = leave;
+    errors_.manager.emit_message = note;
+    errors_.manager.output_message = ignore;
+    jpeg_create_decompress(&jpeg_);
+  }
+  ~Impl() { jpeg_destroy_decompress(&jpeg_); }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  /// @return nullptr on success. No objects with destructors, which longjmp would skip.
+  const char* read(const unsigned char* bytes, std::size_t size, GrayImage& out) {
+    errors_.damaged = 0;
+    if (setjmp(errors_.way_out) != 0) {
+      jpeg_.err->format_message(reinterpret_cast<j_common_ptr>(&jpeg_), text_.data());
+      jpeg_abort_decompress(&jpeg_);
+      return text_.data();
+    }
+    jpeg_mem_src(&jpeg_, bytes, static_cast<unsigned long>(size));
+    jpeg_read_header(&jpeg_, TRUE);
+    if (jpeg_.progressive_mode) return refuse("is a progressive JPEG, which is not supported");
+    jpeg_.out_color_space = JCS_GRAYSCALE;
+    jpeg_start_decompress(&jpeg_);
+    if (jpeg_.output_width != static_cast<JDIMENSION>(out.width) ||
+        jpeg_.output_height != static_cast<JDIMENSION>(out.height))
+      return refuse("has two sizes");
+    while (jpeg_.output_scanline < jpeg_.output_height) {
+      JSAMPROW row = out.pixels.data() + std::size_t{jpeg_.output_scanline} * jpeg_.output_width;
+      jpeg_read_scanlines(&jpeg_, &row, 1);
+    }
+    jpeg_finish_decompress(&jpeg_);
+    return errors_.damaged == 0 ? nullptr : "is a JPEG whose data is damaged or ends too early";
+  }
+
+ private:
+  const char* refuse(const char* why) {
+    jpeg_abort_decompress(&jpeg_);
+    return why;
+  }
+
+  jpeg_decompress_struct jpeg_{};
+  JpegErrors errors_;
+  std::array<char, JMSG_LENGTH_MAX> text_{};
+};
+
+JpegGray::JpegGray() : impl_(std::make_unique<Impl>()) {}
+JpegGray::~JpegGray() = default;
+
+Expected<void> JpegGray::read(std::span<const std::byte> bytes, GrayImage& out) {
+  const auto size = encoded_size(bytes);
+  if (!size) return tl::unexpected(size.error());
+  if (*size != PixelSize{out.width, out.height})
+    return fail(ErrorCode::kInvalid, "is a JPEG of " + size_text(*size) + " instead of " +
+                                         size_text(out.width, out.height));
+  const char* fault =
+      impl_->read(reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size(), out);
+  return fault == nullptr ? Expected<void>{} : fail(ErrorCode::kInvalid, fault);
 }
 
 }  // namespace fiducap::v4l2

@@ -1,15 +1,18 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
 
+#include "base/expected.hpp"
 #include "capture/gray_image.hpp"
 
 namespace fiducap::v4l2 {
 
-/// How gray lies in the bytes of an image.
+/// Position of the gray value in the bytes of an image.
 enum class Layout {
   kBytes,  ///< A byte per pixel, every `step` bytes from byte `first` on.
   kWords,  ///< Two bytes, little-endian, `shift` bits more than eight.
@@ -20,26 +23,26 @@ enum class Layout {
   kJpeg,
 };
 
-/// A pixel format of the kernel out of which we read gray.
+/// A supported pixel format of the kernel.
 struct PixelFormat {
   std::uint32_t code{};   ///< FourCC.
-  std::string_view name;  ///< As configurations say it.
+  std::string_view name;  ///< In configurations.
   Layout layout{Layout::kBytes};
   std::size_t first{0};
   std::size_t step{1};
   int shift{0};
 };
 
-/// Those that we read, best first: of two that are equally quick the first is used. Gray before
-/// colours, eight bits before more, raw before JPEG, which costs milliseconds and corners.
+/// Supported formats, best first: of two with the same rate the first is used. Gray before colour,
+/// eight bits before more, raw before JPEG, which costs milliseconds and corner accuracy.
 [[nodiscard]] std::span<const PixelFormat> pixel_formats();
-/// nullptr: none that we read.
+/// nullptr: not supported.
 [[nodiscard]] const PixelFormat* pixel_format(std::uint32_t code);
 [[nodiscard]] const PixelFormat* pixel_format(std::string_view name);
-/// `YUYV`, `Y10 `: as the kernel writes it, characters that cannot be printed as '?'.
+/// `YUYV`, `Y10 `: as the kernel writes it, unprintable characters as '?'.
 [[nodiscard]] std::string code_text(std::uint32_t code);
 
-/// Bytes of a row, as far as its gray goes. @pre format.layout != kJpeg
+/// Bytes of a row that contain gray. @pre format.layout != kJpeg
 [[nodiscard]] std::size_t row_bytes(const PixelFormat& format, int width);
 
 /// @param out  its size is the size of the image
@@ -47,5 +50,24 @@ struct PixelFormat {
 /// @pre format.layout != kJpeg
 [[nodiscard]] bool read_gray(const PixelFormat& format, std::span<const std::byte> bytes,
                              std::size_t stride, GrayImage& out);
+
+/// Decodes the gray channel of a camera's JPEG images, without the colours. One for each thread.
+///
+/// An incomplete or damaged image is an error: libjpeg would fill the rest with gray.
+class JpegGray final {
+ public:
+  JpegGray();
+  ~JpegGray();
+  JpegGray(const JpegGray&) = delete;
+  JpegGray& operator=(const JpegGray&) = delete;
+
+  /// @param bytes  an image, and possibly padding
+  /// @param out    its size is the expected one; another size is an error
+  [[nodiscard]] Expected<void> read(std::span<const std::byte> bytes, GrayImage& out);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
 
 }  // namespace fiducap::v4l2

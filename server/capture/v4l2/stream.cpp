@@ -9,7 +9,7 @@
 namespace fiducap::v4l2 {
 namespace {
 
-// A driver fails once when a transfer was disturbed; this often in a row it is lost.
+// A disturbed transfer fails once; after this many failures in a row the device is lost.
 constexpr int kMostFailures = 10;
 
 tl::unexpected<Error> refused(const char* what, int error) {
@@ -21,7 +21,7 @@ tl::unexpected<Error> stream_lost(const std::string& why) {
 }
 
 KernelStamp stamp_of(const v4l2_buffer& buffer) {
-  constexpr std::int64_t kAnyTime_s = 4'000'000'000;  // no overflow, whatever a driver says
+  constexpr std::int64_t kAnyTime_s = 4'000'000'000;  // avoids overflow
   const std::int64_t s = buffer.timestamp.tv_sec;
   KernelStamp stamp;
   if (s < 0 || s >= kAnyTime_s) return stamp;
@@ -35,8 +35,7 @@ KernelStamp stamp_of(const v4l2_buffer& buffer) {
 
 }  // namespace
 
-/// A buffer as the kernel wants it described, of devices with one or several planes. Only the first
-/// plane is of interest: it has the gray.
+/// Description of a buffer for the kernel, with one or several planes; the first one has the gray.
 struct Stream::Request {
   v4l2_buffer buffer{};
   std::array<v4l2_plane, VIDEO_MAX_PLANES> planes{};
@@ -83,31 +82,31 @@ Expected<void> Stream::map_buffers() {
   wanted.type = identity_.buffer_type;
   wanted.memory = V4L2_MEMORY_MMAP;
   if (const int error = port_.control(VIDIOC_REQBUFS, &wanted); error == EBUSY) {
-    return refused("is used by another program (`fuser -v` with its name says which)", error);
+    return refused("is used by another program (find it with `fuser -v` and its name)", error);
   } else if (error != 0) {
-    return refused("gives no buffers for images", error);
+    return refused("provides no buffers for images", error);
   }
   constexpr std::uint32_t kMostBuffers = 32;
   for (std::uint32_t i = 0; i < std::min(wanted.count, kMostBuffers); ++i) {
     Request request(identity_.buffer_type, i);
     if (const int error = port_.control(VIDIOC_QUERYBUF, &request.buffer); error != 0)
-      return refused("does not say where its buffers are", error);
+      return refused("does not report its buffers", error);
     const auto memory = port_.map(request.length(), request.offset());
     if (memory.empty()) return refused("does not share its buffers", ENOMEM);
     memory_.push_back(memory);
   }
-  if (memory_.size() < 2) return refused("gives too few buffers for images", ENOMEM);
+  if (memory_.size() < 2) return refused("provides too few buffers for images", ENOMEM);
   unqueued_.reserve(memory_.size());
   return {};
 }
 
 Expected<void> Stream::begin() {
   for (std::uint32_t i = 0; i < memory_.size(); ++i)
-    if (const int error = queue(i); error != 0) return refused("does not take its buffers", error);
+    if (const int error = queue(i); error != 0)
+      return refused("does not accept its buffers", error);
   auto type = static_cast<int>(identity_.buffer_type);
   if (const int error = port_.control(VIDIOC_STREAMON, &type); error == ENOSPC) {
-    return refused("finds no room on its USB bus: use a smaller size or rate, or another bus",
-                   error);
+    return refused("USB bus is full: use a smaller size or rate, or another bus", error);
   } else if (error != 0) {
     return refused("does not start", error);
   }
@@ -136,7 +135,7 @@ void Stream::give_back(const FilledBuffer& buffer) {
 
 Expected<std::optional<FilledBuffer>> Stream::take(Duration within) {
   std::erase_if(unqueued_, [this](std::uint32_t index) { return queue(index) == 0; });
-  if (unqueued_.size() == memory_.size()) return stream_lost("it takes no buffers");
+  if (unqueued_.size() == memory_.size()) return stream_lost("it accepts no buffers");
   switch (port_.wait(within)) {
     case Port::Ready::kNothing:
       return std::nullopt;
@@ -150,7 +149,7 @@ Expected<std::optional<FilledBuffer>> Stream::take(Duration within) {
     return no_buffer(error);
   failures_ = 0;
   const v4l2_buffer& buffer = request.buffer;
-  if (buffer.index >= memory_.size()) return stream_lost("it names a buffer that is not there");
+  if (buffer.index >= memory_.size()) return stream_lost("it returned an unknown buffer");
   const auto memory = memory_[buffer.index];
   const std::size_t end = std::min(request.end_of_bytes(), memory.size());
   const std::size_t begin = std::min(request.begin_of_bytes(), end);
@@ -165,8 +164,8 @@ Expected<std::optional<FilledBuffer>> Stream::take(Duration within) {
 
 Expected<std::optional<FilledBuffer>> Stream::no_buffer(int error) {
   if (error == EAGAIN) return std::nullopt;
-  const bool may_go_on = error == EIO || error == ENOMEM;
-  if (may_go_on && ++failures_ < kMostFailures) return std::nullopt;
+  const bool may_recover = error == EIO || error == ENOMEM;
+  if (may_recover && ++failures_ < kMostFailures) return std::nullopt;
   return stream_lost(std::strerror(error));
 }
 

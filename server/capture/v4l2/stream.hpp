@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -9,15 +8,16 @@
 #include <vector>
 
 #include "base/expected.hpp"
+#include "base/time.hpp"
 #include "capture/v4l2/device.hpp"
-#include "capture/v4l2/v4l2_port.hpp"
+#include "capture/v4l2/pixel_format.hpp"
 
 namespace fiducap::v4l2 {
 
-/// What the kernel says of when an image was taken.
+/// The kernel's stamp of an image.
 struct KernelStamp {
   std::int64_t ns{};
-  bool is_monotonic{};  ///< On the clock that the server counts by.
+  bool is_monotonic{};  ///< On the server's clock.
   bool marks_start{};   ///< Start of exposure, else the end of the frame.
 };
 
@@ -27,10 +27,10 @@ struct FilledBuffer {
   std::span<const std::byte> bytes{};
   KernelStamp stamp{};
   std::uint32_t sequence{};
-  bool damaged{};  ///< The driver says that pixels are missing or wrong.
+  bool damaged{};  ///< The driver reports missing or wrong pixels.
 };
 
-/// Images flow from the device into buffers that it shares with us, from `start` until it dies.
+/// Image buffers shared with the device, filled from `start` until destruction.
 class Stream final {
  public:
   /// @param port  outlives it
@@ -41,13 +41,13 @@ class Stream final {
   Stream& operator=(const Stream&) = delete;
 
   /// The oldest filled buffer; nullopt when none comes `within`.
-  /// @return Error when the device is lost, or gives nothing but failures
+  /// @return Error when the device is lost, or after repeated failures
   [[nodiscard]] Expected<std::optional<FilledBuffer>> take(Duration within);
-  /// It may be filled again.
+  /// The driver may fill it again.
   void give_back(const FilledBuffer& buffer);
 
  private:
-  static constexpr std::uint32_t kBuffers = 4;  ///< So many may wait while the reader is busy.
+  static constexpr std::uint32_t kBuffers = 4;  ///< Images queued while the reader is busy.
   struct Request;
 
   Stream(Port& port, const Identity& identity) : port_(port), identity_(identity) {}
@@ -59,9 +59,31 @@ class Stream final {
   Port& port_;
   Identity identity_;
   std::vector<std::span<std::byte>> memory_;
-  std::vector<std::uint32_t> unqueued_;  ///< Given back, but the driver did not take them.
+  std::vector<std::uint32_t> unqueued_;  ///< Given back, but refused by the driver.
   int failures_{0};                      ///< In a row.
   bool flows_{false};
 };
+
+struct ModeRequest {
+  const PixelFormat* format{nullptr};  ///< nullptr: the fastest.
+  PixelSize size{};                    ///< 0 x 0: the present one.
+  double rate_hz{0};                   ///< 0: the highest.
+  bool waits_for_trigger{false};       ///< Images may be far apart: nothing is measured.
+};
+
+/// A mode that is set, and streams.
+struct ChosenMode {
+  Mode mode{};
+  const PixelFormat* format{};
+  double measured_hz{0};  ///< 0: not measured.
+  std::string others{};   ///< Other formats of this size, with their rates.
+  std::unique_ptr<Stream> stream{};
+};
+
+/// Chooses the format with the highest measured rate at the requested size. Measures at most three,
+/// for half a second each, in falling order of nominal rate; formats with a lower nominal rate than
+/// the best measured one are not tried.
+[[nodiscard]] Expected<ChosenMode> choose_mode(Port& port, const Identity& identity,
+                                               const ModeRequest& request, const Clock& clock);
 
 }  // namespace fiducap::v4l2

@@ -1,4 +1,4 @@
-#include "capture/video/opencv_video.hpp"
+#include "capture/video/video_source.hpp"
 
 #include <cmath>
 #include <filesystem>
@@ -13,46 +13,23 @@
 namespace fiducap::video {
 namespace {
 
-std::string size_of(int width, int height) {
-  return std::to_string(width) + " x " + std::to_string(height);
-}
-
-Expected<void> check_size(int width, int height, const CameraModel& camera,
-                          const std::string& name) {
-  if (camera.width == 0 || (width == camera.width && height == camera.height)) return {};
-  return fail(ErrorCode::kInvalid,
-              "gives images of " + size_of(width, height) + ", the calibration is for " +
-                  size_of(camera.width, camera.height) +
-                  ": use the calibration of this mode, or ask the device for "
-                  "the calibrated size",
-              name);
-}
-
-// One pass over the pixels, into memory that is reused.
 Expected<void> to_gray(const cv::Mat& image, GrayImage& out) {
   out.resize(image.cols, image.rows);
   cv::Mat gray(image.rows, image.cols, CV_8UC1, out.pixels.data());
-  switch (image.type()) {
-    case CV_8UC1:
-      image.copyTo(gray);
-      return {};
-    case CV_8UC3:
-      cv::cvtColor(image, gray, cv::COLOR_BGR2GRAY);
-      return {};
-    case CV_8UC4:
-      cv::cvtColor(image, gray, cv::COLOR_BGRA2GRAY);
-      return {};
-    case CV_8UC2:
-      cv::cvtColor(image, gray, cv::COLOR_YUV2GRAY_YUY2);
-      return {};
-    case CV_16UC1:
-      image.convertTo(gray, CV_8UC1, 1.0 / 256);
-      return {};
-    default:
-      break;
-  }
-  return fail(ErrorCode::kUnsupported,
-              "pixel format " + cv::typeToString(image.type()) + " is not supported");
+  const int conversion = image.type() == CV_8UC3   ? cv::COLOR_BGR2GRAY
+                         : image.type() == CV_8UC4 ? cv::COLOR_BGRA2GRAY
+                         : image.type() == CV_8UC2 ? cv::COLOR_YUV2GRAY_YUY2
+                                                   : -1;
+  if (image.type() == CV_8UC1)
+    image.copyTo(gray);
+  else if (image.type() == CV_16UC1)
+    image.convertTo(gray, CV_8UC1, 1.0 / 256);
+  else if (conversion >= 0)
+    cv::cvtColor(image, gray, conversion);
+  else
+    return fail(ErrorCode::kUnsupported,
+                "pixel format " + cv::typeToString(image.type()) + " is not supported");
+  return {};
 }
 
 class OpenCvStream final : public VideoStream {
@@ -78,7 +55,7 @@ class OpenCvStream final : public VideoStream {
         log::warning("capture", name_ + ": an image cannot be decoded; such images are left out");
       return nullptr;
     }
-    if (const auto fits = check_size(decoded_.cols, decoded_.rows, camera_, name_); !fits)
+    if (const auto fits = fits_calibration({decoded_.cols, decoded_.rows}, camera_, name_); !fits)
       return tl::unexpected(fits.error());
     std::shared_ptr<GrayImage> gray = pool_.acquire();
     if (const auto converted = to_gray(decoded_, *gray); !converted)
@@ -103,7 +80,7 @@ const char* why_not_opened(VideoKind kind) {
     case VideoKind::kFile:
       return "is no video that OpenCV can read";
     case VideoKind::kNetwork:
-      return "cannot be reached, or gives no video: address, user and password in it, network?";
+      return "cannot be reached, or gives no video: check address, user, password and network";
     case VideoKind::kPipeline:
       break;
   }
@@ -111,18 +88,16 @@ const char* why_not_opened(VideoKind kind) {
          "gstreamer1.0-plugins-base)";
 }
 
-/// Every backend in turn (CAP_ANY) would also take a list of pictures for a video, and complains
-/// aloud on the way.
+/// CAP_ANY would also accept a list of pictures as video, and prints errors of each backend.
 int backend_of(VideoKind kind) {
   return kind == VideoKind::kPipeline ? cv::CAP_GSTREAMER : cv::CAP_FFMPEG;
 }
 
-/// A camera on the network that is silent is given up, to be opened again.
+/// A silent camera on the network is closed, to be opened again.
 std::vector<int> parameters_of(VideoKind kind) {
-  constexpr int kPatience_ms = 5000;
+  constexpr int kTimeout_ms = 5000;
   if (kind != VideoKind::kNetwork) return {};
-  return {cv::CAP_PROP_OPEN_TIMEOUT_MSEC, kPatience_ms, cv::CAP_PROP_READ_TIMEOUT_MSEC,
-          kPatience_ms};
+  return {cv::CAP_PROP_OPEN_TIMEOUT_MSEC, kTimeout_ms, cv::CAP_PROP_READ_TIMEOUT_MSEC, kTimeout_ms};
 }
 
 }  // namespace
@@ -130,21 +105,19 @@ std::vector<int> parameters_of(VideoKind kind) {
 Expected<OpenedVideo> open_video(VideoKind kind, const std::string& name, const std::string& what,
                                  const CameraModel& camera) {
   std::error_code ignored;
-  if (kind == VideoKind::kFile && !std::filesystem::is_regular_file(what, ignored)) {
+  if (kind == VideoKind::kFile && !std::filesystem::is_regular_file(what, ignored))
     return fail(ErrorCode::kNotFound,
                 "no such video file (a device is /dev/videoN or N, a GStreamer pipeline has a '!')",
                 name);
-  }
   cv::VideoCapture video;
   video.open(what, backend_of(kind), parameters_of(kind));
   if (!video.isOpened()) return fail(ErrorCode::kUnavailable, why_not_opened(kind), name);
-  // Pictures stay as the sensor read them out, as those of a JPEG do: a phone that was held upright
-  // has the same calibration.
+  // Images are not rotated, as with JPEG: the calibration is that of the sensor.
   if (kind == VideoKind::kFile) video.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);
   const int width = static_cast<int>(video.get(cv::CAP_PROP_FRAME_WIDTH));
   const int height = static_cast<int>(video.get(cv::CAP_PROP_FRAME_HEIGHT));
   if (width > 0 && height > 0) {  // else not known before the first image
-    if (const auto fits = check_size(width, height, camera, name); !fits)
+    if (const auto fits = fits_calibration({width, height}, camera, name); !fits)
       return tl::unexpected(fits.error());
   }
   const double rate_hz = video.get(cv::CAP_PROP_FPS);

@@ -1,17 +1,84 @@
-#include "daemon/bodies/body_opening.hpp"
+#include "daemon/bodies/body_setup.hpp"
 
 #include <algorithm>
-#include <string>
+#include <exception>
 #include <utility>
 
 #include "capture/camera_device.hpp"
-#include "daemon/bodies/reopening_source.hpp"
 
 namespace fiducap {
 
+ReopeningSource::ReopeningSource(Expected<std::unique_ptr<SensorSource>> first, Open open,
+                                 Listener listener, const Clock& clock)
+    : open_(std::move(open)), listener_(std::move(listener)), clock_(clock) {
+  if (first) {
+    source_ = std::move(*first);
+  } else {
+    at_start_ = std::move(first.error());
+  }
+}
+
+Expected<std::optional<SensorSample>> ReopeningSource::next(std::stop_token stop) {
+  if (at_start_) lose(*std::exchange(at_start_, std::nullopt));
+  while (!stop.stop_requested()) {
+    if (!source_ && !wait_and_reopen(stop)) continue;
+    auto sample = ask(stop);
+    if (!sample) {
+      lose(sample.error());
+      continue;
+    }
+    if (sample->has_value()) note_sample();
+    return sample;
+  }
+  return std::nullopt;
+}
+
+Expected<std::optional<SensorSample>> ReopeningSource::ask(std::stop_token stop) {
+  try {
+    return source_->next(std::move(stop));
+  } catch (const std::exception& failure) {
+    return fail(ErrorCode::kUnavailable, failure.what());
+  }
+}
+
+/// A single sample does not prove that the device works.
+void ReopeningSource::note_sample() {
+  gave_at_ = clock_.now();
+  if (!gives_since_) gives_since_ = gave_at_;
+  if (reported_.empty() || gave_at_ - *gives_since_ < kBackAfter) return;
+  reported_.clear();
+  listener_.back();
+}
+
+void ReopeningSource::lose(const Error& why) {
+  source_.reset();  // releases the device, which could not be opened otherwise
+  const auto gave_since = std::exchange(gives_since_, std::nullopt);
+  if (gave_since && gave_at_ - *gave_since >= kForgiven) pause_ = kShortestPause;
+  std::string text = why.text();
+  if (text == reported_ && !gave_since) return;
+  reported_ = std::move(text);
+  listener_.lost(why);
+}
+
+bool ReopeningSource::wait_and_reopen(std::stop_token stop) {
+  if (!clock_.wait_until(clock_.now() + pause_, stop)) return false;
+  pause_ = std::min(2 * pause_, kLongestPause);
+  try {
+    auto opened = open_();
+    if (opened) {
+      source_ = std::move(*opened);
+    } else {
+      lose(opened.error());
+    }
+  } catch (const std::exception& failure) {
+    lose(Error{ErrorCode::kUnavailable, failure.what(), {}});
+  }
+  return source_ != nullptr;
+}
+
 namespace {
 
-/// Without them there is no filter, so no body either.
+/// Without lenses there is no filter.
 bool knows_lenses(const BodySetup& setup) {
   const auto& cameras = setup.sensors.cameras;
   return std::all_of(cameras.begin(), cameras.end(),
@@ -22,26 +89,26 @@ Error about(const BodyConfig& config, const Error& error) {
   return {error.code, config.name + ": " + error.text(), {}};
 }
 
-/// What images are held against: the calibrated size, and the rate that was asked of a device.
-std::vector<ImageWatch::Promise> promises_of(const BodyConfig& config, const BodySetup& setup) {
-  std::vector<ImageWatch::Promise> all;
-  // Without noise every image of a robot at rest is the one before.
+/// Expectations for the images: the calibrated size, and the requested rate of a device.
+std::vector<ImageWatch::Nominal> nominal_images(const BodyConfig& config, const BodySetup& setup) {
+  std::vector<ImageWatch::Nominal> all;
+  // Without noise all images of a robot at rest are equal.
   const bool has_noise = config.source.simulator.camera.pixel_noise > 0;
   if (config.source.type == SourceType::kSimulator && !has_noise) return all;
   const auto& cameras = setup.sensors.cameras;
   for (std::size_t k = 0; k < cameras.size(); ++k) {
-    ImageWatch::Promise promise{{cameras[k].model.width, cameras[k].model.height}, 0};
+    ImageWatch::Nominal nominal{{cameras[k].model.width, cameras[k].model.height}, 0};
     if (config.source.type == SourceType::kCamera && !is_file(config.source.camera))
-      promise.rate_hz = config.source.camera.rate_hz;
+      nominal.rate_hz = config.source.camera.rate_hz;
     const auto own = k < config.cameras.size() ? config.cameras[k].source : std::nullopt;
     if (own && own->type == CameraSourceType::kCamera && !is_file(own->camera))
-      promise.rate_hz = own->camera.rate_hz;
-    all.push_back(promise);
+      nominal.rate_hz = own->camera.rate_hz;
+    all.push_back(nominal);
   }
   return all;
 }
 
-/// The others of its body go on without it.
+/// The body has other sources of images.
 bool has_others(const BodyConfig& config, const SensorPart& part) {
   const auto parts = parts_of(config);
   return std::count_if(parts.begin(), parts.end(), gives_images) > (gives_images(part) ? 1 : 0);
@@ -49,11 +116,11 @@ bool has_others(const BodyConfig& config, const SensorPart& part) {
 
 }  // namespace
 
-BodyOpening::BodyOpening(const ServerConfig& config, const ServerOptions& options,
-                         const Clock& clock, EventBoard& events, dds::Membership& membership,
+BodyOpening::BodyOpening(const ServerConfig& config, SourceHooks hooks, const Clock& clock,
+                         EventBoard& events, dds::Membership& membership,
                          std::function<void(std::size_t)> lost)
     : config_(config),
-      options_(options),
+      hooks_(std::move(hooks)),
       clock_(clock),
       events_(events),
       membership_(membership),
@@ -89,7 +156,7 @@ Expected<BodyOpening::Body> BodyOpening::open_body(const BodyConfig& config,
     if (source || again) ++opened_;
     if (source && !again) body.truth = truth_of(**source, config_);
     body.sources.push_back({keep_open(config, part, body.setup, std::move(source)), name_of(part),
-                            gives_images(part), promises_of(config, body.setup)});
+                            gives_images(part), nominal_images(config, body.setup)});
   }
   return body;
 }
@@ -100,17 +167,17 @@ BodyOpening::Opened BodyOpening::open(const BodyConfig& config, const SensorPart
                             {.room = config_.simulation,
                              .clock = clock_,
                              .simulation_start = simulation_start_,
-                             .motion = options_.motion ? options_.motion(config.name) : nullptr,
+                             .motion = hooks_.motion ? hooks_.motion(config.name) : nullptr,
                              .join_dds = [this] { return membership_.join(); }});
-  if (source && options_.source) *source = options_.source(config.name, std::move(*source));
+  if (source && hooks_.source) *source = hooks_.source(config.name, std::move(*source));
   return source;
 }
 
 bool BodyOpening::comes_back(const BodyConfig& config, const SensorPart& part) const {
-  return may_come_back(config, part) || options_.source;
+  return may_come_back(config, part) || hooks_.source;
 }
 
-/// A device that is lost, or not there yet, is opened again; any other source fails for good.
+/// Reopens a device that is lost or missing; any other source fails for good.
 /// @param config  outlives the source
 std::unique_ptr<SensorSource> BodyOpening::keep_open(const BodyConfig& config,
                                                      const SensorPart& part, const BodySetup& setup,
@@ -126,7 +193,7 @@ std::unique_ptr<SensorSource> BodyOpening::keep_open(const BodyConfig& config,
                        .subject = config.name,
                        .kind = kind,
                        .text = "its " + what + " is lost: " + why.text(),
-                       .remedy = "It is opened again until it comes back"});
+                       .remedy = "It is reopened until it comes back"});
       },
       [this, what, kind, &config] { events_.end(config.name, kind, "its " + what + " is back"); }};
   return std::make_unique<ReopeningSource>(

@@ -5,18 +5,87 @@
 #include <utility>
 
 #include "base/log.hpp"
-#include "streaming/net/guard.hpp"
 
 namespace fiducap {
-
 namespace {
 
-// A source that was read for this long before it threw is read on at once.
+bool is_image(const Delivery& delivery) {
+  return !std::holds_alternative<ImuSample>(delivery.sample);
+}
+
+// After so long without an exception the pauses are short again.
 constexpr Duration kForgivenAfter = std::chrono::minutes(1);
 constexpr Duration kFirstPause = std::chrono::milliseconds(100);
 constexpr Duration kLastPause = std::chrono::seconds(30);
 
 }  // namespace
+
+BodyInbox::BodyInbox(std::size_t max_images) : max_images_(max_images) {
+  waiting_.reserve(kMaxImu + max_images + 1);
+}
+
+bool BodyInbox::push(SensorSample sample, Instant arrived) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (closed_ || finished_) return false;
+    Delivery delivery{std::move(sample), arrived};
+    if (is_image(delivery)) {
+      if (images_ == max_images_) {
+        waiting_.erase(std::find_if(waiting_.begin(), waiting_.end(), is_image));
+        ++images_dropped_;
+      } else {
+        ++images_;
+      }
+    } else if (waiting_.size() - images_ == kMaxImu) {
+      waiting_.clear();
+      images_ = 0;
+      ++overflows_;
+    }
+    waiting_.push_back(std::move(delivery));
+  }
+  filled_.notify_one();
+  return true;
+}
+
+void BodyInbox::finish() { set_and_notify(finished_); }
+void BodyInbox::close() { set_and_notify(closed_); }
+void BodyInbox::wake() { set_and_notify(woken_); }
+
+void BodyInbox::set_and_notify(bool& flag) {
+  {
+    const std::lock_guard lock(mutex_);
+    flag = true;
+  }
+  filled_.notify_one();
+}
+
+bool BodyInbox::take(std::vector<Delivery>& out, std::stop_token stop) {
+  out.clear();
+  std::unique_lock lock(mutex_);
+  filled_.wait(lock, stop, [this] { return !waiting_.empty() || finished_ || closed_ || woken_; });
+  const bool woken = std::exchange(woken_, false);
+  if (closed_ || stop.stop_requested() || (waiting_.empty() && !woken)) return false;
+  if (out.capacity() < waiting_.capacity()) out.reserve(waiting_.capacity());
+  out.swap(waiting_);
+  images_ = 0;
+  return true;
+}
+
+void BodyInbox::clear() {
+  const std::lock_guard lock(mutex_);
+  waiting_.clear();
+  images_ = 0;
+}
+
+std::uint64_t BodyInbox::overflows() const {
+  const std::lock_guard lock(mutex_);
+  return overflows_;
+}
+
+std::uint64_t BodyInbox::images_dropped() const {
+  const std::lock_guard lock(mutex_);
+  return images_dropped_;
+}
 
 BodyReader::BodyReader(BodySource source, std::string body, Take take, EventBoard& events,
                        const Clock& clock)
@@ -25,7 +94,7 @@ BodyReader::BodyReader(BodySource source, std::string body, Take take, EventBoar
       take_(std::move(take)),
       events_(events),
       clock_(clock) {
-  for (const ImageWatch::Promise& promise : source_.promises) watches_.emplace_back(promise);
+  for (const ImageWatch::Nominal& nominal : source_.nominal) watches_.emplace_back(nominal);
 }
 
 void BodyReader::read(std::stop_token stop) {
@@ -36,7 +105,7 @@ void BodyReader::read(std::stop_token stop) {
       read_samples(stop);
       break;
     } catch (const std::exception& failure) {
-      say_that_it_failed(failure.what());
+      report_failure(failure.what());
     }
     const Instant now = clock_.now();
     if (now - began > kForgivenAfter) pause = kFirstPause;
@@ -46,15 +115,15 @@ void BodyReader::read(std::stop_token stop) {
   reading_ = false;
 }
 
-void BodyReader::say_that_it_failed(const char* why) {
+void BodyReader::report_failure(const char* why) {
   failed_ = true;
   const auto whose = [this] { return body_; };
-  net::guarded("capture", whose, [&] {
+  log::guarded("capture", whose, [&] {
     events_.begin({.severity = Severity::kError,
                    .subject = body_,
                    .kind = "source_failed",
-                   .text = "its " + source_.name + " failed (" + why + ") and is read on",
-                   .remedy = "If it comes again, this is a defect: please report it"});
+                   .text = source_.name + " error (" + why + "); retrying",
+                   .remedy = "If it happens again, this is a defect: please report it"});
   });
 }
 
@@ -69,18 +138,18 @@ void BodyReader::read_samples(std::stop_token stop) {
     }
     if (std::exchange(failed_, false))
       events_.end(body_, "source_failed", "its " + source_.name + " gives samples again");
-    if (const auto* image = std::get_if<CameraFrame>(&**sample)) look_at(*image);
+    if (const auto* image = std::get_if<CameraFrame>(&**sample)) check(*image);
     if (!take_(std::move(**sample))) return;
   }
 }
 
-void BodyReader::look_at(const CameraFrame& image) {
+void BodyReader::check(const CameraFrame& image) {
   const auto camera = static_cast<std::size_t>(image.camera);
   if (image.camera < 0 || camera >= watches_.size() || !image.image) return;
-  for (const ImageDoubt& doubt : watches_[camera].take(image)) tell(camera, doubt);
+  for (const ImageCondition& doubt : watches_[camera].take(image)) report(camera, doubt);
 }
 
-void BodyReader::tell(std::size_t camera, const ImageDoubt& doubt) {
+void BodyReader::report(std::size_t camera, const ImageCondition& doubt) {
   const bool is_only = watches_.size() == 1;
   const std::string number = std::to_string(camera);
   const std::string text = (is_only ? "its camera: " : "its camera " + number + ": ") + doubt.text;

@@ -5,14 +5,164 @@
 #include <utility>
 
 #include "base/log.hpp"
-#include "capture/lens/camera_calibration_file.hpp"
-#include "capture/lens/kalibr_file.hpp"
-#include "detection/tag_family_list.hpp"
+#include "capture/camera_device.hpp"
+#include "capture/imu/imu_source.hpp"
+#include "capture/lens/calibration_files.hpp"
+#include "capture/ros/ros_source.hpp"
+#include "detection/tag_family.hpp"
+#include "pipeline/replay/offline_run.hpp"
 #include "simulation/simulation.hpp"
 
 namespace fiducap {
-
 namespace {
+
+using Opened = Expected<std::unique_ptr<SensorSource>>;
+
+// Per kind of source, by overloads: `read_own` (cameras and gravity known before it is opened, into
+// the setup), `imu_of` (noise of its own IMU, unless configured), `open`, `may_come_back`.
+
+template <class Config>
+Expected<void> read_own(const Config&, const simulation::RoomConfig&, BodySetup&) {
+  return {};
+}
+
+template <class Config>
+std::optional<ImuNoise> imu_of(const Config&, const BodySetup&) {
+  return std::nullopt;
+}
+
+// --- a simulated robot -------------------------------------------------------------------------
+
+Expected<void> read_own(const simulation::SimulatedBodyConfig&, const simulation::RoomConfig& room,
+                        BodySetup& setup) {
+  setup.sensors.gravity_m_s2 = room.gravity_m_s2;
+  return {};
+}
+
+std::optional<ImuNoise> imu_of(const simulation::SimulatedBodyConfig& config, const BodySetup&) {
+  return config.imu.noise;
+}
+
+/// With true cameras, and an IMU only if it is read.
+Opened open(simulation::SimulatedBodyConfig robot, BodySetup& setup, OpeningContext context) {
+  if (robot.cameras.empty()) robot.cameras = setup.configured_cameras;
+  robot.has_imu = setup.sensors.imu.has_value();
+  auto made = simulation::make_simulated_source(context.room, robot, context.simulation_start,
+                                                &context.clock, std::move(context.motion));
+  if (!made) return tl::unexpected(made.error());
+  return std::unique_ptr<SensorSource>(std::move(*made));
+}
+
+bool may_come_back(const simulation::SimulatedBodyConfig&) { return false; }
+
+// --- a recording -------------------------------------------------------------------------------
+
+Expected<void> read_own(const RecordingSourceConfig& config, const simulation::RoomConfig&,
+                        BodySetup& setup) {
+  auto info = read_recording_info(config.folder);
+  if (!info) return tl::unexpected(info.error());
+  setup.recording = std::move(*info);
+  setup.sensors.cameras = setup.recording->cameras;
+  if (const auto gravity = setup.recording->gravity_m_s2) setup.sensors.set_known_gravity(*gravity);
+  return {};
+}
+
+std::optional<ImuNoise> imu_of(const RecordingSourceConfig&, const BodySetup& setup) {
+  return setup.recording->imu;
+}
+
+Opened open(const RecordingSourceConfig& config, BodySetup& setup, const OpeningContext& context) {
+  return open_recording(*setup.recording, {true, config.loop, config.speed}, context.clock);
+}
+
+bool may_come_back(const RecordingSourceConfig&) { return false; }
+
+// --- cameras -----------------------------------------------------------------------------------
+
+Opened open_device(CameraDeviceConfig device, const CameraMount& mount,
+                   const OpeningContext& context) {
+  device.paced = true;
+  device.time_shift = mount.time_shift;
+  return open_camera_device(device, mount.model, context.clock);
+}
+
+Opened open(const CameraDeviceConfig& device, BodySetup& setup, const OpeningContext& context) {
+  return open_device(device, setup.sensors.cameras.front(), context);
+}
+
+bool may_come_back(const CameraDeviceConfig& device) { return !is_file(device); }
+
+// --- ROS 2 topics ------------------------------------------------------------------------------
+
+std::optional<ImuNoise> imu_of(const dds::RosSourceConfig& config, const BodySetup&) {
+  return config.imu.empty() ? std::nullopt : std::optional(ImuNoise{});
+}
+
+Opened open_topics(const dds::RosSourceConfig& ros, std::vector<CameraMount>& cameras,
+                   const OpeningContext& context) {
+  auto participant = context.join_dds();
+  if (!participant) return tl::unexpected(participant.error());
+  if (auto asked = dds::wait_for_lenses(**participant, ros, cameras, context.clock); !asked)
+    return tl::unexpected(asked.error());
+  return dds::open_ros_source(std::move(*participant), ros, cameras, context.clock);
+}
+
+Opened open(dds::RosSourceConfig ros, BodySetup& setup, const OpeningContext& context) {
+  if (!setup.sensors.imu) ros.imu.clear();
+  return open_topics(ros, setup.sensors.cameras, context);
+}
+
+bool may_come_back(const dds::RosSourceConfig&) { return true; }
+
+// --- sensors with sources of their own ---------------------------------------------------------
+
+Opened open(const SensorsConfig&, BodySetup&, const OpeningContext&) {
+  return fail(ErrorCode::kInvalid, "every sensor of this body has a source of its own");
+}
+
+bool may_come_back(const SensorsConfig&) { return true; }
+
+/// Numbers the images of a single camera as on its body.
+class NumberedCamera final : public SensorSource {
+ public:
+  NumberedCamera(std::unique_ptr<SensorSource> source, std::size_t camera)
+      : source_(std::move(source)), camera_(static_cast<int>(camera)) {}
+
+  Expected<std::optional<SensorSample>> next(std::stop_token stop) override {
+    auto sample = source_->next(std::move(stop));
+    if (!sample || !sample->has_value()) return sample;
+    if (auto* image = std::get_if<CameraFrame>(&**sample)) image->camera = camera_;
+    return sample;
+  }
+
+ private:
+  std::unique_ptr<SensorSource> source_;
+  int camera_;
+};
+
+Opened open_camera(const CameraSourceConfig& source, std::size_t k, BodySetup& setup,
+                   const OpeningContext& context) {
+  CameraMount& mount = setup.sensors.cameras[k];
+  std::vector<CameraMount> cameras{mount};
+  auto opened = source.type == CameraSourceType::kRos
+                    ? open_topics(source.ros.as_source(), cameras, context)
+                    : open_device(source.camera, mount, context);
+  if (!opened) return opened;
+  mount.model = cameras.front().model;
+  return std::make_unique<NumberedCamera>(std::move(*opened), k);
+}
+
+/// The body is lost from the start, the others are served.
+class FailedSource final : public SensorSource {
+ public:
+  explicit FailedSource(Error error) : error_(std::move(error)) {}
+  Expected<std::optional<SensorSample>> next(std::stop_token) override {
+    return tl::unexpected(error_);
+  }
+
+ private:
+  Error error_;
+};
 
 /// Kalibr's camchain starts each camera with its name.
 bool is_camchain(const std::string& file) {
@@ -23,19 +173,19 @@ bool is_camchain(const std::string& file) {
   return false;
 }
 
-/// Takes over what the file says; the rest of the mount stays as configured.
+/// The mount as configured, with the content of its calibration file.
 Expected<CameraMount> read_mount(const CameraConfig& camera, std::size_t place) {
   CameraMount mount = camera.mount;
   if (camera.calibration.empty()) return mount;
   if (!is_camchain(camera.calibration)) return read_camera_calibration(camera.calibration, mount);
   auto chain = read_kalibr_camchain(camera.calibration);
   if (!chain) return tl::unexpected(chain.error());
-  const std::size_t which =
-      chain->size() == 1 ? 0 : place;  // camera K of the body is camK of the file
+  // Camera K of the body is camK of the file.
+  const std::size_t which = chain->size() == 1 ? 0 : place;
   if (which >= chain->size()) {
     return fail(ErrorCode::kNotFound,
                 "has " + std::to_string(chain->size()) + " cameras, but the body's camera " +
-                    std::to_string(place) + " wants cam" + std::to_string(place),
+                    std::to_string(place) + " needs cam" + std::to_string(place),
                 camera.calibration);
   }
   const CameraMount& read = (*chain)[which];
@@ -46,7 +196,10 @@ Expected<CameraMount> read_mount(const CameraConfig& camera, std::size_t place) 
 }
 
 Expected<std::optional<ImuNoise>> read_imu(const BodyConfig& body, const BodySetup& setup) {
-  const std::optional<ImuNoise> own = own_imu(body, setup);
+  const std::optional<ImuNoise> own =
+      body.imu_source
+          ? ImuNoise{}
+          : visit_source(body.source, [&](const auto& source) { return imu_of(source, setup); });
   if (!body.use_imu || !own) return std::nullopt;
   ImuNoise noise = body.imu ? *body.imu : *own;
   if (!body.kalibr_imu.empty()) {
@@ -54,7 +207,7 @@ Expected<std::optional<ImuNoise>> read_imu(const BodyConfig& body, const BodySet
     if (!read) return tl::unexpected(read.error());
     noise = *read;
   }
-  noise.correction = own->correction;  // what a recording was made with
+  noise.correction = own->correction;  // of a recording
   if (!body.imu_correction.empty()) {
     const auto read = read_imu_correction(body.imu_correction);
     if (!read) return tl::unexpected(read.error());
@@ -63,27 +216,71 @@ Expected<std::optional<ImuNoise>> read_imu(const BodyConfig& body, const BodySet
   return noise;
 }
 
+/// The lens is known when the source is open.
+bool provides_lens(const BodyConfig& body, std::size_t k) {
+  const auto& own = body.cameras[k].source;
+  return own ? own->provides_lens() : provides_lenses(body.source);
+}
+
 }  // namespace
+
+std::vector<SensorPart> parts_of(const BodyConfig& body) {
+  std::vector<SensorPart> parts;
+  if (body.source.type != SourceType::kSensors) parts.push_back({});
+  for (std::size_t k = 0; k < body.cameras.size(); ++k) {
+    if (body.cameras[k].source) parts.push_back({k});
+  }
+  if (body.imu_source && body.use_imu) parts.push_back({.is_imu = true});
+  return parts;
+}
+
+std::string name_of(const SensorPart& part) {
+  if (part.is_imu) return "IMU";
+  return part.camera ? "camera " + std::to_string(*part.camera) : "source";
+}
+
+Opened open_source(const BodyConfig& body, const SensorPart& part, BodySetup& setup,
+                   OpeningContext context) {
+  if (part.is_imu) return open_imu_source(*body.imu_source, {context.clock, context.join_dds});
+  if (part.camera)
+    return open_camera(*body.cameras[*part.camera].source, *part.camera, setup, context);
+  return visit_source(body.source,
+                      [&](const auto& source) { return open(source, setup, std::move(context)); });
+}
+
+bool may_come_back(const BodyConfig& body, const SensorPart& part) {
+  if (part.is_imu) return true;
+  if (part.camera) {
+    const CameraSourceConfig& own = *body.cameras[*part.camera].source;
+    return own.type == CameraSourceType::kRos || may_come_back(own.camera);
+  }
+  return visit_source(body.source, [](const auto& source) { return may_come_back(source); });
+}
+
+std::unique_ptr<SensorSource> failed_source(Error error) {
+  return std::make_unique<FailedSource>(std::move(error));
+}
 
 Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::RoomConfig& room,
                                     const SiteConfig& site) {
   BodySetup setup;
-  if (auto own = read_own_setup(body, room, setup); !own) return tl::unexpected(own.error());
+  const auto read =
+      visit_source(body.source, [&](const auto& own) { return read_own(own, room, setup); });
+  if (!read) return tl::unexpected(read.error());
   if (!body.cameras.empty()) setup.sensors.cameras.clear();
   for (std::size_t k = 0; k < body.cameras.size(); ++k) {
     auto mount = read_mount(body.cameras[k], k);
     if (!mount) return tl::unexpected(mount.error());
-    const bool is_told_later = tells_lens(body, k) && mount->model.width == 0;
-    if (const auto errors = mount->model.check(); !errors.empty() && !is_told_later) {
+    const bool is_known_later = provides_lens(body, k) && mount->model.width == 0;
+    if (const auto errors = mount->model.check(); !errors.empty() && !is_known_later)
       return fail(ErrorCode::kInvalid, errors.front().text(), body.cameras[k].calibration);
-    }
     setup.sensors.cameras.push_back(std::move(*mount));
   }
   auto imu = read_imu(body, setup);
   if (!imu) return tl::unexpected(imu.error());
   setup.sensors.imu = *imu;
   setup.configured_cameras = setup.sensors.cameras;
-  if (const auto gravity = site.told_gravity()) setup.sensors.tell_gravity(*gravity);
+  if (const auto gravity = site.configured_gravity()) setup.sensors.set_known_gravity(*gravity);
   return setup;
 }
 
@@ -97,7 +294,9 @@ PipelineSetup pipeline_setup(const ServerConfig& config, const BodyConfig& body,
   pipeline.gauge = {config.map.reference_tag, config.map.reference_pose, config.map.floor_tags};
   pipeline.filter = body.filter;
   pipeline.records_segments = config.map.builder.refine_period_s > 0;
-  if (setup.recording) pipeline.priors = tag_priors(*setup.recording);
+  if (setup.recording)
+    for (const RecordedTag& tag : setup.recording->known_tags)
+      pipeline.priors.push_back(known_tag(tag));
   pipeline.lose_after_s = body.limits.lose_after_s;
   return pipeline;
 }
@@ -109,7 +308,7 @@ RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags,
   for (CameraMount& camera : info.cameras)
     camera.time_shift = {};  // stamps are on the server's clock already
   info.imu = sensors.imu;
-  if (sensors.is_gravity_told()) info.gravity_m_s2 = sensors.gravity_m_s2;
+  if (sensors.is_gravity_known()) info.gravity_m_s2 = sensors.gravity_m_s2;
   info.tag_family = tags.family;
   info.tag_size_m = tags.size_m;
   info.tag_sizes_m = tags.sizes_m;
@@ -129,18 +328,6 @@ SimulatedTruth truth_of(const SensorSource& source, const ServerConfig& config) 
   return truth;
 }
 
-std::vector<KnownTag> tag_priors(const RecordingInfo& recording) {
-  std::vector<KnownTag> priors;
-  for (const auto& tag : recording.known_tags) {
-    KnownTag prior{tag.tag_id, tag.edge_m, tag.X_WT};
-    prior.covariance.diagonal().head<3>().setConstant(tag.position_sigma_m * tag.position_sigma_m);
-    prior.covariance.diagonal().tail<3>().setConstant(tag.rotation_sigma_rad *
-                                                      tag.rotation_sigma_rad);
-    priors.push_back(prior);
-  }
-  return priors;
-}
-
 void warn_about_tags(const std::string& body, const RecordingInfo& recording,
                      const TagSetConfig& tags) {
   const bool same = listed_tag_family(recording.tag_family) == tags.family &&
@@ -148,11 +335,11 @@ void warn_about_tags(const std::string& body, const RecordingInfo& recording,
                     recording.ignore_tags == tags.ignore;
   if (same) return;
   std::ostringstream text;
-  text << body << ": the recording says: tags.family = " << recording.tag_family
+  text << body << ": the recording has tags.family = " << recording.tag_family
        << ", tags.size_m = " << recording.tag_size_m << ", " << recording.tag_sizes_m.size()
        << " tags of other sizes, " << recording.ignore_tags.size()
-       << " ids to ignore; the configuration says: " << tags.family << ", " << tags.size_m << ", "
-       << tags.sizes_m.size() << ", " << tags.ignore.size() << ", and that is what holds";
+       << " ids to ignore; the configuration, which is used, has " << tags.family << ", "
+       << tags.size_m << ", " << tags.sizes_m.size() << ", " << tags.ignore.size();
   log::warning("daemon", text.str());
 }
 

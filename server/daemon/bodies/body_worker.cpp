@@ -6,22 +6,19 @@
 #include <utility>
 
 #include "base/log.hpp"
-#include "daemon/bodies/calibration_report.hpp"
-#include "daemon/system_clock.hpp"
-#include "streaming/net/guard.hpp"
+#include "daemon/system.hpp"
 
 namespace fiducap {
-
 namespace {
 
 constexpr Duration kRememberPeriod = std::chrono::seconds(2);
-// A clock known this well is said once, when it is off by so much that somebody should look.
+// A clock offset is reported once, when its sigma is below the first and it exceeds the second.
 constexpr double kKnownShift_s = 1e-3;
-constexpr double kWorthSaying_s = 5e-3;
+constexpr double kReportedShift_s = 5e-3;
 
-// An image that waited for longer is of use only while there is no newer one.
+// An image that waited for longer is skipped when there is a newer one.
 constexpr Duration kStale = std::chrono::milliseconds(200);
-// A pipeline that has run for this long before it failed begins anew at once.
+// After so long without a failure the pauses are short again.
 constexpr Duration kForgiven = std::chrono::minutes(1);
 constexpr Duration kShortestPause = std::chrono::milliseconds(100);
 constexpr Duration kLongestPause = std::chrono::seconds(30);
@@ -60,13 +57,12 @@ void BodyWorker::read(std::size_t source, std::stop_token stop) {
   if (reader.gives_images() && --image_readers_ == 0) inbox_.finish();
 }
 
-/// @return false: the body takes nothing any more
+/// @return false: no more samples are taken
 bool BodyWorker::pass_on(SensorSample sample) {
   const Instant now = shared_.clock.now();
   const auto* imu = std::get_if<ImuSample>(&sample);
   if (imu != nullptr && !setup_.sensors.imu) return true;
   if (imu != nullptr) {
-    pulse_.imu_came_ns = to_ns(now);
     if (imu->w_WB_B.allFinite() && imu->f_B.allFinite()) shared_.scene.add_imu(index_, *imu);
   } else {
     pulse_.image_came_ns = to_ns(now);
@@ -78,7 +74,7 @@ bool BodyWorker::pass_on(SensorSample sample) {
 }
 
 void BodyWorker::work(std::stop_token stop) {
-  while (const auto why = work_until_failure(stop)) begin_anew(*why, stop);
+  while (const auto why = work_until_failure(stop)) restart(*why, stop);
   inbox_.close();
   shared_.map.release(id_);
   pulse_.ended = true;
@@ -86,14 +82,14 @@ void BodyWorker::work(std::stop_token stop) {
   end_conditions({"source_failed", "failed", "imu_silent", "imu_readings", "turns_disagree"},
                  "its source has ended");
   shared_.scene.source_lost(index_);
-  log::warning("pipeline", name_ + " is lost; the server goes on");
+  log::warning("pipeline", name_ + " is lost; the server continues");
 }
 
 std::unique_ptr<BodyPipeline> BodyWorker::make_pipeline() const {
   return std::make_unique<BodyPipeline>(setup_, make_filter_ ? make_filter_() : nullptr);
 }
 
-/// @return why the body has to begin anew; nullopt: its samples have ended
+/// @return why the pipeline has to be restarted; nullopt: the samples have ended
 std::optional<std::string> BodyWorker::work_until_failure(std::stop_token stop) {
   try {
     if (!pipeline_) {
@@ -112,43 +108,43 @@ void BodyWorker::end_conditions(std::initializer_list<std::string_view> kinds,
                                 std::string_view why) {
   const auto whose = [this] { return name_; };
   for (const std::string_view kind : kinds)
-    net::guarded("pipeline", whose, [&] { shared_.events.end(name_, kind, why); });
+    log::guarded("pipeline", whose, [&] { shared_.events.end(name_, kind, why); });
 }
 
-/// What the pipeline had learned is lost; the map keeps its tags.
-void BodyWorker::begin_anew(const std::string& why, std::stop_token stop) {
+/// Restarts the pipeline, which loses its estimates; the map keeps its tags.
+void BodyWorker::restart(const std::string& why, std::stop_token stop) {
   const Instant now = shared_.clock.now();
   if (now - began_at_ > kForgiven) pause_ = kShortestPause;
   const auto whose = [this] { return name_; };
-  net::guarded("pipeline", whose, [&] {
+  log::guarded("pipeline", whose, [&] {
     shared_.events.begin({.severity = Severity::kError,
                           .subject = name_,
                           .kind = "failed",
-                          .text = "its estimate broke off (" + why + ") and begins anew",
+                          .text = "estimator failed (" + why + "); restarting",
                           .remedy = "This is a defect of the server: please report it"});
     failed_ = true;
-    ++statistics_.new_beginnings;
+    ++statistics_.restarts;
     shared_.scene.source_lost(index_);
     shared_.map.release(id_);
   });
   end_conditions({"imu_silent", "imu_readings", "turns_disagree"},
-                 "its estimate begins anew, and the IMU is judged");
+                 "the estimator restarts and checks the IMU again");
   if (!shared_.clock.wait_until(now + pause_, stop)) return;
   pause_ = std::min(2 * pause_, kLongestPause);
   inbox_.clear();
   began_at_ = shared_.clock.now();
-  let_go_of_pipeline();
+  reset_pipeline();
 }
 
-/// What it counted is kept: counters never run backwards.
-void BodyWorker::let_go_of_pipeline() {
+/// Keeps its counts: counters never decrease.
+void BodyWorker::reset_pipeline() {
   if (!pipeline_) return;
   statistics_.pipeline += pipeline_->statistics();
   const std::lock_guard lock(pipeline_mutex_);
   pipeline_ = nullptr;
 }
 
-/// @return false: the pipeline takes no more
+/// @return false: IMU readings pile up
 bool BodyWorker::work_samples(std::stop_token stop) {
   while (inbox_.take(taken_, stop)) {
     for (Delivery& delivery : taken_) {
@@ -156,16 +152,16 @@ bool BodyWorker::work_samples(std::stop_token stop) {
         arrivals_[next_arrival_++ % arrivals_.size()] = {time_of(delivery.sample),
                                                          delivery.arrived};
       if (!pipeline_->push(std::move(delivery.sample))) return false;
-      work_on_what_is_due();
+      process_ready_samples();
     }
   }
   if (stop.stop_requested()) return true;
   pipeline_->finish();
-  work_on_what_is_due();
+  process_ready_samples();
   return true;
 }
 
-void BodyWorker::work_on_what_is_due() {
+void BodyWorker::process_ready_samples() {
   while (const SensorSample* sample = pipeline_->next()) {
     if (is_stale(*sample)) {
       pipeline_->skip();
@@ -181,8 +177,7 @@ void BodyWorker::work_on_what_is_due() {
   }
 }
 
-/// An image that waited for so long, while a newer one has come, would only make that one late,
-/// too.
+/// It would only delay a newer image.
 bool BodyWorker::is_stale(const SensorSample& sample) const {
   if (std::holds_alternative<ImuSample>(sample)) return false;
   const Instant arrived = arrival_of(time_of(sample) - clock_shift_of(sample));
@@ -191,9 +186,9 @@ bool BodyWorker::is_stale(const SensorSample& sample) const {
 
 void BodyWorker::publish(const BodyUpdate& update, const MapView& view) {
   if (!pipeline_->source_gives_corners()) shared_.recorder.take_found(index_, update.corners);
-  tell_map(update, view);
+  update_map(update, view);
   count(update);
-  tell_people(update);
+  report_events(update);
   remember_cameras(update);
 }
 
@@ -209,22 +204,22 @@ void BodyWorker::count(const BodyUpdate& update) {
   pulse_.skipped = dropped;
 }
 
-void BodyWorker::tell_map(const BodyUpdate& update, const MapView& view) {
+void BodyWorker::update_map(const BodyUpdate& update, const MapView& view) {
   const std::uint64_t turn = shared_.map.absorb(contribution_of(id_, update), utc_now_ns());
   shared_.recorder.take_turn(index_, update, view, turn);
 }
 
-void BodyWorker::tell_people(const BodyUpdate& update) {
+void BodyWorker::report_events(const BodyUpdate& update) {
   for (const auto& event : shared_.map.take_events()) {
-    // Versions are announced by the map keeper.
-    const bool news = event.kind != MapEvent::Kind::kPublished &&
-                      event.kind != MapEvent::Kind::kTagRefined &&
-                      event.kind != MapEvent::Kind::kTagCalibrated;
-    const bool bad =
+    // The map keeper reports versions.
+    const bool is_frequent = event.kind == MapEvent::Kind::kPublished ||
+                             event.kind == MapEvent::Kind::kTagRefined ||
+                             event.kind == MapEvent::Kind::kTagCalibrated;
+    const bool is_bad =
         event.kind == MapEvent::Kind::kTagQuarantined || event.kind == MapEvent::Kind::kTagDisputed;
-    log::write(bad    ? log::Level::kWarning
-               : news ? log::Level::kInfo
-                      : log::Level::kDebug,
+    log::write(is_bad        ? log::Level::kWarning
+               : is_frequent ? log::Level::kDebug
+                             : log::Level::kInfo,
                "mapping", event.text);
   }
   if (failed_ && update.is_placed()) {
@@ -232,17 +227,17 @@ void BodyWorker::tell_people(const BodyUpdate& update) {
     shared_.events.end(name_, "failed", "is tracked again");
   }
   for (const BodyEvent& event : update.events) {
-    if (event.text.empty() || tell_of_sensors(event)) continue;
-    const bool is_news = event.kind == BodyEvent::Kind::kMapCorrection;
-    shared_.events.tell({.severity = is_news ? Severity::kInfo : Severity::kWarning,
-                         .subject = name_,
-                         .kind = std::string(name_of(event.kind)),
-                         .text = event.text});
+    if (event.text.empty() || report_sensor_event(event)) continue;
+    const bool is_info = event.kind == BodyEvent::Kind::kMapCorrection;
+    shared_.events.report({.severity = is_info ? Severity::kInfo : Severity::kWarning,
+                           .subject = name_,
+                           .kind = std::string(name_of(event.kind)),
+                           .text = event.text});
   }
 }
 
-/// What lasts stands until it is over.
-bool BodyWorker::tell_of_sensors(const BodyEvent& event) {
+/// Begins or ends lasting conditions. @return false: it is none
+bool BodyWorker::report_sensor_event(const BodyEvent& event) {
   using Kind = BodyEvent::Kind;
   const bool disagrees = event.kind == Kind::kTurnsDisagree;
   const bool silent = event.kind == Kind::kImuSilent;
@@ -295,7 +290,7 @@ void BodyWorker::announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras)
   clocks_announced_ = std::all_of(cameras.begin(), cameras.end(), is_known);
   if (!clocks_announced_) return;
   for (std::size_t k = 0; k < cameras.size(); ++k) {
-    if (std::abs(cameras[k].clock.shift_s) < kWorthSaying_s) continue;
+    if (std::abs(cameras[k].clock.shift_s) < kReportedShift_s) continue;
     log::info("estimation", name_ + ": " +
                                 calibration_text(k, cameras[k], setup_.sensors.cameras[k]) +
                                 "; its stamps are corrected by that");
@@ -305,9 +300,9 @@ void BodyWorker::announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras)
 std::vector<std::string> BodyWorker::learned_text() const {
   std::vector<std::string> lines;
   const auto cameras = learned();
-  const auto& told = setup_.sensors.cameras;
-  for (std::size_t k = 0; k < cameras.size() && k < told.size(); ++k)
-    lines.push_back(calibration_text(k, cameras[k], told[k]));
+  const auto& configured = setup_.sensors.cameras;
+  for (std::size_t k = 0; k < cameras.size() && k < configured.size(); ++k)
+    lines.push_back(calibration_text(k, cameras[k], configured[k]));
   return lines;
 }
 

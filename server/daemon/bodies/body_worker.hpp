@@ -2,6 +2,7 @@
 
 #include <array>
 #include <atomic>
+#include <cstdint>
 #include <functional>
 #include <initializer_list>
 #include <memory>
@@ -10,35 +11,53 @@
 #include <stop_token>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <vector>
 
-#include "base/clock.hpp"
 #include "base/event_board.hpp"
+#include "base/numeric.hpp"
+#include "base/time.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "capture/sensor_source.hpp"
-#include "daemon/bodies/body_inbox.hpp"
-#include "daemon/bodies/body_pulse.hpp"
 #include "daemon/bodies/body_reader.hpp"
-#include "daemon/bodies/body_statistics.hpp"
+#include "daemon/map_keeper.hpp"
 #include "daemon/recording/session_recorder.hpp"
-#include "daemon/views/body_views.hpp"
+#include "daemon/views/camera_preview.hpp"
+#include "estimation/body_filter.hpp"
 #include "mapping/map_builder.hpp"
 #include "pipeline/body_pipeline.hpp"
 #include "scene/scene.hpp"
 
 namespace fiducap {
 
-/// What one body brings.
+/// Counts and CPU time of a body's worker thread.
+struct BodyStatistics {
+  PipelineStatistics pipeline{};
+  std::uint64_t images_dropped{};  ///< Because the worker was busy.
+  std::uint64_t restarts{};        ///< After a failure of the pipeline.
+  DurationHistogram lateness{};    ///< Middle of exposure → corrected; for live sources.
+
+  [[nodiscard]] std::string text() const;  ///< One line for the log.
+};
+
+/// One line about the calibration of a camera by a session, e.g. `camera 0: position ±2.1 mm,
+/// rotation ±0.4 mrad, clock +31.2 ±0.1 ms`. A number whose sigma is hardly smaller than configured
+/// is named as not shown by the motion, with a remedy.
+[[nodiscard]] std::string calibration_text(std::size_t camera, const ExtrinsicsEstimate& learned,
+                                           const CameraMount& configured);
+
+/// Parameters of one body.
 struct BodyParts {
   std::size_t index{};  ///< In the scene.
-  int id{};             ///< In the map and on the wires.
+  int id{};             ///< In the map and in all protocols.
   std::string name;
   PipelineSetup setup;
   std::vector<BodySource> sources;
-  std::function<std::unique_ptr<BodyFilter>()> make_filter{};  ///< Empty: as the setup says.
-  std::optional<BodyViews> views{};                            ///< nullopt: nobody can watch.
+  std::function<std::unique_ptr<BodyFilter>()> make_filter{};  ///< Empty: as configured.
+  std::optional<BodyViews> views{};                            ///< nullopt: no camera views.
 };
 
-/// What all bodies share.
+/// Shared by all bodies.
 struct SharedParts {
   MapBuilder& map;
   Scene& scene;
@@ -47,18 +66,18 @@ struct SharedParts {
   EventBoard& events;
 };
 
-/// The life of one body's samples: a reader for each of its sources that waits for the device, and
-/// a worker that drives the body's pipeline. All are plain functions for a thread to run. When the
-/// last source of images ends, the body is lost and everything else goes on; what the pipeline
-/// throws makes it begin anew, after pauses that grow to half a minute.
+/// Readers for the sources of one body, and the worker that drives its pipeline. All are plain
+/// functions for a thread to run. When the last source of images ends, the body is lost and the
+/// server continues. An exception of the pipeline restarts it, after pauses that grow to half a
+/// minute.
 class BodyWorker final {
  public:
   BodyWorker(BodyParts parts, const SharedParts& shared);
 
-  /// Waits for one of the sources until it ends, fails or is stopped. Readings of the IMU reach the
-  /// scene at once.
+  /// Reads one of the sources until it ends, fails or is stopped. Readings of the IMU are passed to
+  /// the scene at once.
   void read(std::size_t source, std::stop_token stop);
-  /// Works on what was read, tells map, scene and recorder, until the readers have finished.
+  /// Processes samples and updates map, scene and recorder, until the readers have finished.
   void work(std::stop_token stop);
 
   [[nodiscard]] const std::string& name() const { return name_; }
@@ -68,15 +87,14 @@ class BodyWorker final {
   [[nodiscard]] const BodyPulse& pulse() const { return pulse_; }
   /// @pre work() has returned
   [[nodiscard]] BodyStatistics statistics() const;
-  /// What was learned about the cameras; empty until the filter has run. From any thread.
+  /// The estimated cameras; empty until the filter has run. From any thread.
   [[nodiscard]] std::vector<ExtrinsicsEstimate> learned() const;
-  /// The cameras as they were told.
-  [[nodiscard]] const std::vector<CameraMount>& told_cameras() const {
+  [[nodiscard]] const std::vector<CameraMount>& configured_cameras() const {
     return setup_.sensors.cameras;
   }
-  /// What was learned about the cameras, in words; a line per camera.
+  /// A line per camera about its calibration.
   [[nodiscard]] std::vector<std::string> learned_text() const;
-  /// What was said about tags that do not fit together. From any thread.
+  /// Messages about tags that do not fit together. From any thread.
   [[nodiscard]] std::vector<std::string> doubts() const;
 
  private:
@@ -84,14 +102,14 @@ class BodyWorker final {
   [[nodiscard]] std::unique_ptr<BodyPipeline> make_pipeline() const;
   [[nodiscard]] std::optional<std::string> work_until_failure(std::stop_token stop);
   [[nodiscard]] bool work_samples(std::stop_token stop);
-  void begin_anew(const std::string& why, std::stop_token stop);
-  void let_go_of_pipeline();
+  void restart(const std::string& why, std::stop_token stop);
+  void reset_pipeline();
   void end_conditions(std::initializer_list<std::string_view> kinds, std::string_view why);
-  void work_on_what_is_due();
+  void process_ready_samples();
   void publish(const BodyUpdate& update, const MapView& view);
-  void tell_map(const BodyUpdate& update, const MapView& view);
-  void tell_people(const BodyUpdate& update);
-  [[nodiscard]] bool tell_of_sensors(const BodyEvent& event);
+  void update_map(const BodyUpdate& update, const MapView& view);
+  void report_events(const BodyUpdate& update);
+  [[nodiscard]] bool report_sensor_event(const BodyEvent& event);
   void count(const BodyUpdate& update);
   void remember_cameras(const BodyUpdate& update);
   void announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras);
@@ -121,13 +139,45 @@ class BodyWorker final {
   BodyPulse pulse_;
   std::vector<std::unique_ptr<BodyReader>> readers_;
   std::atomic<int> image_readers_{0};  ///< That still read.
-  Duration pause_;                     ///< Before the next new beginning.
+  Duration pause_;                     ///< Before the next restart.
   Instant began_at_{};                 ///< Of this pipeline.
-  bool failed_{false};                 ///< And not back yet.
+  bool failed_{false};                 ///< And not tracked since.
   mutable std::mutex learned_mutex_;
   std::vector<ExtrinsicsEstimate> learned_;
   std::optional<Instant> learned_at_;
   bool clocks_announced_{false};
+};
+
+/// The workers of all bodies with their threads: one per body that computes, one per source.
+class BodyThreads final {
+ public:
+  explicit BodyThreads(const Clock& clock) : clock_(clock) {}
+
+  void add(std::unique_ptr<BodyWorker> worker) { workers_.push_back(std::move(worker)); }
+  /// @param all_ended  called once, on a worker's thread, when no body has a source any more
+  void start(std::function<void()> all_ended);
+  /// Stops all threads and waits for them, but not longer than `timeout` for a reader that is
+  /// blocked by its device.
+  /// @return false when one is left behind
+  [[nodiscard]] bool stop(Duration timeout);
+  /// One line per body. @pre stop() has returned
+  void log_statistics() const;
+  [[nodiscard]] std::vector<LearnedBody> learned() const;
+  [[nodiscard]] const std::vector<std::unique_ptr<BodyWorker>>& workers() const { return workers_; }
+
+ private:
+  [[nodiscard]] bool some_are_reading() const;
+
+  const Clock& clock_;
+  std::vector<std::unique_ptr<BodyWorker>> workers_;
+  std::atomic<std::size_t> running_{0};
+  std::vector<std::jthread> computing_;
+  struct ReadingThread {
+    BodyWorker* body;
+    std::size_t source;
+    std::jthread thread;
+  };
+  std::vector<ReadingThread> reading_;  // die first: they feed the others
 };
 
 }  // namespace fiducap

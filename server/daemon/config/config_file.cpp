@@ -1,18 +1,73 @@
 #include "daemon/config/config_file.hpp"
 
 #include <algorithm>
+#include <charconv>
 #include <filesystem>
+#include <sstream>
 
 #include "base/whole_file.hpp"
-#include "base/yaml_text.hpp"
-#include "daemon/config/config_override.hpp"
-#include "daemon/config/config_printer.hpp"
-#include "daemon/config/config_reader.hpp"
+#include "base/yaml.hpp"
+#include "daemon/config/config_visitors.hpp"
 #include "daemon/config/server_schema.hpp"
 
 namespace fiducap {
-
 namespace {
+
+std::vector<std::string> split(const std::string& path) {
+  std::vector<std::string> parts;
+  std::istringstream stream(path);
+  for (std::string part; std::getline(stream, part, '.');) parts.push_back(part);
+  return parts;
+}
+
+std::optional<std::size_t> index_of(const std::string& part) {
+  std::size_t index{};
+  const auto [end, failure] = std::from_chars(part.data(), part.data() + part.size(), index);
+  if (failure != std::errc{} || end != part.data() + part.size()) return std::nullopt;
+  return index;
+}
+
+/// Moves `at` to its child; creates sections, never list entries.
+Broken descend(YAML::Node& at, const std::string& part) {
+  if (at.IsSequence()) {
+    const auto index = index_of(part);
+    if (!index || *index >= at.size()) {
+      return "the list has " + std::to_string(at.size()) +
+             " entries, counted from 0; there is no `" + part + "`";
+    }
+    at.reset(at[*index]);
+    return std::nullopt;
+  }
+  if (at.IsScalar()) return "`" + part + "` is below something that is not a section";
+  at.reset(at[part]);
+  return std::nullopt;
+}
+
+/// Writes one `path.to.key=value` into the document, before it is checked; the reader finds unknown
+/// keys later. What cannot be applied becomes a fault.
+void apply_override(YAML::Node& document, const std::string& assignment, YamlReading& reading) {
+  const auto equals = assignment.find('=');
+  const std::string path = assignment.substr(0, equals);
+  const auto broken = [&](const std::string& value, const std::string& rule) {
+    reading.faults.push_back({{path, value, rule}, "--set"});
+  };
+  const auto parts = split(path);
+  if (equals == std::string::npos || parts.empty())
+    return broken("?", "must be written path.to.key=value");
+  const std::string value = assignment.substr(equals + 1);
+  YAML::Node parsed(value);
+  if (!value.empty()) {
+    auto loaded = load_yaml(value);
+    if (!loaded) return broken(value, loaded.error().text());
+    parsed = std::move(*loaded);
+  }
+  YAML::Node at = document;
+  for (const auto& part : parts) {
+    if (const auto rule = descend(at, part)) return broken(value, *rule);
+  }
+  at = parsed;
+  reading.overridden.insert(path);
+}
 
 ConfigResult<YAML::Node> parse_yaml(const std::string& text, const std::string& name) {
   auto document = load_yaml(text);
@@ -30,7 +85,7 @@ void number_the_bodies(std::vector<BodyConfig>& bodies) {
   }
 }
 
-/// A body that says nothing of a source for all, but names those of its sensors, means just these.
+/// A body without `source` whose sensors have sources of their own has type kSensors.
 void choose_sources(const YAML::Node& bodies, ServerConfig& config) {
   if (!bodies || !bodies.IsSequence()) return;
   for (std::size_t i = 0; i < std::min(bodies.size(), config.bodies.size()); ++i) {
@@ -47,8 +102,8 @@ void choose_sources(const YAML::Node& bodies, ServerConfig& config) {
 
 void choose_refinement(const YAML::Node& document, ServerConfig& config) {
   const YAML::Node map = document["map"];
-  const bool is_said = map && map.IsMap() && map["refine_period_s"];
-  if (!is_said) config.map.builder.refine_period_s = refine_period_for(config.bodies.size());
+  const bool is_given = map && map.IsMap() && map["refine_period_s"];
+  if (!is_given) config.map.builder.refine_period_s = refine_period_for(config.bodies.size());
 }
 
 }  // namespace
@@ -72,13 +127,12 @@ ConfigResult<ServerConfig> parse_config(const std::string& text, const std::stri
     choose_sources(written["bodies"], read);
   }
   for (auto& error : check(read)) {
-    // A value that could not even be read keeps its default: whatever rule that breaks is not the
-    // user's fault.
-    const bool said =
+    // A value that could not be read has its default, whose faults are not the user's.
+    const bool is_reported =
         std::any_of(reading.faults.begin(), reading.faults.end(),
                     [&](const ConfigFault& fault) { return fault.error.path == error.path; });
     std::string where = reading.where(error.path);
-    if (!said) reading.faults.push_back({std::move(error), std::move(where)});
+    if (!is_reported) reading.faults.push_back({std::move(error), std::move(where)});
   }
   if (!reading.faults.empty()) return tl::unexpected(std::move(reading.faults));
   return read;
@@ -96,7 +150,7 @@ ConfigResult<ServerConfig> load_config(const std::string& file,
 }
 
 std::string print_config(const ServerConfig& config) {
-  ServerConfig copy = config;  // visitors see members as theirs to change
+  ServerConfig copy = config;  // visitors may change members
   ConfigPrinter printer;
   describe(printer, copy);
   return printer.text();

@@ -1,21 +1,19 @@
-// The rules of all rooms, and those that only the whole configuration can break.
+// The rules of all modules, and those between them.
 #include <algorithm>
 #include <set>
 
-#include "base/closest_word.hpp"
-#include "capture/imu/imu_part.hpp"
+#include "base/text.hpp"
+#include "capture/imu_sample.hpp"
 #include "capture/sample_merger.hpp"
 #include "daemon/config/config_file.hpp"
 #include "scene/body_name.hpp"
 
 namespace fiducap {
-
 namespace {
 
 using Errors = std::vector<ConfigError>;
 
-/// Rooms name their own section (`vrpn.port`); the file has it further down
-/// (`streaming.vrpn.port`).
+/// Modules use paths of their own section (`vrpn.port`); in the file it is `streaming.vrpn.port`.
 void append(Errors& all, Errors more, const std::string& prefix) {
   for (auto& error : more) {
     for (std::size_t from = 0; from != std::string::npos; from = prefix.find('.', from)) {
@@ -48,7 +46,7 @@ void check_imu(Errors& all, const ImuConfig& noise, const std::string& prefix) {
 }
 
 constexpr double kLargestClockError_s = 0.2;
-// A lens that is known worse than this says nothing of where anything is.
+// A less certain lens is useless.
 constexpr double kLargestFocalError = 0.3;
 constexpr double kLargestCentreError_px = 1000;
 constexpr double kLargestDistortionError = 1;
@@ -85,10 +83,10 @@ void check_source(Errors& all, const BodyConfig& body, const std::string& prefix
   });
 }
 
-/// The lens may come by a file, or by the source itself.
+/// The lens is in a file, or is provided by the source.
 bool lens_is_elsewhere(const SourceConfig& source, const CameraConfig& camera) {
-  const bool is_told = camera.source ? camera.source->tells_lens() : tells_lenses(source);
-  return !camera.calibration.empty() || (is_told && camera.mount.model.width == 0);
+  const bool is_provided = camera.source ? camera.source->provides_lens() : provides_lenses(source);
+  return !camera.calibration.empty() || (is_provided && camera.mount.model.width == 0);
 }
 
 void check_camera(Errors& all, const BodyConfig& body, std::size_t camera,
@@ -100,7 +98,7 @@ void check_camera(Errors& all, const BodyConfig& body, std::size_t camera,
   append(all,
          Checker{prefix}
              .require(body.source.type == SourceType::kSensors, "source", "{…}",
-                      "stands beside the `source` of its body: leave one of the two out")
+                      "is given beside the `source` of its body: remove one of the two")
              .errors,
          prefix);
 }
@@ -116,9 +114,8 @@ void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) 
                "are too many: a body has at most " + std::to_string(kMostCameras));
   append(all, rules.errors, prefix);
   check_source(all, body, prefix);
-  for (std::size_t i = 0; i < body.cameras.size(); ++i) {
+  for (std::size_t i = 0; i < body.cameras.size(); ++i)
     check_camera(all, body, i, prefix + "cameras." + std::to_string(i) + ".");
-  }
   if (body.imu) check_imu(all, *body.imu, prefix + "imu.");
   if (body.imu_source)
     append(all, body.imu_source->check(prefix + "imu_source."), prefix + "imu_source.");
@@ -149,7 +146,7 @@ void check_streaming(Errors& all, const StreamingConfig& streaming) {
       streaming);
 }
 
-/// An alias of nobody is a typing error.
+/// An alias of an unknown body is a typing error.
 void check_aliases(Errors& all, std::string_view protocol, const NameAliases& aliases,
                    const std::vector<std::string>& bodies) {
   Checker rules{"streaming." + std::string(protocol) + ".aliases."};
@@ -157,7 +154,7 @@ void check_aliases(Errors& all, std::string_view protocol, const NameAliases& al
     const bool known = std::find(bodies.begin(), bodies.end(), entry.first) != bodies.end();
     rules
         .require(known, entry.first, '"' + entry.second + '"',
-                 "must stand for the name of one of the bodies")
+                 "must be an alias of one of the bodies")
         .require(!entry.second.empty(), entry.first, "\"\"", "must not be empty");
   }
   append(all, rules.errors, rules.prefix);
@@ -198,9 +195,10 @@ void check_map(Errors& all, const MapSettings& map) {
           .positive("file_tag_size_m", map.file_tag_size_m)
           .not_negative("correction_ramp_s", map.correction_ramp_s)
           .require(!map.reference_pose || map.reference_tag, "reference_pose", "{…}",
-                   "needs reference_tag: whose pose is it?")
+                   "needs reference_tag")
           .require(!map.reference_pose || map.floor_tags.empty(), "floor_tags", "[…]",
-                   "is not looked at where reference_pose says what is up: leave one of them out")
+                   "has no effect beside reference_pose, which defines the vertical: remove one of "
+                   "them")
           .errors,
       "map.");
 }
@@ -212,12 +210,12 @@ std::vector<ConfigError> check_source(const SensorsConfig&, const SourceSurround
   Checker rules{body_prefix};
   rules
       .require(!around.cameras.empty(), "cameras", "0 entries",
-               "must have a camera at least, each with a source of its own")
+               "must have at least one camera, each with a source of its own")
       .require(!around.has_imu || around.has_imu_source, "imu", "{…}",
-               "has no source: say in `imu_source` where its readings come from");
+               "has no source: set `imu_source`");
   for (std::size_t k = 0; k < around.has_source.size(); ++k) {
     rules.require(around.has_source[k], "cameras." + std::to_string(k) + ".source", "nothing",
-                  "must say where its images come from: the body has no source for all");
+                  "must be set: the body has no `source` for all sensors");
   }
   return rules.errors;
 }
@@ -230,7 +228,7 @@ std::vector<ConfigError> SiteConfig::check() const {
       .within("latitude_deg", latitude_deg.value_or(0), -90, 90)
       .within("height_m", height_m, -500, 9000)
       .require(!gravity_m_s2 || !latitude_deg, "latitude_deg", latitude_deg.value_or(0),
-               "says what gravity_m_s2 says: leave one of them out")
+               "has no effect beside gravity_m_s2: remove one of them")
       .require(height_m == 0 || latitude_deg, "height_m", height_m, "needs latitude_deg beside it")
       .errors;
 }
@@ -243,9 +241,8 @@ std::vector<ConfigError> check(const ServerConfig& config) {
   append(all, config.estimator.check(), "estimator.");
   check_map(all, config.map);
   append(all, simulation::check(config.simulation, "simulation."), "simulation.");
-  for (std::size_t i = 0; i < config.bodies.size(); ++i) {
+  for (std::size_t i = 0; i < config.bodies.size(); ++i)
     check_body(all, config.bodies[i], "bodies." + std::to_string(i) + ".");
-  }
   check_unique(all, config.bodies);
   check_streaming(all, config.streaming);
   check_served_bodies(all, config);

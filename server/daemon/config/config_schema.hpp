@@ -1,12 +1,11 @@
 #pragma once
 
-#include "capture/imu/imu_part.hpp"
+#include "capture/imu_sample.hpp"
 #include "daemon/config/config_file.hpp"
-#include "daemon/config/config_words.hpp"
-#include "detection/tag_family_list.hpp"
+#include "detection/tag_family.hpp"
 
-/// What a configuration file may say, one description per struct. A visitor V reads, prints or
-/// lists the same fields:
+/// Content of a configuration file, one description per struct. A visitor V reads, prints or lists
+/// the same fields:
 ///
 ///   value(key, x)             one value                word(key, x, words)   an enum
 ///   seconds(key, duration)    a time span in seconds   path(key, text)       a file or folder
@@ -16,6 +15,22 @@
 ///
 /// Keys are the names of the members, so that the rules of `check()` point at what the user wrote.
 namespace fiducap {
+
+/// The words that a configuration uses for each enum.
+namespace words {
+
+inline constexpr std::array<Word<log::Level>, 4> kLogLevel{{{"debug", log::Level::kDebug},
+                                                            {"info", log::Level::kInfo},
+                                                            {"warning", log::Level::kWarning},
+                                                            {"error", log::Level::kError}}};
+inline constexpr std::array<Word<MapMode>, 2> kMapMode{
+    {{"mapping", MapMode::kMapping}, {"frozen", MapMode::kFrozen}}};
+inline constexpr std::array<Word<Distortion>, 3> kDistortion{
+    {{"none", Distortion::kNone},
+     {"radial-tangential", Distortion::kRadialTangential},
+     {"equidistant", Distortion::kEquidistant}}};
+
+}  // namespace words
 
 template <class V>
 void describe(V& v, TagSetConfig& c) {
@@ -126,7 +141,7 @@ void describe(V& v, ImuNoise& c) {
   v.value("accel_range_m_s2", c.accel_range_m_s2);
 }
 
-/// The part comes first: what it is known for are the defaults of the rest.
+/// The part is first, because it gives the defaults of the other keys.
 template <class V>
 void describe(V& v, ImuConfig& c) {
   v.value("part", c.part);

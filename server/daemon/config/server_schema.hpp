@@ -1,9 +1,110 @@
 #pragma once
 
 #include "daemon/config/config_schema.hpp"
-#include "simulation/simulation_schema.hpp"
+#include "detection/tag_family.hpp"
+#include "simulation/simulation.hpp"
 
-/// The rest of what a configuration file may say: bodies and the whole.
+/// Keys of simulated rooms and robots.
+namespace fiducap::simulation {
+
+template <class V>
+void describe(V& v, DaylightConfig& c) {
+  v.value("factor", c.factor);
+  v.value("low", c.low);
+  v.value("high", c.high);
+}
+
+template <class V>
+void describe(V& v, RingConfig& c) {
+  v.value("length_m", c.length_m);
+  v.value("tags", c.tags);
+}
+
+template <class V>
+void describe(V& v, RoomConfig& c) {
+  v.value("preset", c.preset);
+  v.value("family", c.family);
+  c.family = listed_tag_family(c.family);
+  v.value("tag_size_m", c.tag_size_m);
+  v.list("tags", c.tags);
+  v.value("gravity_m_s2", c.gravity_m_s2);
+  v.section("ring", c.ring);
+  v.section("daylight", c.daylight);
+  v.value("texture", c.texture);
+}
+
+template <class V>
+void describe(V& v, TrajectoryConfig& c) {
+  v.value("kind", c.kind);
+  v.path("file", c.file);
+  v.value("duration_s", c.duration_s);
+  v.value("speed", c.speed);
+  v.value("from", c.from);
+  v.value("share", c.share);
+  v.value("seed", c.seed);
+}
+
+template <class V>
+void describe(V& v, ImuErrors& c) {
+  v.section("noise", c.noise);
+  v.value("gyro_bias", c.gyro_bias);
+  v.value("accel_bias", c.accel_bias);
+  v.value("scale_error", c.scale_error);
+  v.value("misalignment_rad", c.misalignment_rad);
+  v.value("gyro_range_rad_s", c.gyro_range_rad_s);
+  v.value("accel_range_m_s2", c.accel_range_m_s2);
+}
+
+template <class V>
+void describe(V& v, CameraSimulation& c) {
+  v.value("images", c.images);
+  v.value("corner_noise_px", c.corner_noise_px);
+  v.value("exposure_s", c.exposure_s);
+  v.value("exposure_lag_s", c.exposure_lag_s);
+  v.value("pixel_noise", c.pixel_noise);
+  v.value("vignetting", c.vignetting);
+  v.value("min_side_px", c.min_side_px);
+  v.value("max_tilt_rad", c.max_tilt_rad);
+  v.value("miss_probability", c.miss_probability);
+  v.value("latency_s", c.latency_s);
+}
+
+template <class V>
+void describe(V& v, FaultConfig& c) {
+  v.value("drop_image", c.drop_image);
+  v.value("drop_imu", c.drop_imu);
+  v.value("delay_image_s", c.delay_image_s);
+  v.value("jitter_s", c.jitter_s);
+  v.value("occlude", c.occlude);
+  v.value("occlude_corner", c.occlude_corner);
+  v.value("wrong_id", c.wrong_id);
+  v.value("blackout_every_s", c.blackout_every_s);
+  v.value("blackout_s", c.blackout_s);
+  v.value("moved_tag", c.moved_tag);
+  v.value("moved_at_s", c.moved_at_s);
+  v.value("moved_by_m", c.moved_by_m);
+  v.value("image_stamp_error_s", c.image_stamp_error_s);
+  v.value("imu_stamp_jitter_s", c.imu_stamp_jitter_s);
+  v.value("saturation_at_s", c.saturation_at_s);
+  v.value("saturation_s", c.saturation_s);
+  v.value("saturated_gyro_rad_s", c.saturated_gyro_rad_s);
+  v.value("saturated_accel_m_s2", c.saturated_accel_m_s2);
+}
+
+/// Without `has_imu`, which follows from the body's `use_imu`.
+template <class V>
+void describe(V& v, SimulatedBodyConfig& c) {
+  v.list("cameras", c.cameras);
+  v.section("imu", c.imu);
+  v.section("camera", c.camera);
+  v.section("trajectory", c.trajectory);
+  v.section("faults", c.faults);
+  v.value("seed", c.seed);
+}
+
+}  // namespace fiducap::simulation
+
+/// Content of a configuration file: bodies and the whole.
 namespace fiducap {
 
 template <class V>

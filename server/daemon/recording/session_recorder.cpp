@@ -5,16 +5,40 @@
 #include <filesystem>
 #include <utility>
 
-#include "detection/side_bend.hpp"
+#include "detection/observe.hpp"
 
 namespace fiducap {
-
 namespace {
 
+/// Memory beside the item itself.
+struct Attached {
+  template <typename Other>
+  std::size_t operator()(const Other&) const {
+    return 0;
+  }
+  std::size_t operator()(const SensorSample& sample) const { return std::visit(*this, sample); }
+  std::size_t operator()(const CameraFrame& frame) const {
+    return frame.image ? sizeof(GrayImage) + frame.image->pixels.capacity() : 0;
+  }
+  std::size_t operator()(const CornerFrame& frame) const {
+    return frame.tags.capacity() * sizeof(TagSighting) +
+           frame.points.capacity() * sizeof(PointSighting);
+  }
+};
+
+bool is_border(const RecordedThing& what) {
+  return std::holds_alternative<SessionBegin>(what) || std::holds_alternative<SessionEnd>(what);
+}
+
+bool is_image(const RecordedThing& what) {
+  const auto* sample = std::get_if<SensorSample>(&what);
+  return sample != nullptr && !std::holds_alternative<ImuSample>(*sample);
+}
+
 constexpr std::size_t kRemembered = 8;
-constexpr std::chrono::milliseconds kLook{200};  // whether a flush is due, when nothing comes
+constexpr std::chrono::milliseconds kFlushCheck{200};  // while no items come
 constexpr Duration kStuckAfter = std::chrono::seconds(3);
-constexpr Duration kLastPatience = std::chrono::seconds(2);  // without any progress, at the end
+constexpr Duration kStuckTimeout = std::chrono::seconds(2);  // without progress, at the end
 constexpr Duration kLongestEnd = std::chrono::seconds(20);
 constexpr const char* kSlow = "slow";
 
@@ -27,6 +51,20 @@ bool is_folder_name(const std::string& name) {
 }
 
 }  // namespace
+
+bool RecordingQueue::put(RecordedItem item) {
+  item.bytes = sizeof(RecordedItem) + std::visit(Attached{}, item.what);
+  const std::size_t limit = is_image(item.what) ? kImages_bytes : kMost_bytes;
+  if (!is_border(item.what) && bytes_ + item.bytes > limit) return false;
+  bytes_ += item.bytes;
+  waiting_.push_back(std::move(item));
+  return true;
+}
+
+void RecordingQueue::take_all(std::deque<RecordedItem>& out) {
+  out.clear();
+  out.swap(waiting_);
+}
 
 SessionRecorder::SessionRecorder(RecorderConfig config, const Clock& clock, EventBoard& events)
     : config_(std::move(config)),
@@ -41,7 +79,7 @@ void SessionRecorder::add_body(const std::string& name, RecordingInfo info, Simu
   bodies_.push_back({std::move(info), std::move(truth)});
 }
 
-// What the operator asks.
+// Requests of the operator.
 
 Expected<void> SessionRecorder::start(const std::string& name) {
   if (!is_folder_name(name))
@@ -135,7 +173,7 @@ std::vector<RecordingStatus> SessionRecorder::recordings() const {
   return all;
 }
 
-// What the workers give.
+// Samples from the workers.
 
 void SessionRecorder::take(std::size_t body, const SensorSample& sample) {
   if (!recording_) return;
@@ -148,7 +186,7 @@ void SessionRecorder::take_found(std::size_t body, const CornerFrame& found) {
   CornerFrame corners = found;
   const auto camera = static_cast<std::size_t>(found.camera);
   const auto& cameras = bodies_[body].info.cameras;
-  // A recording holds corners as they are, not where straight lines through bent sides meet.
+  // A recording holds raw corners, not the intersections of lines fitted to distorted sides.
   if (found.fitted_straight_sides && camera < cameras.size()) {
     for (TagSighting& tag : corners.tags)
       tag.corners_px = unbend_corners(cameras[camera].model, tag.corners_px);
@@ -180,17 +218,17 @@ void SessionRecorder::put(std::size_t body, RecordedThing what) {
     const std::lock_guard lock(mutex_);
     if (!is_under_way()) return;
     if (working_ && clock_.now() - instant_from_ns(progress_ns_) > kStuckAfter)
-      say_slow(Slowness::kStuck);
+      report_slowness(Slowness::kStuck);
     if (!queue_.put({session_, body, std::move(what)})) {
       session_->drop();
-      return say_slow(Slowness::kDropping);
+      return report_slowness(Slowness::kDropping);
     }
   }
   filled_.notify_one();
 }
 
 /// @pre the lock is held
-void SessionRecorder::say_slow(Slowness how) {
+void SessionRecorder::report_slowness(Slowness how) {
   if (how <= slowness_) return;
   slowness_ = how;
   const bool drops = how == Slowness::kDropping;
@@ -198,14 +236,14 @@ void SessionRecorder::say_slow(Slowness how) {
                  .subject = kRecorder,
                  .kind = kSlow,
                  .text = drops ? "the disk does not keep up with the recording \"" +
-                                     session_->name() + "\": what memory cannot hold is dropped"
+                                     session_->name() + "\": samples are dropped"
                                : "the disk has taken nothing of the recording \"" +
-                                     session_->name() + "\" for 3 s; what comes waits in memory",
+                                     session_->name() + "\" for 3 s; samples wait in memory",
                  .remedy = "Record to a faster disk (`recorder.folder`), or corners instead of "
                            "images (`recorder.images: false`)"});
 }
 
-// What the writer does.
+// The writer.
 
 void SessionRecorder::run(std::stop_token stop) {
   std::deque<RecordedItem> batch;
@@ -213,19 +251,19 @@ void SessionRecorder::run(std::stop_token stop) {
     last = wait_for_work(batch, stop);
     write(batch);
     writer_.flush_when_due();
-    say_when_caught_up();
+    report_caught_up();
   }
   working_ = false;
   ended_ = true;
 }
 
-/// @return true: nothing comes after this
+/// @return true: the last batch
 bool SessionRecorder::wait_for_work(std::deque<RecordedItem>& batch, std::stop_token stop) {
   working_ = false;
   std::unique_lock lock(mutex_);
   const auto filled = [this] { return !queue_.empty(); };
   if (writer_.is_open()) {
-    filled_.wait_for(lock, stop, kLook, filled);
+    filled_.wait_for(lock, stop, kFlushCheck, filled);
   } else {
     filled_.wait(lock, stop, filled);
   }
@@ -246,11 +284,11 @@ void SessionRecorder::write(std::deque<RecordedItem>& batch) {
   }
 }
 
-void SessionRecorder::say_when_caught_up() {
+void SessionRecorder::report_caught_up() {
   const std::lock_guard lock(mutex_);
   if (slowness_ == Slowness::kNone || !queue_.empty()) return;
   slowness_ = Slowness::kNone;
-  events_.end(kRecorder, kSlow, "the disk has taken everything that waited");
+  events_.end(kRecorder, kSlow, "the disk has written everything that waited");
 }
 
 bool SessionRecorder::ends() const {
@@ -259,13 +297,13 @@ bool SessionRecorder::ends() const {
   while (!ended_) {
     const Instant now = clock_.now();
     const Instant progress = std::max(begin, instant_from_ns(progress_ns_));
-    if (now - progress > kLastPatience || now - begin > kLongestEnd) {
-      events_.tell({.severity = Severity::kError,
-                    .subject = kRecorder,
-                    .kind = "lost",
-                    .text = "the disk is stuck: " + std::to_string(queue_.bytes() >> 10) +
-                            " KiB of the recording that waited for it are lost",
-                    .remedy = "Look after the disk of `recorder.folder`"});
+    if (now - progress > kStuckTimeout || now - begin > kLongestEnd) {
+      events_.report({.severity = Severity::kError,
+                      .subject = kRecorder,
+                      .kind = "lost",
+                      .text = "the disk is stuck: " + std::to_string(queue_.bytes() >> 10) +
+                              " KiB of the recording are lost",
+                      .remedy = "Check the disk of `recorder.folder`"});
       return false;
     }
     static_cast<void>(clock_.wait_until(now + kBriefly, {}));

@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "base/clock.hpp"
 #include "base/event_board.hpp"
-#include "daemon/recording/session_writer.hpp"
+#include "base/time.hpp"
+#include "daemon/recording/session_files.hpp"
 #include "pipeline/body_update.hpp"
 
 namespace fiducap {
@@ -24,30 +24,54 @@ struct RecorderConfig {
   /// working directory.
   std::string folder;
   bool images{false};  ///< False: the detected corners and the IMU, enough for `fiducap replay`.
-  /// A session of this name (`-2` and so on behind it when there is one) begins with the server,
-  /// before the first sample: its replay gives the same estimates. Empty: none does.
+  /// Name of a session (with `-2` and so on if it exists) that begins with the server, before the
+  /// first sample: its replay gives the same estimates. Empty: none.
   std::string at_start{};
 };
 
-/// What a session carries beside its samples, so that a replay starts from what the server had.
+/// Initial state of a session, so that a replay starts like the server.
 struct SessionSurroundings {
   std::string config_yaml;             ///< Effective, without secrets.
-  std::function<MapView()> published;  ///< The map just now.
-  bool is_refined{false};              ///< Refinements of the map will be told.
+  std::function<MapView()> published;  ///< The present map.
+  bool is_refined{false};              ///< Refinements of the map are recorded.
+};
+
+/// Queue for the disk, bounded by memory: images and corners together kImages_bytes, everything
+/// kMost_bytes. So IMU readings and turns, which are small and indispensable, are recorded for
+/// minutes after the first image was dropped. New items are dropped, queued ones are kept.
+///
+/// `put` and `take_all` need the owner's lock, `written` none.
+class RecordingQueue final {
+ public:
+  /// Nine seconds of one camera of 752 × 480 pixels at 60 Hz: longer than disks pause.
+  static constexpr std::size_t kMost_bytes = std::size_t{256} << 20;
+  static constexpr std::size_t kImages_bytes = std::size_t{192} << 20;
+
+  /// Begin and end of a session always fit.
+  /// @return false: dropped
+  [[nodiscard]] bool put(RecordedItem item);
+  /// All items, in order. They count until they are `written`.
+  void take_all(std::deque<RecordedItem>& out);
+  void written(const RecordedItem& item) { bytes_ -= item.bytes; }
+
+  [[nodiscard]] bool empty() const { return waiting_.empty(); }
+  [[nodiscard]] std::size_t bytes() const { return bytes_; }
+
+ private:
+  std::deque<RecordedItem> waiting_;
+  std::atomic<std::size_t> bytes_{0};
 };
 
 /// Writes the sensors of all bodies to disk while the server runs. Only `run`, on a thread of its
-/// own, touches the disk, and at most a second of what it wrote is lost with the process.
-/// Everything else returns at once, whatever the disk does: a session's samples wait in memory
-/// until its files are open, and are dropped and counted when too many wait (RecordingQueue). What
-/// goes wrong is in `recordings` and on the event board.
+/// own, uses the disk; at most a second of written data is lost with the process. All other calls
+/// return at once: samples wait in memory until the files are open, and are dropped and counted
+/// when too many wait (RecordingQueue). Failures are in `recordings` and on the event board.
 class SessionRecorder final {
  public:
   /// @param clock, events  outlive the recorder
   SessionRecorder(RecorderConfig config, const Clock& clock, EventBoard& events);
 
-  /// Before the first `take`, in the order of the bodies. @param info  `folder` and `has_…` are
-  /// filled in here
+  /// Before the first `take`, in the order of the bodies. @param info  without `folder`, `has_…`
   void add_body(const std::string& name, RecordingInfo info, SimulatedTruth truth = {});
   /// Before the first `start`.
   void set_surroundings(SessionSurroundings surroundings) {
@@ -56,10 +80,10 @@ class SessionRecorder final {
 
   /// @param name  of the session; a plain folder name
   Expected<void> start(const std::string& name);
-  /// Before `run`, and on a thread that may wait for the disk: says whether it took the files. The
-  /// session is called `name`, or `name-2` and so on when there are such recordings already.
+  /// Before `run`, on a thread that may wait for the disk. The session is called `name`, or
+  /// `name-2` and so on if it exists. @return Error when the files cannot be opened
   Expected<void> start_and_open(const std::string& name);
-  /// What was taken until now is still written, then the files are closed.
+  /// Queued samples are still written, then the files are closed.
   Expected<void> stop();
   /// Between start and stop, and until it fails.
   [[nodiscard]] std::optional<std::string> current() const;
@@ -68,20 +92,18 @@ class SessionRecorder final {
 
   /// From any thread. Images are taken only when they are configured.
   void take(std::size_t body, const SensorSample& sample);
-  /// Corners that were found in an image, where images are not recorded; costs nothing when nothing
-  /// is recorded.
+  /// Detected corners, if images are not recorded; free when nothing is recorded.
   void take_found(std::size_t body, const CornerFrame& found);
-  /// How the image's body and the map met.
+  /// The order of an image's contribution to the map.
   void take_turn(std::size_t body, const BodyUpdate& update, const MapView& view,
                  std::uint64_t turn);
-  /// When all bodies' map was refined.
+  /// A refinement of the map.
   void take_refinement(const RefinementTurn& turn);
 
   /// The writer: runs until stopped and everything is on disk.
   void run(std::stop_token stop);
-  /// After `run` was asked to stop: waits for its end as long as the disk takes something, at most
-  /// 20 s.
-  /// @return false: the disk is stuck; what is lost was said
+  /// After `run` was asked to stop: waits for its end while the disk makes progress, at most 20 s.
+  /// @return false: the disk is stuck; the loss was reported
   [[nodiscard]] bool ends() const;
 
  private:
@@ -92,8 +114,8 @@ class SessionRecorder final {
   [[nodiscard]] bool is_under_way() const;
   void end_current();
   void put(std::size_t body, RecordedThing what);
-  void say_slow(Slowness how);
-  void say_when_caught_up();
+  void report_slowness(Slowness how);
+  void report_caught_up();
   [[nodiscard]] bool wait_for_work(std::deque<RecordedItem>& batch, std::stop_token stop);
   void write(std::deque<RecordedItem>& batch);
 
@@ -113,7 +135,7 @@ class SessionRecorder final {
 
   SessionWriter writer_;  ///< Of `run`.
   std::atomic<bool> working_{false};
-  std::atomic<std::int64_t> progress_ns_{0};  ///< When the disk took something last.
+  std::atomic<std::int64_t> progress_ns_{0};  ///< Time of the last write.
   std::atomic<bool> ended_{false};
 };
 

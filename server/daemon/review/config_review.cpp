@@ -1,10 +1,187 @@
 #include "daemon/review/config_review.hpp"
 
+#include <algorithm>
+#include <filesystem>
+#include <map>
+
+#include <net/if.h>
+#include <unistd.h>
+#include <boost/asio/io_context.hpp>
 #include <nlohmann/json.hpp>
+
+#include "daemon/bodies/body_setup.hpp"
+#include "daemon/operator_token.hpp"
+#include "daemon/stream_loop.hpp"
+#include "detection/tag_family.hpp"
+#include "mapping/store/map_store.hpp"
+#include "streaming/net/bind.hpp"
 
 namespace fiducap {
 
+// Tags and map.
+
 namespace {
+
+namespace fs = std::filesystem;
+
+/// Ids that the family does not have can never be seen.
+void review_ids(const ServerConfig& config, ConfigReview& review) {
+  const auto family = TagFamily::named(config.tags.family);
+  if (!family) return;
+  const auto check = [&](const std::string& path, int id) {
+    if (id >= 0 && id < family->ids()) return;
+    review.fault(path, std::to_string(id),
+                 "is no tag of " + config.tags.family + ", which has 0 to " +
+                     std::to_string(family->ids() - 1));
+  };
+  for (const auto& [id, size] : config.tags.sizes_m) check("tags.sizes_m", id);
+  for (const int id : config.tags.ignore) check("tags.ignore", id);
+  for (const int id : config.map.floor_tags) check("map.floor_tags", id);
+  if (!config.map.reference_tag) return;
+  const int reference = *config.map.reference_tag;
+  check("map.reference_tag", reference);
+  const auto& ignored = config.tags.ignore;
+  if (std::find(ignored.begin(), ignored.end(), reference) != ignored.end())
+    review.fault("map.reference_tag", std::to_string(reference),
+                 "is in tags.ignore: it would never be seen");
+}
+
+std::optional<std::size_t> stored_tags(const std::string& store, ConfigReview& review) {
+  std::error_code ignored;
+  if (store.empty() || !fs::exists(store, ignored)) return std::nullopt;
+  const auto opened = MapStore::open_to_read(store);
+  const auto map = opened ? opened->newest() : tl::unexpected(opened.error());
+  if (map) return map->tags.size();
+  review.fault("map.store", store, map.error().what);
+  return std::nullopt;
+}
+
+void review_folder_of(const std::string& store, ConfigReview& review) {
+  std::error_code ignored;
+  const fs::path folder = fs::absolute(store, ignored).parent_path();
+  if (!fs::is_directory(folder, ignored)) {
+    // Below /var/lib: the service has not been started yet.
+    if (folder.string().starts_with("/var/lib/"))
+      return review.doubt("map.store", store,
+                          "its folder does not exist yet: systemd makes it with the service. Make "
+                          "it first to start fiducapd by hand");
+    return review.fault("map.store", store, "its folder does not exist: make it first");
+  }
+  if (::access(folder.c_str(), W_OK | X_OK) != 0)
+    review.fault("map.store", store, "this user may not write to its folder");
+}
+
+void review_map_files(const ServerConfig& config, ConfigReview& review) {
+  const MapSettings& map = config.map;
+  std::error_code ignored;
+  const bool has_file = !map.file.empty() && fs::exists(map.file, ignored);
+  if (!map.file.empty() && !has_file) review.fault("map.file", map.file, "there is no such file");
+  if (!map.store.empty()) review_folder_of(map.store, review);
+  const auto stored = stored_tags(map.store, review);
+  const bool has_map = has_file || stored.value_or(0) > 0;
+  if (map.builder.mode == MapMode::kFrozen && !has_map)
+    review.fault("map.mode", "frozen",
+                 "has no map: nothing will ever be tracked. Begin with `mapping`, or name a map in "
+                 "map.file or map.store");
+  if (map.builder.mode == MapMode::kMapping && map.store.empty())
+    review.doubt("map.store", "\"\"",
+                 "is not set: the map is forgotten when the server ends, and another one begins");
+  std::string line = map.builder.mode == MapMode::kFrozen ? "a frozen map" : "a growing map";
+  if (stored) line += ", " + std::to_string(*stored) + " tags stored in " + map.store;
+  if (has_file && stored.value_or(0) == 0) line += ", beginning with " + map.file;
+  review.plan.push_back(line + "; tags " + config.tags.family + ", " +
+                        std::to_string(static_cast<int>(1e3 * config.tags.size_m + 0.5)) + " mm");
+}
+
+bool has_imu(const ServerConfig& config) {
+  return std::any_of(config.bodies.begin(), config.bodies.end(), [&](const BodyConfig& body) {
+    const auto setup = read_body_setup(body, config.simulation, config.site);
+    return setup && setup->sensors.imu;
+  });
+}
+
+void review_gauge(const ServerConfig& config, ConfigReview& review) {
+  const MapSettings& map = config.map;
+  const bool begins = map.file.empty() && map.builder.mode == MapMode::kMapping;
+  if (!begins) return;
+  if (!map.reference_tag)
+    review.doubt(
+        "map.reference_tag", "null",
+        "is not set: the first tag that is seen becomes the origin, another one next time");
+  if (!has_imu(config) && !map.reference_pose && map.floor_tags.empty())
+    review.doubt(
+        "map.floor_tags", "[]",
+        "the vertical is unknown: no body has an IMU. Name three tags that lie flat on the floor, "
+        "or set map.reference_pose");
+}
+
+namespace fs = std::filesystem;
+
+/// Tries to open a port like the protocol.
+std::optional<std::string> fault_of(const ServedProtocol& protocol, const PortUse& port) {
+  const std::string key = "streaming." + std::string(protocol.name);
+  const net::BindTarget target{protocol.address, port.number, key};
+  boost::asio::io_context io;
+  if (port.udp) {
+    const auto bound = net::bind_udp(io, target);
+    return bound ? std::nullopt : std::optional(bound.error().text());
+  }
+  const auto bound = net::listen_tcp(io, target);
+  return bound ? std::nullopt : std::optional(bound.error().text());
+}
+
+bool is_optional(const StreamingConfig& streaming, std::string_view protocol) {
+  const auto& names = streaming.optional;
+  return std::find(names.begin(), names.end(), protocol) != names.end();
+}
+
+class PortReview final {
+ public:
+  PortReview(const StreamingConfig& streaming, ConfigReview& review)
+      : streaming_(streaming), review_(review) {}
+
+  void check(const ServedProtocol& protocol) {
+    if (!protocol.enabled) return;
+    std::string line = std::string(protocol.name) + " on " + protocol.address + ":";
+    for (const PortUse& port : protocol.ports) {
+      line += " " + std::to_string(port.number) + (port.udp ? " udp" : " tcp");
+      if (port.number != 0) check(protocol, port);
+    }
+    review_.plan.push_back(line);
+  }
+
+ private:
+  void check(const ServedProtocol& protocol, const PortUse& port) {
+    const std::string path = "streaming." + std::string(protocol.name);
+    const auto [other, fresh] = taken_.try_emplace({port.number, port.udp}, protocol.name);
+    if (!fresh)
+      return review_.fault(path, std::to_string(port.number),
+                           "is the port of " + other->second + ", too");
+    const auto fault = fault_of(protocol, port);
+    if (!fault) return;
+    if (is_optional(streaming_, protocol.name)) {
+      review_.doubt(path, std::to_string(port.number),
+                    *fault + " (optional: the server runs without)");
+    } else {
+      review_.fault(path, std::to_string(port.number), *fault);
+    }
+  }
+
+  const StreamingConfig& streaming_;
+  ConfigReview& review_;
+  std::map<std::pair<std::uint16_t, bool>, std::string> taken_;
+};
+
+void review_folder(const std::string& path, const std::string& folder, ConfigReview& review) {
+  std::error_code ignored;
+  fs::path at = folder.empty() ? fs::current_path(ignored) : fs::absolute(folder, ignored);
+  while (!at.empty() && !fs::exists(at, ignored) && at.has_parent_path() && at != at.parent_path())
+    at = at.parent_path();
+  if (!fs::is_directory(at, ignored))
+    return review.fault(path, folder, at.string() + " is no folder");
+  if (::access(at.c_str(), W_OK | X_OK) != 0)
+    review.fault(path, folder, "this user may not write to " + at.string());
+}
 
 nlohmann::json json_of(const std::vector<ConfigFault>& faults) {
   auto all = nlohmann::json::array();
@@ -15,6 +192,28 @@ nlohmann::json json_of(const std::vector<ConfigFault>& faults) {
 }
 
 }  // namespace
+
+void review_room(const ServerConfig& config, ConfigReview& review) {
+  review_ids(config, review);
+  review_map_files(config, review);
+  review_gauge(config, review);
+}
+
+// Ports, tokens, folders.
+
+void review_service(const ServerConfig& config, ConfigReview& review) {
+  if (const auto token = operator_token(config.operators, nullptr); !token)
+    review.fault("operator.token_file", config.operators.token_file, token.error().what);
+  const std::string& card = config.dds.interface;
+  const bool is_name = !card.empty() && card.find_first_not_of("0123456789.:") != std::string::npos;
+  if (is_name && ::if_nametoindex(card.c_str()) == 0)
+    review.fault("dds.interface", card, "is no network interface of this machine (`ip link`)");
+  PortReview ports(config.streaming, review);
+  for (const ServedProtocol& protocol : served_protocols(config.streaming)) ports.check(protocol);
+  const web::WebConfig& web = config.streaming.web;
+  ports.check({"web", web.enabled, web.address, {{web.port, false}}, {}, {}});
+  review_folder("recorder.folder", config.recorder.folder, review);
+}
 
 std::string review_json(const ConfigReview& review) {
   const nlohmann::json all{{"usable", review.faults.empty()},

@@ -8,11 +8,10 @@
 
 namespace fiducap {
 
-/// What can be known about a configuration without starting it. The rules of single values were
-/// checked by load_config.
+/// Checks of a configuration beyond the rules of load_config, without starting it.
 struct ConfigReview {
   std::vector<ConfigFault> faults;  ///< It would not run, or never track.
-  std::vector<ConfigFault> doubts;  ///< It runs, but likely not as meant.
+  std::vector<ConfigFault> doubts;  ///< It runs, but probably not as intended.
   std::vector<std::string> plan;    ///< What will run, a line each.
 
   void fault(std::string path, std::string value, std::string rule) {
@@ -23,8 +22,7 @@ struct ConfigReview {
   }
 };
 
-/// Opens every file that the configuration names, looks at devices and ports, and lets go of them
-/// again. Writes nothing.
+/// Opens all files, devices and ports of the configuration, and closes them again. Writes nothing.
 [[nodiscard]] ConfigReview review(const ServerConfig& config);
 
 /// {"usable", "wrong": [{path, value, rule, where}], "doubtful": […], "will_run": […]}

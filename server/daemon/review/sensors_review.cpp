@@ -1,24 +1,22 @@
-// What the sensors of the bodies are, and whether they are there.
+// The sensors of the bodies.
 #include <cmath>
 #include <filesystem>
 #include <sstream>
 
 #include "capture/camera_device.hpp"
 #include "capture/imu/imu_source.hpp"
-#include "capture/lens/calibrated_mount.hpp"
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/review/config_review.hpp"
-#include "daemon/system_clock.hpp"
+#include "daemon/system.hpp"
 
 namespace fiducap {
-
 namespace {
 
 namespace fs = std::filesystem;
 
-// Further from the body's origin than this a camera of a robot is not.
+// Largest distance of a camera from the body's origin.
 constexpr double kFarthestCamera_m = 3;
-// Narrower and wider lenses are none that see tags.
+// Plausible angles of view.
 constexpr double kNarrowest_deg = 8;
 constexpr double kWidest_deg = 170;
 constexpr double kMostAspect = 1.1;  // of a pixel; square ones are the rule
@@ -40,7 +38,7 @@ std::string size_text(int width, int height) {
 
 void review_lens(const CameraMount& mount, const std::string& path, ConfigReview& review) {
   const CameraModel& lens = mount.model;
-  if (lens.width == 0) return;  // its source will tell
+  if (lens.width == 0) return;  // provided by its source
   const double angle = 2 * std::atan2(lens.width / 2.0, lens.fu) * kDegrees;
   if (lens.distortion != Distortion::kEquidistant &&
       (angle < kNarrowest_deg || angle > kWidest_deg))
@@ -57,10 +55,10 @@ void review_lens(const CameraMount& mount, const std::string& path, ConfigReview
     review.doubt(path + "model.cu", number(lens.cu) + ", cv = " + number(lens.cv),
                  "is far from the middle of " + size_text(lens.width, lens.height) +
                      ": is the calibration of another image size, or of a cut image?");
-  if ((mount.focal_sigma > 0 || mount.k1_sigma > 0) && !tells_a_calibration(mount))
+  if ((mount.focal_sigma > 0 || mount.k1_sigma > 0) && !has_calibrated_lens(mount))
     review.doubt(path + "focal_sigma", number(mount.focal_sigma),
-                 "says that the lens is a guess: it is learned, but run `fiducap calibrate camera` "
-                 "before you trust a pose");
+                 "means that the lens is a guess: it is estimated, but run `fiducap calibrate "
+                 "camera` before relying on a pose");
   if (mount.X_BV.p.norm() > kFarthestCamera_m)
     review.doubt(path + "X_BV", number(mount.X_BV.p.norm()) + " m",
                  "is far from the body's origin: places are in metres, not millimetres");
@@ -81,14 +79,14 @@ std::string imu_text(const ImuSourceConfig& imu) {
   return "?";
 }
 
-/// Opens it as the server would; whether anything comes is seen only live. Topics need a domain to
-/// be joined, so they are left to the running server.
+/// Opens it as the server would, without waiting for readings. Topics need to join a domain and are
+/// not checked.
 void review_imu_source(const ImuSourceConfig& imu, const std::string& path, ConfigReview& review) {
   if (imu.type == ImuSourceType::kPx4 || imu.type == ImuSourceType::kRos) return;
   static const SystemClock clock;
   if (const auto* link = imu.link(); link != nullptr && link->takes_the_first_sender())
     review.doubt(path + "imu_source.peer", "none",
-                 "means that the IMU belongs to the first sender: name its address with peer, or "
+                 "means that readings of the first sender are used: set its address with peer, or "
                  "listen on address: 127.0.0.1");
   const auto opened = open_imu_source(imu, {clock, {}});
   if (!opened) review.fault(path + "imu_source", imu_text(imu), opened.error().text());
@@ -104,7 +102,7 @@ void review_device(CameraDeviceConfig device, const CameraMount& mount, const st
   if (!is_file(device)) return;
   auto first = (*opened)->next({});
   if (!first) return review.fault(path + "open", device.open, first.error().what);
-  if (!first->has_value()) review.fault(path + "open", device.open, "has not one image");
+  if (!first->has_value()) review.fault(path + "open", device.open, "has no image");
 }
 
 void review_cameras(const BodyConfig& body, const BodySetup& setup, const std::string& path,

@@ -1,28 +1,25 @@
 #include "daemon/setup/setup_guide.hpp"
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
 #include <utility>
 
-#include "base/closest_word.hpp"
-#include "base/yaml_text.hpp"
-#include "capture/imu/imu_part.hpp"
-#include "daemon/config/config_reader.hpp"
+#include "base/text.hpp"
+#include "base/yaml.hpp"
+#include "capture/imu_sample.hpp"
+#include "daemon/config/config_visitors.hpp"
 
 namespace fiducap {
-
 namespace {
 
-constexpr double kSlow = 0.1;                          // weight of the newest in running rates
-constexpr Duration kSilent = std::chrono::seconds(2);  // an IMU: none of its readings come
-// What a lens of a usual camera may be, before it is calibrated: 70 degrees wide, and not far off.
+constexpr double kSlow = 0.1;                          // weight of the newest in running means
+constexpr Duration kSilent = std::chrono::seconds(2);  // without readings of the IMU
+// Guess of an uncalibrated lens: 70 degrees wide, with these sigmas.
 constexpr double kUsualHalfWidth = 0.7;  // tangent
 constexpr double kGuessedFocal = 0.15;
 constexpr double kGuessedCentre_px = 30;
 constexpr double kGuessedK1 = 0.15;
 constexpr double kLargestTag_m = 5;
-// Of a place that was measured by hand.
+// Sigmas of a pose measured by hand.
 constexpr double kByHand_m = 0.02;
 constexpr double kByHand_rad = 0.1;
 
@@ -51,7 +48,7 @@ Expected<Pose> pose_of_camera(const std::string& looks, const Eigen::Vector3d& p
   return fail(ErrorCode::kInvalid, must_be_one_of(words, looks), "looks = " + looks);
 }
 
-/// What stands below `imu_source` in a configuration.
+/// From the content of `imu_source` in a configuration.
 Expected<ImuSourceConfig> imu_source_from(const std::string& text) {
   const auto document = load_yaml(text);
   if (!document) return fail(ErrorCode::kInvalid, document.error().text(), "the IMU");
@@ -65,31 +62,17 @@ Expected<ImuSourceConfig> imu_source_from(const std::string& text) {
   return source;
 }
 
-/// What makes it another camera, or the same one with another lens model.
+/// Identifies a camera with its lens model.
 std::string camera_text(const CameraDeviceConfig& device) {
   return device.open + " " + std::to_string(device.width) + " x " + std::to_string(device.height);
 }
 
 }  // namespace
 
-std::string SetupCommand::text(const std::string& key) const {
-  const auto found = values.find(key);
-  return found == values.end() ? "" : found->second;
-}
-
-std::optional<double> SetupCommand::number(const std::string& key) const {
-  const std::string word = text(key);
-  double value{};
-  const auto [end, failure] = std::from_chars(word.data(), word.data() + word.size(), value);
-  if (failure != std::errc{} || end != word.data() + word.size() || !std::isfinite(value))
-    return std::nullopt;
-  return value;
-}
-
 struct SetupGuide::Entry {
   const char* word;
   Handler handle;
-  std::vector<SetupStep> steps;  ///< In which it may be said; empty: in all.
+  std::vector<SetupStep> steps;  ///< In which it is allowed; empty: in all.
 };
 
 SetupGuide::SetupGuide(SetupRig& rig, std::function<void()> show)
@@ -163,7 +146,7 @@ void SetupGuide::guide_lens() {
     targets.tags = result_.tags;
     lens_.emplace(std::move(targets), image.width, image.height);
   }
-  const bool is_kept = lens_->look(corners_);  // what was refused is as it was
+  const bool is_kept = lens_->look(corners_);
   if (is_kept && lens_->progress().is_enough) solve_lens();
 }
 
@@ -199,14 +182,14 @@ Expected<void> SetupGuide::use_camera(const SetupCommand& command) {
   return {};
 }
 
-/// Another camera: nothing that was found out holds for it.
+/// Another camera: discards all results for the former one.
 void SetupGuide::forget_camera() {
   result_.camera = {};
   result_.lens_from.clear();
   result_.mount_from.clear();
   lens_.reset();
   if (!result_.simulated) return;
-  result_.imu.reset();  // was a part of it
+  result_.imu.reset();  // a part of it
   result_.imu_from.clear();
 }
 
@@ -236,7 +219,7 @@ void SetupGuide::forget_images() {
 
 Expected<void> SetupGuide::set_camera(const SetupCommand& command) {
   if (!result_.camera.source)
-    return fail(ErrorCode::kInvalid, "a simulated camera has no settings: go on");
+    return fail(ErrorCode::kInvalid, "a simulated camera has no settings: continue");
   CameraDeviceConfig device = result_.camera.source->camera;
   if (const auto exposure = command.number("exposure_ms")) device.exposure_s = *exposure * 1e-3;
   if (const auto errors = device.check("camera."); !errors.empty())
@@ -247,7 +230,7 @@ Expected<void> SetupGuide::set_camera(const SetupCommand& command) {
   return {};
 }
 
-/// The size on paper: printers scale, the ruler of the sheet tells by how much.
+/// The size on paper: printers scale, the ruler of the sheet shows the factor.
 Expected<void> SetupGuide::set_sheet(const SetupCommand& command) {
   TagSetConfig tags = result_.tags;
   if (const std::string family = command.text("family"); !family.empty()) tags.family = family;
@@ -257,7 +240,8 @@ Expected<void> SetupGuide::set_sheet(const SetupCommand& command) {
     return fail(ErrorCode::kInvalid, "must be the edge of the black square in mm, e.g. 160",
                 "size_mm = " + command.text("size_mm"));
   if (!(ruler_mm > 50) || !(ruler_mm < 200))
-    return fail(ErrorCode::kInvalid, "must be what the printed ruler of 100 mm measures, e.g. 99.4",
+    return fail(ErrorCode::kInvalid,
+                "must be the measured length of the printed 100 mm ruler, e.g. 99.4",
                 "ruler_mm = " + command.text("ruler_mm"));
   tags.size_m = *size_mm * 1e-3 * ruler_mm / 100;
   if (const auto errors = tags.check(); !errors.empty())
@@ -268,9 +252,9 @@ Expected<void> SetupGuide::set_sheet(const SetupCommand& command) {
   return {};
 }
 
-/// A lens that nobody calibrated: learned in motion, with a word about it wherever it shows.
+/// An uncalibrated lens, estimated in motion.
 Expected<void> SetupGuide::keep_guess(const SetupCommand&) {
-  if (!image_.image) return fail(ErrorCode::kInvalid, "no image has come yet: what size is it?");
+  if (!image_.image) return fail(ErrorCode::kInvalid, "no image yet: its size is unknown");
   forget_lens();
   CameraMount& mount = result_.camera.mount;
   mount.model.width = image_.image->width;
@@ -299,13 +283,13 @@ Expected<void> SetupGuide::set_mount(const SetupCommand& command) {
   return {};
 }
 
-/// An IMU as a configuration has it, and the part it is, if that is known.
+/// `source` as in a configuration, and the `part` if known.
 Expected<void> SetupGuide::use_imu(const SetupCommand& command) {
-  forget_clock();  // the camera's, by that of the IMU
+  forget_clock();  // was relative to the IMU before
   imu_rate_hz_ = 0;
   last_imu_at_.reset();
   if (command.text("source").empty()) {
-    rig_.let_go_of_imu();
+    rig_.close_imu();
     result_.imu_source.reset();
     result_.imu.reset();
     return {};
@@ -319,34 +303,34 @@ Expected<void> SetupGuide::use_imu(const SetupCommand& command) {
   return {};
 }
 
-// --- the way through -----------------------------------------------------------------------------
+// --- the steps -----------------------------------------------------------------------------------
 
-/// What a step still needs; nullopt: it may be left.
+/// What is missing in this step; nullopt: complete.
 std::optional<std::string> SetupGuide::missing() const {
   switch (step_) {
     case SetupStep::kCamera:
-      if (!image_.image) return "no image has come yet: choose a camera";
+      if (!image_.image) return "no image yet: choose a camera";
       return std::nullopt;
     case SetupStep::kPicture:
-      if (!image_.image) return "no image comes: look at the camera's cable, or choose it again";
+      if (!image_.image) return "no images: check the camera's cable, or choose it again";
       return std::nullopt;
     case SetupStep::kLens:
       if (result_.camera.mount.model.width == 0)
-        return "the lens is not known yet: go on with the pictures, or take a guess";
+        return "the lens is not known yet: continue with the images, or use a guess";
       if (image_.image && (image_.image->width != result_.camera.mount.model.width ||
                            image_.image->height != result_.camera.mount.model.height))
-        return "the lens is known for images of another size: do it again, or take a guess";
+        return "the lens is known for images of another size: repeat it, or use a guess";
       return std::nullopt;
     case SetupStep::kImu:
       if (result_.imu && imu_rate_hz_ == 0)
-        return "nothing has come from the IMU: look at its cable and settings, or go on without";
+        return "no readings from the IMU: check its cable and settings, or continue without";
       return std::nullopt;
     default:
       return std::nullopt;
   }
 }
 
-/// Without an IMU there is nothing to lie still or to be waved.
+/// Without an IMU.
 bool SetupGuide::is_left_out(SetupStep step) const {
   const bool is_of_imu = step == SetupStep::kRest || step == SetupStep::kWave;
   return is_of_imu && !result_.imu;
@@ -377,7 +361,7 @@ Expected<void> SetupGuide::again(const SetupCommand&) {
 void SetupGuide::enter(SetupStep step) {
   step_ = step;
   if (step == SetupStep::kImu && result_.simulated && !result_.imu) {
-    result_.imu = result_.simulated->imu.noise;  // it is there already
+    result_.imu = result_.simulated->imu.noise;
     result_.imu_from = "as simulated";
   }
   begin_step();

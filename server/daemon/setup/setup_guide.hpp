@@ -1,35 +1,21 @@
 #pragma once
 
 #include <functional>
-#include <map>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "base/expected.hpp"
 #include "base/time.hpp"
-#include "calibration/guided/lens_guide.hpp"
-#include "calibration/guided/rest_guide.hpp"
-#include "calibration/guided/wave_guide.hpp"
-#include "daemon/setup/setup_result.hpp"
+#include "calibration/guided/guides.hpp"
+#include "daemon/setup/setup_files.hpp"
 #include "daemon/setup/setup_rig.hpp"
 #include "detection/image_measures.hpp"
 #include "detection/tag_detector.hpp"
 
 namespace fiducap {
 
-/// What a person asks for: a word and what belongs to it, e.g. `camera` with `open`.
-struct SetupCommand {
-  std::string what;
-  std::map<std::string, std::string> values{};
-
-  [[nodiscard]] std::string text(const std::string& key) const;
-  /// @return nullopt: not there, or no number
-  [[nodiscard]] std::optional<double> number(const std::string& key) const;
-};
-
-/// What the camera shows, for people.
+/// The camera's image, for the user.
 struct SetupPicture {
   int width{};
   int height{};
@@ -37,11 +23,11 @@ struct SetupPicture {
   ImageMeasures measures;
   ImageBlur blur;
   std::size_t tags{};
-  std::string verdict;  ///< A sentence: what to do about it, or that it is well.
+  std::string verdict;  ///< A remedy, or that it is good.
   bool is_good{};
 };
 
-/// The outcome of something that was solved for.
+/// Result of a calibration.
 struct SetupVerdict {
   bool is_good{};
   bool is_refused{};  ///< It must not be used.
@@ -49,16 +35,16 @@ struct SetupVerdict {
   std::vector<std::string> advice{};
 };
 
-/// Leads a person through the steps of a set-up, one after the other, and keeps what was found out.
-/// No threads, no clock: it is given samples and commands by one thread. What takes long (solving)
-/// is done within take(); `show` is called before, so that people see that it goes on.
+/// Guides the user through the steps of a set-up and keeps the results. No threads, no clock:
+/// samples and commands come from one thread. Calibrations run within take(), which may take long;
+/// `show` is called before.
 class SetupGuide final {
  public:
-  /// @param show  what changed can be shown now
+  /// @param show  called when the state has changed
   SetupGuide(SetupRig& rig, std::function<void()> show);
 
   void take(const SensorSample& sample);
-  /// @return Error saying what was expected: not in this step, a value that is none
+  /// @return Error: not allowed in this step, or a wrong value
   Expected<void> command(const SetupCommand& command);
 
   [[nodiscard]] SetupStep step() const { return step_; }
@@ -68,13 +54,13 @@ class SetupGuide final {
   [[nodiscard]] const LensGuide* lens() const { return lens_ ? &*lens_ : nullptr; }
   [[nodiscard]] const RestGuide& rest() const { return rest_; }
   [[nodiscard]] const WaveGuide& wave() const { return wave_; }
-  /// Of this step; nullopt: nothing was solved for yet.
+  /// Of this step; nullopt: none yet.
   [[nodiscard]] const std::optional<SetupVerdict>& verdict() const { return verdict_; }
   [[nodiscard]] bool is_solving() const { return is_solving_; }
-  /// The newest image and what was seen in it.
+  /// The newest image and its tags.
   [[nodiscard]] const CameraFrame& image() const { return image_; }
   [[nodiscard]] const CornerFrame& corners() const { return corners_; }
-  /// Readings of the IMU a second, 0: none come.
+  /// 0: no readings.
   [[nodiscard]] double imu_rate_hz() const { return imu_rate_hz_; }
 
  private:

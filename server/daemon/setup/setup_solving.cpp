@@ -1,4 +1,4 @@
-// What a set-up makes of what it has collected.
+// Calibrations of a set-up.
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -9,16 +9,15 @@
 #include "daemon/setup/setup_guide.hpp"
 
 namespace fiducap {
-
 namespace {
 
 constexpr std::size_t kMoreViews = 12;
-// Of a place measured by hand, searched around it.
+// Search range around a pose measured by hand.
 constexpr double kMountReach_m = 0.03;
 constexpr double kMountReach_rad = 0.15;
 constexpr double kClockReach_s = 0.12;
 constexpr double kLeastClockSigma_s = 5e-4;
-constexpr double kTooDark = 60;     // gray that 99 % of an image are below
+constexpr double kTooDark = 60;     // gray value above 99 % of an image
 constexpr double kTooBright = 0.2;  // share of pixels at the upper end
 constexpr double kOutOfFocus_px = 3.5;
 constexpr double kSmeared_px = 3;
@@ -62,14 +61,13 @@ void SetupGuide::judge_picture() {
     picture.verdict = "Smeared by motion: a shorter exposure, and more light.";
   } else {
     picture.is_good = true;
-    picture.verdict = picture.tags > 0
-                          ? "Well exposed and sharp."
-                          : "Well exposed. Hold a tag before it to see how sharp it is.";
+    picture.verdict = picture.tags > 0 ? "Well exposed and sharp."
+                                       : "Well exposed. Show a tag to check the focus.";
   }
   picture_ = std::move(picture);
 }
 
-/// A lens that is good ends the step; one that is weak asks for more, and may be taken.
+/// A good lens ends the step; a weak one needs more images, but may be used.
 void SetupGuide::solve_lens() {
   is_solving_ = true;
   show_();
@@ -78,21 +76,21 @@ void SetupGuide::solve_lens() {
   if (!solved) {
     forget_lens();
     verdict_ = refused(solved.error());
-    return lens_->ask_for_more(kMoreViews, solved.error().what);
+    return lens_->request_more(kMoreViews, solved.error().what);
   }
-  const IntrinsicsVerdict judged = judge(*solved, make_image_map(*solved));
+  const IntrinsicsVerdict judged = assess(*solved, make_image_map(*solved));
   const bool usable = judged.grade != IntrinsicsGrade::kUseless;
   verdict_ = SetupVerdict{judged.grade == IntrinsicsGrade::kGood, !usable,
                           lens_text(*solved, judged), judged.advice};
-  forget_lens();  // also one of fewer views, where this one is refused: they were of the same lens
+  forget_lens();  // also one of fewer views: it was of the same lens
   if (usable) {
     CameraMount& mount = result_.camera.mount;
     mount.model = solved->state.camera;
-    tell_lens(*solved, judged, mount);  // is learned on; what no number of it follows stays
+    set_lens_sigmas(*solved, judged, mount);  // is learned on; what no number of it follows stays
     result_.lens_from = "calibrated, " + verdict_->summary;
   }
   if (!verdict_->is_good)
-    lens_->ask_for_more(kMoreViews, judged.advice.empty() ? "" : judged.advice.front());
+    lens_->request_more(kMoreViews, judged.advice.empty() ? "" : judged.advice.front());
   show_();
 }
 
@@ -122,7 +120,7 @@ void SetupGuide::solve_wave() {
   is_solving_ = true;
   show_();
   OfflineSetup setup;
-  forget_clock();  // the samples have the camera's own stamps, whatever was found before
+  forget_clock();  // the samples have the camera's own stamps
   CameraMount mount = result_.camera.mount;
   if (picture_ && picture_->rate_hz > 0) mount.rate_hz = picture_->rate_hz;
   setup.sensors.cameras = {mount};
@@ -138,14 +136,14 @@ void SetupGuide::solve_wave() {
   const auto weak = weaknesses_of(*solved);
   const CameraVerdict& camera = solved->verdicts.front();
   verdict_ = SetupVerdict{weak.empty(), solved->time.at_border,
-                          "The camera sits " + fixed(1e3 * camera.moved_m, 1) + " mm and " +
+                          "The camera is " + fixed(1e3 * camera.moved_m, 1) + " mm and " +
                               fixed(camera.moved_rad * 180 / M_PI, 1) +
-                              " degrees from where it was told; " + clock_text(solved->time),
+                              " degrees from its given pose; " + clock_text(solved->time),
                           weak};
   if (verdict_->is_refused) return show_();
   result_.camera.mount = solved->cameras.front();
-  // Half a minute tells no more, whatever it says, and a clock may drift: it goes on being learned.
-  // A clock that was not found stays as unknown as it was.
+  // A clock may drift after this half minute, so it continues to be estimated. A clock that was not
+  // found keeps its sigma.
   if (solved->time.determined)
     result_.camera.mount.time_shift_sigma_s = std::max(kLeastClockSigma_s, solved->time.sigma_s);
   result_.mount_from = "calibrated by waving, " + fixed(solved->statistics.data_s, 0) + " s, " +

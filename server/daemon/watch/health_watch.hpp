@@ -1,28 +1,124 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <stop_token>
+#include <string>
+#include <string_view>
 #include <vector>
 
-#include "base/clock.hpp"
+#include "base/event_board.hpp"
+#include "base/time.hpp"
+#include "daemon/bodies/body_reader.hpp"
 #include "daemon/publisher.hpp"
-#include "daemon/watch/body_health.hpp"
-#include "daemon/watch/frame_watchdog.hpp"
-#include "daemon/watch/machine_health.hpp"
+#include "pipeline/body_pose.hpp"
 #include "scene/scene_frame.hpp"
 
 namespace fiducap {
 
-/// Looks twice a second whether bodies, machine and frames are well, and tells the event board and
-/// the service manager. A server whose frames reach nobody any more is given up, so that it is
-/// started again.
+/// State of the machine at one instant.
+struct MachineState {
+  std::optional<bool> clock_synchronised;  ///< nullopt: not known.
+  std::size_t open_descriptors{0};
+  std::size_t most_descriptors{0};  ///< 0: not known.
+  std::uint64_t frames{0};          ///< Published.
+  std::uint64_t missed{0};          ///< Ticks of the publisher.
+};
+
+/// Reads the first three.
+[[nodiscard]] MachineState read_machine_state();
+
+/// Reports conditions of the computer.
+class MachineHealth final {
+ public:
+  explicit MachineHealth(EventBoard& events) : events_(events) {}
+  void look(const MachineState& state, Instant now);
+
+ private:
+  void judge_rate(const MachineState& state, Instant now);
+
+  EventBoard& events_;
+  bool unknown_clock_reported_{false};
+  MachineState counted_{};
+  std::optional<Instant> counted_at_;
+};
+
+/// Reports conditions of one body: no images, images that are late or too many for this computer, a
+/// coasting or lost pose. Called about twice a second. Not thread-safe.
+class BodyHealth final {
+ public:
+  BodyHealth(std::string name, std::size_t cameras, const BodyPulse& pulse, EventBoard& events)
+      : name_(std::move(name)), cameras_(cameras), pulse_(pulse), events_(events) {}
+
+  /// @param pose  of the newest frame; nullptr: the body is not streamed
+  void look(const BodyPose* pose, Instant now);
+
+ private:
+  void judge_source(Instant now);
+  void judge_silence(std::int64_t came_ns, const std::string& kind, const std::string& camera,
+                     Instant now);
+  void judge_lateness(Instant now);
+  void judge_pose(const BodyPose& pose, Instant now);
+  [[nodiscard]] Event lost(Instant now) const;
+  [[nodiscard]] double seconds_since(std::optional<Instant>& begin, bool holds, Instant now) const;
+  [[nodiscard]] Event event(Severity severity, std::string kind, std::string text,
+                            std::string remedy) const;
+
+  std::string name_;
+  std::size_t cameras_;
+  const BodyPulse& pulse_;
+  EventBoard& events_;
+  std::optional<Instant> watched_since_;
+  std::optional<Instant> late_since_;
+  std::optional<Instant> untracked_since_;
+  std::uint64_t images_{0};  ///< At `counted_at_`.
+  std::uint64_t skipped_{0};
+  std::optional<Instant> counted_at_;
+  double skipped_share_{0};
+  bool was_tracked_{false};
+};
+
+/// Whether published frames reach the protocols. Counts looks, not time, so that a suspended
+/// computer or a stopped process is not taken for a dead one.
+class FrameWatchdog final {
+ public:
+  enum class Verdict {
+    kFlows,
+    kStalled,  ///< No frame since the last look.
+    kDead,     ///< No frame for all granted looks.
+  };
+
+  explicit FrameWatchdog(int looks) : granted_(looks) {}
+
+  /// @param delivered  total number of frames
+  Verdict look(std::uint64_t delivered) {
+    stalled_ = delivered == last_ ? stalled_ + 1 : 0;
+    last_ = delivered;
+    if (stalled_ == 0) return Verdict::kFlows;
+    return stalled_ < granted_ ? Verdict::kStalled : Verdict::kDead;
+  }
+
+ private:
+  int granted_;
+  int stalled_{0};  ///< Looks without a new frame.
+  std::uint64_t last_{0};
+};
+
+/// Notifies the service manager (systemd) of `READY=1`, `WATCHDOG=1`, `STOPPING=1`; see
+/// sd_notify(3). Never waits.
+/// @return false: there is none
+bool notify_service_manager(std::string_view state);
+
+/// Checks bodies, machine and frames twice a second, for the event board and the service manager. A
+/// server whose frames are not delivered is given up, so that it is restarted.
 class HealthWatch final {
  public:
   static constexpr Duration kLook = std::chrono::milliseconds(500);
-  static constexpr int kLooksInVain = 20;
+  static constexpr int kMissedLooks = 20;
 
   /// @param give_up  called when no frame was delivered for ten seconds, until it has returned
   /// once; everything outlives this
@@ -31,7 +127,7 @@ class HealthWatch final {
 
   /// @param body_id  in the frames
   void add(int body_id, std::string name, std::size_t cameras, const BodyPulse& pulse);
-  /// Every frame, when the protocols have it. From the I/O thread; never waits.
+  /// Every delivered frame. From the I/O thread; never waits.
   void delivered(const std::shared_ptr<const SceneFrame>& frame);
   /// Until stopped.
   void run(std::stop_token stop);
@@ -51,7 +147,7 @@ class HealthWatch final {
   std::function<void()> give_up_;
   std::vector<Body> bodies_;
   MachineHealth machine_;
-  FrameWatchdog frames_{kLooksInVain};
+  FrameWatchdog frames_{kMissedLooks};
   bool gave_up_{false};
   std::atomic<std::uint64_t> delivered_{0};
   std::mutex mutex_;

@@ -1,19 +1,18 @@
 #include "detection/points/point_tracker.hpp"
 
 #include <algorithm>
+#include <utility>
 
-#include "detection/points/patch_flow.hpp"
+#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
-
 namespace {
 
-constexpr double kBack_px = 0.4;  // between a point and where the way there and back leads
-constexpr double kMotion_px =
-    1.2;  // from the epipolar line: noise, and a turning known to some tenths of a pixel
-constexpr double kApart_px = 14.0;               // of new points: closer neighbours tell the same
-constexpr double kCrowded_px = 0.5 * kApart_px;  // of followed ones: the younger of two goes
-constexpr double kTagReach = 1.5;  // of a tag's half edge: quiet zone and patch included
+constexpr double kBack_px = 0.4;    // forward-backward error
+constexpr double kMotion_px = 1.2;  // from the epipolar line: noise, and error of the rotation
+constexpr double kApart_px = 14.0;  // distance of new points
+constexpr double kMinDistance_px = 0.5 * kApart_px;  // of tracked points: the newer one is dropped
+constexpr double kTagReach = 1.5;  // relative to a tag's half edge: quiet zone and patch included
 constexpr int kNewPerImage = 12;   // cells searched for a new point
 constexpr float kLeastCorner = 2.5F * patch_flow::kLeastStructure;
 constexpr int kBorder_px = patch_flow::kHalf + 3;
@@ -23,7 +22,56 @@ Eigen::Vector3d ray(const CameraModel& model, const Eigen::Vector2d& ideal_px) {
   return {(ideal_px.x() - model.cu) / model.fu, (ideal_px.y() - model.cv) / model.fv, 1.0};
 }
 
+constexpr int kGuesses = 48;  // with 40 % outliers all fail once in 10⁹
+constexpr std::size_t kMinPairs = 5;
+
+/// Whether the later ray is near the plane of translation and earlier ray, in units of the rays' x
+/// and y.
+bool is_near(const RotatedPair& pair, const Eigen::Vector3d& normal, const Eigen::Vector3d& shift,
+             double limit) {
+  const Eigen::Vector3d line = pair.before.cross(shift);
+  const double off = shift.dot(normal);
+  // A ray along the translation has no epipolar line and fits.
+  return off * off <= limit * limit * line.head<2>().squaredNorm() ||
+         normal.squaredNorm() <= limit * limit;
+}
+
 }  // namespace
+
+TranslationConsensus::TranslationConsensus(std::size_t usual) {
+  normals_.reserve(usual);
+  fits_.reserve(usual);
+  best_.reserve(usual);
+}
+
+std::span<const char> TranslationConsensus::inliers(std::span<const RotatedPair> pairs,
+                                                    double limit) {
+  best_.assign(pairs.size(), 1);
+  if (pairs.size() < kMinPairs) return best_;
+  normals_.clear();
+  for (const RotatedPair& pair : pairs) normals_.push_back(pair.before.cross(pair.now));
+  fits_.resize(pairs.size());
+  std::size_t most = 0;
+  std::uint32_t random = 12345;
+  const auto draw = [&] {
+    random = random * 1664525U + 1013904223U;
+    return (random >> 8) % pairs.size();
+  };
+  for (int guess = 0; guess < kGuesses; ++guess) {
+    const Eigen::Vector3d shift = normals_[draw()].cross(normals_[draw()]);
+    const double length = shift.norm();
+    if (!(length > 0)) continue;
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+      fits_[i] = is_near(pairs[i], normals_[i], shift / length, limit) ? 1 : 0;
+      count += static_cast<std::size_t>(fits_[i]);
+    }
+    if (count <= most) continue;
+    most = count;
+    std::swap(best_, fits_);
+  }
+  return best_;
+}
 
 PointTracker::PointTracker() {
   points_.reserve(kMost);
@@ -43,7 +91,7 @@ std::span<const PointSighting> PointTracker::follow(
   corners_.reserve(static_cast<std::size_t>((frame.image->width / kColumns + 1) *
                                             (frame.image->height / kRows + 1)));
   follow_all(model, q_beforeNow);
-  drop_crowded();
+  drop_close();
   begin_new(model);
   std::swap(before_, now_);
   ++statistics_.images;
@@ -53,25 +101,23 @@ std::span<const PointSighting> PointTracker::follow(
 void PointTracker::take_quads(std::span<const TagSighting> tags) {
   quads_.clear();
   for (const TagSighting& tag : tags) {
-    Eigen::Vector2d middle = Eigen::Vector2d::Zero();
-    for (const Eigen::Vector2d& corner : tag.corners_px) middle += 0.25 * corner;
-    Quad quad;
+    const Eigen::Vector2d middle = centre_of(tag.corners_px);
+    TagCorners quad;
     for (std::size_t i = 0; i < 4; ++i) {
       const Eigen::Vector2d out = tag.corners_px[i] - middle;
-      quad.corners_px[i] =
-          middle + kTagReach * out + (patch_flow::kHalf / std::max(out.norm(), 1.0)) * out;
+      quad[i] = middle + kTagReach * out + (patch_flow::kHalf / std::max(out.norm(), 1.0)) * out;
     }
     quads_.push_back(quad);
   }
 }
 
 bool PointTracker::on_tag(const Eigen::Vector2d& px) const {
-  return std::any_of(quads_.begin(), quads_.end(), [&](const Quad& quad) {
+  return std::ranges::any_of(quads_, [&](const TagCorners& quad) {
     for (std::size_t i = 0; i < 4; ++i) {
-      const Eigen::Vector2d a = quad.corners_px[(i + 1) % 4] - quad.corners_px[i];
-      const Eigen::Vector2d b = px - quad.corners_px[i];
+      const Eigen::Vector2d a = quad[(i + 1) % 4] - quad[i];
+      const Eigen::Vector2d b = px - quad[i];
       if (a.x() * b.y() - a.y() * b.x() > 0)
-        return false;  // corners run counter-clockwise, v grows down
+        return false;  // corners are counter-clockwise, v grows down
     }
     return true;
   });
@@ -87,7 +133,7 @@ void PointTracker::follow_all(const CameraModel& model,
     ideal_before_.push_back(ideal);
     points_[kept++] = points_[i];
   }
-  points_.erase(points_.begin() + static_cast<std::ptrdiff_t>(kept), points_.end());
+  points_.resize(kept);
   if (q_beforeNow) drop_moving(model, *q_beforeNow);
   statistics_.followed += points_.size();
 }
@@ -106,7 +152,7 @@ bool PointTracker::follow_one(Point& point, const CameraModel& model,
   }
   const auto found = patch_flow::follow(before_, point.raw_px, now_, guess);
   if (!found) return drop(statistics_.lost);
-  // Back from where a motion like this one leads: a way of its own, not the end of the way there.
+  // Starts from the old position, independent of the forward result.
   const auto back = patch_flow::follow(now_, *found, before_, point.raw_px);
   if (!back || (*back - point.raw_px).norm() > kBack_px) return drop(statistics_.not_back);
   if (on_tag(*found)) return drop(statistics_.on_tags);
@@ -122,34 +168,31 @@ void PointTracker::drop_moving(const CameraModel& model, const Eigen::Quaternion
   for (std::size_t i = 0; i < points_.size(); ++i) {
     pairs_.push_back({ray(model, ideal_before_[i]), q_beforeNow * ray(model, points_[i].ideal_px)});
   }
-  const std::span<const char> fits = motion_.fitting(pairs_, kMotion_px / model.fu);
+  const std::span<const char> fits = consensus_.inliers(pairs_, kMotion_px / model.fu);
   std::size_t kept = 0;
-  for (std::size_t i = 0; i < points_.size(); ++i) {
+  for (std::size_t i = 0; i < points_.size(); ++i)
     if (fits[i] != 0) points_[kept++] = points_[i];
-  }
   statistics_.moving += points_.size() - kept;
-  points_.erase(points_.begin() + static_cast<std::ptrdiff_t>(kept), points_.end());
+  points_.resize(kept);
 }
 
-void PointTracker::drop_crowded() {
+void PointTracker::drop_close() {
   std::size_t kept = 0;
-  for (const Point& point : points_) {
-    const bool crowded =
-        std::any_of(points_.begin(), points_.begin() + static_cast<std::ptrdiff_t>(kept),
-                    [&](const Point& old) {
-                      return (old.raw_px - point.raw_px).squaredNorm() < kCrowded_px * kCrowded_px;
-                    });
-    if (!crowded) points_[kept++] = point;
-  }
-  points_.erase(points_.begin() + static_cast<std::ptrdiff_t>(kept), points_.end());
+  for (const Point& point : points_)
+    if (!is_near_point(point.raw_px, kMinDistance_px, kept)) points_[kept++] = point;
+  points_.resize(kept);
+}
+
+bool PointTracker::is_near_point(const Eigen::Vector2d& px, double distance_px,
+                                 std::size_t count) const {
+  return std::ranges::any_of(std::span(points_).first(count), [&](const Point& point) {
+    return (point.raw_px - px).squaredNorm() < distance_px * distance_px;
+  });
 }
 
 bool PointTracker::may_begin(int u, int v) const {
   const Eigen::Vector2d px(u, v);
-  for (const Point& point : points_) {
-    if ((point.raw_px - px).squaredNorm() < kApart_px * kApart_px) return false;
-  }
-  return !on_tag(px);
+  return !is_near_point(px, kApart_px, points_.size()) && !on_tag(px);
 }
 
 void PointTracker::begin_new(const CameraModel& model) {

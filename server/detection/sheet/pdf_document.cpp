@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kPointsPerMm = 72.0 / 25.4;
 
-// std::to_chars: no locale may put a comma into the file.
+// std::to_chars does not depend on the locale.
 std::string points(double mm) {
   std::array<char, 64> text{};
   const auto end = std::to_chars(text.data(), text.data() + text.size(), mm * kPointsPerMm,
@@ -28,7 +28,7 @@ std::string literal(std::string_view words) {
   return text + ")";
 }
 
-/// Collects the numbered objects and remembers where each begins.
+/// Collects the numbered objects with their offsets.
 class ObjectWriter final {
  public:
   void add(std::string_view body) {

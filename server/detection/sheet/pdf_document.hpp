@@ -19,11 +19,11 @@ class PdfPage final {
 
   PdfPage(double width_mm, double height_mm) : width_mm_(width_mm), height_mm_(height_mm) {}
 
-  /// All rectangles as one filled path: touching ones leave no hairline in any viewer.
+  /// All rectangles as one filled path, which shows no hairline between touching ones.
   void fill(const std::vector<Rectangle>& rectangles);
   void fill_polygon(const std::vector<Point>& corners);
   void line(Point from, Point to, double thickness_mm);
-  /// Helvetica, left-aligned at the base line. Characters outside ASCII become '?'.
+  /// Helvetica, left-aligned at the base line. Replaces characters outside ASCII by '?'.
   void text(Point at, double height_mm, std::string_view words);
 
   [[nodiscard]] double width_mm() const { return width_mm_; }
@@ -36,7 +36,7 @@ class PdfPage final {
   std::string content_;
 };
 
-/// The file: PDF 1.4, uncompressed, one built-in font; same pages, same bytes.
+/// The file: PDF 1.4, uncompressed, one built-in font; equal pages give equal bytes.
 [[nodiscard]] std::string to_pdf(const std::vector<PdfPage>& pages, std::string_view title);
 
 }  // namespace fiducap

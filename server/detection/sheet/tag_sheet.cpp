@@ -8,15 +8,14 @@
 #include <set>
 
 #include "detection/sheet/pdf_document.hpp"
-#include "detection/sheet/tag_pattern.hpp"
+#include "detection/tag_family.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr double kMargin_mm =
-    4;  // white paper edge; nothing but the tags' own white zone may be cut by a printer
-constexpr double kGap_mm = 6;      // between two tags, room for the cut marks
-constexpr double kLabel_mm = 9;    // strip above each tag: arrow and words
+constexpr double kMargin_mm = 4;   // printers may cut this edge of the paper
+constexpr double kGap_mm = 6;      // between two tags, for the cut marks
+constexpr double kLabel_mm = 9;    // strip above each tag: arrow and text
 constexpr double kFooter_mm = 26;  // ruler and note
 constexpr double kCutMark_mm = 2.5;
 constexpr double kSizeMark_mm = 1.8;
@@ -30,7 +29,35 @@ std::string number(double value) {
   return text.data();
 }
 
-/// Where the tags of one page stand.
+/// The printed cells of one tag, top row first.
+struct TagPattern {
+  int tag_id{};
+  int cells{};              ///< Side of the whole pattern, with the family's white ring, if any.
+  int border_cells{};       ///< Side of the edge between black and white border: the tag size.
+  bool needs_white_ring{};  ///< The outermost cells may be black: a white ring must be added.
+  std::vector<bool> black;  ///< cells × cells
+
+  [[nodiscard]] bool black_at(int column, int row) const {
+    return black[static_cast<std::size_t>(row * cells + column)];
+  }
+};
+
+Expected<std::vector<TagPattern>> tag_patterns(const TagSheetOrder& order) {
+  const auto family = TagFamily::named(order.family);
+  if (!family) return tl::unexpected(family.error());
+  std::vector<TagPattern> patterns;
+  for (const int id : order.ids) {
+    if (const std::string fault = family->fault_of(id); !fault.empty())
+      return fail(ErrorCode::kInvalid, "id " + std::to_string(id) + ": " + fault);
+    TagPattern pattern{
+        id, family->width(), family->edge_width(), family->has_reversed_border(), {}};
+    for (const std::uint8_t gray : family->cells(id)) pattern.black.push_back(gray == 0);
+    patterns.push_back(std::move(pattern));
+  }
+  return patterns;
+}
+
+/// Grid of the tags of one page.
 struct Layout {
   double zone_mm{};  ///< Side of a tag with its white zone.
   int columns{};
@@ -46,12 +73,12 @@ struct Layout {
   }
 };
 
-int zone_modules(const TagPattern& pattern) {
-  return pattern.modules + (pattern.needs_white_ring ? 2 : 0);
+int zone_cells(const TagPattern& pattern) {
+  return pattern.cells + (pattern.needs_white_ring ? 2 : 0);
 }
 
 Expected<Layout> lay_out(const TagSheetOrder& order, const TagPattern& pattern) {
-  const double zones_per_size = static_cast<double>(zone_modules(pattern)) / pattern.border_modules;
+  const double zones_per_size = static_cast<double>(zone_cells(pattern)) / pattern.border_cells;
   Layout layout{order.size_mm * zones_per_size, 0, 0};
   const double width = order.paper.width_mm - 2 * kMargin_mm;
   const double height = order.paper.height_mm - 2 * kMargin_mm - kFooter_mm;
@@ -62,21 +89,20 @@ Expected<Layout> lay_out(const TagSheetOrder& order, const TagPattern& pattern) 
   const double largest = std::floor(std::min(width, height - kLabel_mm) / zones_per_size);
   return fail(ErrorCode::kInvalid, "a tag of " + number(order.size_mm) + " mm does not fit on " +
                                        order.paper.name + " with its white zone; up to " +
-                                       number(largest) + " mm do, or take larger paper (a3)");
+                                       number(largest) + " mm fit, or use larger paper (a3)");
 }
 
-/// One rectangle per run of black modules in a row.
+/// One rectangle per run of black cells in a row.
 std::vector<PdfPage::Rectangle> black_runs(const TagPattern& pattern, PdfPage::Point corner,
-                                           double module_mm) {
+                                           double cell_mm) {
   std::vector<PdfPage::Rectangle> runs;
-  for (int row = 0; row < pattern.modules; ++row) {
-    for (int column = 0; column < pattern.modules;) {
+  for (int row = 0; row < pattern.cells; ++row) {
+    for (int column = 0; column < pattern.cells;) {
       int end = column;
-      while (end < pattern.modules && pattern.black_at(end, row)) ++end;
+      while (end < pattern.cells && pattern.black_at(end, row)) ++end;
       if (end > column)
-        runs.push_back({corner.x + column * module_mm,
-                        corner.y + (pattern.modules - 1 - row) * module_mm,
-                        (end - column) * module_mm, module_mm});
+        runs.push_back({corner.x + column * cell_mm, corner.y + (pattern.cells - 1 - row) * cell_mm,
+                        (end - column) * cell_mm, cell_mm});
       column = end + 1;
     }
   }
@@ -95,7 +121,7 @@ void draw_cut_marks(PdfPage& page, PdfPage::Point corner, double side) {
   }
 }
 
-/// Where a ruler must show the tag's size: marks below it and left of it, in line with the edge.
+/// Marks below and left of a tag, in line with its edge, at the distance of the tag size.
 void draw_size_marks(PdfPage& page, PdfPage::Point zone, double side, double size_mm) {
   for (const double from : {(side - size_mm) / 2, (side + size_mm) / 2}) {
     page.line({zone.x + from, zone.y - 0.5}, {zone.x + from, zone.y - kSizeMark_mm}, kHairline_mm);
@@ -103,22 +129,22 @@ void draw_size_marks(PdfPage& page, PdfPage::Point zone, double side, double siz
   }
 }
 
-void draw_label(PdfPage& page, PdfPage::Point zone, double side, const std::string& words) {
+void draw_label(PdfPage& page, PdfPage::Point zone, double side, const std::string& text) {
   const double base = zone.y + side + 3.2;
   const double arrow = std::min(4.0, side / 6);
   const double x = zone.x + 1.5;
   page.fill_polygon({{x, base}, {x + arrow, base}, {x + arrow / 2, base + arrow}});
-  // Helvetica is about half as wide as high; small tags get small letters.
+  // Helvetica is about half as wide as high.
   const double room = side - arrow - 4;
-  const double letters = std::clamp(room / (0.56 * static_cast<double>(words.size())), 0.8, 4.0);
-  page.text({x + arrow + 1.2, base}, letters, words);
+  const double letters = std::clamp(room / (0.56 * static_cast<double>(text.size())), 0.8, 4.0);
+  page.text({x + arrow + 1.2, base}, letters, text);
 }
 
 void draw_tag(PdfPage& page, const TagPattern& pattern, PdfPage::Point zone, const Layout& layout,
               const TagSheetOrder& order) {
-  const double module = order.size_mm / pattern.border_modules;
-  const double ring = (zone_modules(pattern) - pattern.modules) / 2.0 * module;
-  page.fill(black_runs(pattern, {zone.x + ring, zone.y + ring}, module));
+  const double cell = order.size_mm / pattern.border_cells;
+  const double ring = (zone_cells(pattern) - pattern.cells) / 2.0 * cell;
+  page.fill(black_runs(pattern, {zone.x + ring, zone.y + ring}, cell));
   draw_cut_marks(page, zone, layout.zone_mm);
   draw_size_marks(page, zone, layout.zone_mm, order.size_mm);
   draw_label(page, zone, layout.zone_mm,
@@ -133,20 +159,16 @@ void draw_ruler(PdfPage& page) {
   for (int mm = 0; mm <= static_cast<int>(kLength_mm); ++mm) {
     const double height = mm % 10 == 0 ? 4.0 : mm % 5 == 0 ? 2.8 : 1.6;
     page.line({left.x + mm, left.y}, {left.x + mm, left.y + height}, kHairline_mm);
-    if (mm % 10 == 0)
-      page.text({left.x + mm -
-                     (mm < 10    ? 0.6
-                      : mm < 100 ? 1.3
-                                 : 1.9),
-                 left.y + 5},
-                2.4, std::to_string(mm));
+    if (mm % 10 != 0) continue;
+    const double half_width = mm < 10 ? 0.6 : mm < 100 ? 1.3 : 1.9;
+    page.text({left.x + mm - half_width, left.y + 5}, 2.4, std::to_string(mm));
   }
   page.text({left.x - 24, kMargin_mm + 4}, 3.0,
             "Print at 100 %, no scaling, no \"fit to page\". Then measure: this ruler must be 100 "
             "mm long.");
   page.text({left.x - 24, kMargin_mm + 0.5}, 2.4,
-            "Keep the white zone inside the cut marks. Glue flat on something stiff. Arrow = upper "
-            "edge. A tag's size is from mark to mark below it.");
+            "Keep the white zone inside the cut marks. Glue to a flat, stiff plate. Arrow = upper "
+            "edge. The tag size is the distance of the marks below it.");
 }
 
 }  // namespace
@@ -181,8 +203,8 @@ Expected<std::vector<int>> parse_id_list(std::string_view text) {
     for (int id = first; id <= last; ++id)
       if (seen.insert(id).second) ids.push_back(id);
     if (ids.size() > kMaxIds)
-      return fail(ErrorCode::kInvalid, "'" + std::string(text) + "' are more than " +
-                                           std::to_string(kMaxIds) + " tags: take fewer");
+      return fail(ErrorCode::kInvalid, "'" + std::string(text) + "' has more than " +
+                                           std::to_string(kMaxIds) + " tags: list fewer");
     if (comma == std::string_view::npos) return ids;
     rest.remove_prefix(comma + 1);
   }
@@ -190,10 +212,10 @@ Expected<std::vector<int>> parse_id_list(std::string_view text) {
 
 Expected<std::string> tag_sheet_pdf(const TagSheetOrder& order) {
   if (!std::isfinite(order.size_mm) || order.size_mm < 5)
-    return fail(ErrorCode::kInvalid,
-                "a tag of " + number(order.size_mm) + " mm cannot be printed; take 5 mm or more");
+    return fail(ErrorCode::kInvalid, "a tag of " + number(order.size_mm) +
+                                         " mm cannot be printed; 5 mm is the smallest size");
   if (order.ids.empty()) return fail(ErrorCode::kInvalid, "no ids given");
-  const auto patterns = tag_patterns(order.family, order.ids);
+  const auto patterns = tag_patterns(order);
   if (!patterns) return tl::unexpected(patterns.error());
   const auto layout = lay_out(order, patterns->front());
   if (!layout) return tl::unexpected(layout.error());
@@ -218,7 +240,7 @@ std::string tag_sheet_yaml(const TagSheetOrder& order) {
       "tags:\n"
       "  family: " +
       order.family + "\n" + "  size_m: " + size_m +
-      "   # edge between black and white border; correct it when your ruler says so\n" +
+      "   # edge between black and white border; correct it if the printed size differs\n" +
       "  sizes_m:\n";
   for (const int id : order.ids) text += "    " + std::to_string(id) + ": " + size_m + "\n";
   return text;

@@ -27,18 +27,17 @@ struct TagSheetOrder {
 };
 
 /// "0-3,7" → 0 1 2 3 7. @return Error naming the part that is no id or range; at most 10000 ids,
-/// none twice.
+/// without repetitions
 [[nodiscard]] Expected<std::vector<int>> parse_id_list(std::string_view text);
 
-/// As many tags per page as fit; each with its white zone of at least one module, cut marks, its
-/// id, family, size and an arrow to its upper edge outside that zone; per page a ruler of 100 mm.
-/// @return the PDF; Error when a tag does not fit, with the largest size that does.
+/// As many tags per page as fit; each with its white zone of at least one cell, and outside of it
+/// cut marks, id, family, size and an arrow to its upper edge; per page a ruler of 100 mm.
+/// @return the PDF; Error when a tag does not fit, with the largest size that does
 [[nodiscard]] Expected<std::string> tag_sheet_pdf(const TagSheetOrder& order);
 
-/// How tag_sheet_yaml begins.
+/// First words of tag_sheet_yaml.
 inline constexpr std::string_view kTagSheetHeading = "# Made with the sheet beside this file.";
-/// The `tags:` section for the server and the sizes of these ids, ready to be completed with
-/// surveyed poses.
+/// The server's `tags:` section with the sizes of these ids, to be completed with surveyed poses.
 [[nodiscard]] std::string tag_sheet_yaml(const TagSheetOrder& order);
 
 }  // namespace fiducap

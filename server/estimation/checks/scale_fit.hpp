@@ -1,16 +1,20 @@
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <optional>
-
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+
+#include "base/time.hpp"
+#include "estimation/imu/imu_buffer.hpp"
 
 namespace fiducap {
 
-/// By what a tag's configured size must be multiplied, as seen over some time: natural logarithm,
-/// 1-sigma.
+/// Natural logarithm of the factor between a tag's true and configured size.
 struct LogScale {
   double value{};
   double sigma{};
@@ -18,9 +22,8 @@ struct LogScale {
 
 /// Linear least squares over the sightings of one tag: z = J x + noise, three rows per sighting.
 ///
-/// The first unknown is κ = 1 / scale; it stands at how far the body moved in metres, z is where
-/// the tag was seen in units of its configured size. So the noise of the images is all in z, and κ
-/// is not pulled towards zero by it.
+/// The first unknown is κ = 1 / scale, with the body's motion in metres as column; z is the tag's
+/// position in units of its configured size. All image noise is in z, so κ is not biased by it.
 ///
 /// @tparam N  number of unknowns
 template <int N>
@@ -41,16 +44,13 @@ class ScaleFit final {
     ++sightings_;
   }
 
-  /// @param prior       information (1/σ²) about each unknown beforehand, around zero
-  /// @param worst_cost  chi-square per degree of freedom above which no single scale explains what
-  /// was seen; below, the
-  ///                    sigma grows with it
-  /// @return nullopt when too few sightings, no motion, or no single scale explains what was seen
+  /// @param prior       prior information (1/σ²) of each unknown, around zero
+  /// @param worst_cost  largest chi-square per degree of freedom; the sigma grows with it
+  /// @return nullopt: too few sightings, no motion, or a bad fit
   [[nodiscard]] std::optional<LogScale> solve(const Vector& prior, double worst_cost) const {
     constexpr int kFewestSightings = 8;
     constexpr double kLeastCertain = 0.3;
-    constexpr double kSmallest =
-        0.2;  // of κ: beyond five times the size nothing is linear any more
+    constexpr double kSmallest = 0.2;  // κ is not linear beyond a factor of five
     if (sightings_ < kFewestSightings || 3 * sightings_ <= N) return std::nullopt;
     Eigen::Matrix<double, N, N> A = A_;
     A.diagonal() += prior;
@@ -70,6 +70,85 @@ class ScaleFit final {
   Vector b_{Vector::Zero()};
   double zWz_{0};
   int sightings_{0};
+};
+
+/// Weighted median of independent estimates of one scale, with its sigma by their scatter. Robust
+/// to a few wrong ones (a moved tag, a saturated sensor). Uses the newest 32.
+class ScaleScore final {
+ public:
+  struct Rules {
+    std::size_t fewest_looks{4};
+    double systematic{0.03};  ///< Systematic error of a single estimate, 1-sigma.
+  };
+  explicit ScaleScore(const Rules& rules) : rules_(rules) {}
+
+  void add(const LogScale& look);
+  [[nodiscard]] std::size_t looks() const { return count_; }
+  /// nullopt with fewer than `fewest_looks`.
+  [[nodiscard]] std::optional<LogScale> result() const {
+    return count_ < rules_.fewest_looks ? std::nullopt : guess();
+  }
+  /// The same with any number; nullopt: none.
+  [[nodiscard]] std::optional<LogScale> guess() const;
+  /// Share of the weight on the same side of zero as `value`, by 2 % at least.
+  [[nodiscard]] double agreement(double value) const;
+
+ private:
+  static constexpr std::size_t kMost = 32;
+
+  [[nodiscard]] double weight_of(const LogScale& look) const {
+    return 1 / (look.sigma * look.sigma + rules_.systematic * rules_.systematic);
+  }
+
+  Rules rules_;
+  std::array<LogScale, kMost> looks_{};
+  std::size_t count_{0};
+  std::size_t next_{0};
+};
+
+/// Motion of a body by its IMU alone since a restart, up to constant velocity, force and bias.
+/// Independent of positions by cameras.
+class MotionWindow final {
+ public:
+  explicit MotionWindow(const ImuNoise& noise);
+
+  /// @return false: not newer than the previous one, ignored
+  bool push(const ImuSample& imu) { return imu_.push(imu); }
+  /// @param q_WB  attitude now; a tilt error is covered by the constant force
+  /// @param gravity_W  e.g. (0, 0, -9.81)
+  void restart(Instant at, const Eigen::Quaterniond& q_WB, const Eigen::Vector3d& bias_w,
+               const Eigen::Vector3d& gravity_W);
+  /// @return false: samples are missing or saturated
+  bool move_to(Instant at);
+
+  /// Drops old samples.
+  void keep_newest() { imu_.keep_newest_pair(); }
+
+  [[nodiscard]] double seconds() const { return to_seconds(time_ - begin_); }
+  [[nodiscard]] const Eigen::Quaterniond& q_WB() const { return q_WB_; }
+  /// m and m/s, W axes, from zero.
+  [[nodiscard]] const Eigen::Vector3d& way() const { return way_; }
+  [[nodiscard]] const Eigen::Vector3d& speed() const { return speed_; }
+  [[nodiscard]] const Eigen::Vector3d& rate_B() const { return rate_B_; }
+  /// ∂ way / ∂ constant force in B axes
+  [[nodiscard]] const Eigen::Matrix3d& way_by_bias() const { return way_by_bias_; }
+
+ private:
+  void step_to(Instant to);
+
+  ImuNoise noise_;
+  ImuBuffer imu_;
+  Instant begin_{};
+  Instant time_{};
+  Eigen::Quaterniond q_WB_{Eigen::Quaterniond::Identity()};
+  Eigen::Vector3d bias_w_{Eigen::Vector3d::Zero()};
+  Eigen::Vector3d gravity_W_{Eigen::Vector3d::Zero()};
+  Eigen::Vector3d way_{Eigen::Vector3d::Zero()};
+  Eigen::Vector3d speed_{Eigen::Vector3d::Zero()};
+  Eigen::Vector3d rate_B_{Eigen::Vector3d::Zero()};
+  Eigen::Matrix3d way_by_bias_{Eigen::Matrix3d::Zero()};
+  Eigen::Matrix3d speed_by_bias_{Eigen::Matrix3d::Zero()};
+  bool believable_{true};
 };
 
 }  // namespace fiducap

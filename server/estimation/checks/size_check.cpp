@@ -4,29 +4,26 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/so3.hpp"
-#include "detection/corner_projection.hpp"
+#include "base/pose.hpp"
 #include "detection/observe.hpp"
-#include "detection/tag_pose.hpp"
+#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
 
 namespace {
-
 constexpr double kLook_s = 2.0;
-// The IMU's drift within a look, what a lens model leaves: no sighting is more exact than this.
+// Smallest position error of a sighting: drift of the IMU within a look, lens model.
 constexpr double kFloor_m = 2e-3;
-// A sighting that fits its own tag worse than this (sigmas of one coordinate) is a wrong id or half
-// covered.
+// Largest residual of a sighting (sigmas of one coordinate): beyond, a wrong id or occluded.
 constexpr double kWorstFit = 5.0;
-// With so many tags in a look, most of them are right.
+// Tags in a look of which most are right.
 constexpr std::size_t kEnoughTags = 3;
-// Before the gyro's bias is known this well, its turn is no ruler.
+// Largest sigma of the gyro bias for a look.
 constexpr double kKnownBias_rad_s = 5e-3;
 constexpr std::size_t kMostTags = 256;
 constexpr std::size_t kFirstTags = 64;
 
-// Of what a look leaves open, 1-sigma beforehand.
+// Priors of the unknowns of a look, 1-sigma.
 constexpr double kVelocity_m_s = 10.0;
 constexpr double kForce_m_s2 = 1.0;
 constexpr double kBias_m_s2 = 0.2;
@@ -34,21 +31,20 @@ constexpr double kClock_s = 0.02;
 constexpr double kAnywhere_m = 100.0;
 constexpr double kAnyKappa = 1e3;
 
-// Sizes closer than this are the tape measure's and the printer's business.
+// Smallest relative difference that is reported.
 constexpr double kTolerance = 0.05;
 constexpr double kSigmas = 5.0;
 constexpr double kAgreement = 0.8;
-// A tag counts at most this much (squared sigmas) for or against all tags being alike, so that one
-// cannot decide …
+// Largest evidence of one tag (squared sigmas) for or against a common scale, and the evidence of
+// all tags that is needed.
 constexpr double kMostOfOne = 16.0;
-// … and all of them together must speak this clearly.
 constexpr double kAllEvidence = 20.0;
 constexpr double kTagSystematic = 0.02;
-// Chi-square per degree of freedom: the IMU's noise is in the floor. A filter that is torn between
-// tags is worse, and the sigma says so.
+// Largest chi-square per degree of freedom, by the IMU (its noise is in kFloor_m) and by the
+// filter.
 constexpr double kWorstByImu = 6.0;
 constexpr double kWorstByOthers = 20.0;
-// A ratio is told again when it has changed by so much (logarithm).
+// Change of a logarithmic ratio that is reported again.
 constexpr double kChanged = 0.1;
 
 // First columns of the unknowns of a look; blocks of three but for κ and the clock.
@@ -68,8 +64,10 @@ bool is_beyond(const LogScale& found, const ScaleScore& score) {
          score.agreement(found.value) >= kAgreement;
 }
 
-/// @param said  0: nothing yet
-bool is_old(double value, double said) { return said != 0 && std::abs(value - said) < kChanged; }
+/// @param reported  0: nothing yet
+bool is_old(double value, double reported) {
+  return reported != 0 && std::abs(value - reported) < kChanged;
+}
 
 double information(double sigma) { return 1 / (sigma * sigma); }
 
@@ -82,7 +80,7 @@ const Eigen::Quaterniond* attitude_of(int tag_id, const SizeCheck::Image& image)
   return nullptr;
 }
 
-/// Where the camera sees a tag whose attitude is known, and how surely; m, V axes.
+/// Position of a tag with known attitude, m, V axes.
 struct Sighted {
   Eigen::Vector3d p_VT;
   Eigen::Matrix3d covariance;
@@ -97,13 +95,25 @@ std::optional<Sighted> locate(const TagObservation& tag, const CameraModel& mode
   const double far = std::sqrt(2.0) * tag.edge_m * model.fu / diagonal_px;
   const Eigen::Vector3d start(far * (centre.x() - model.cu) / model.fu,
                               far * (centre.y() - model.cv) / model.fv, far);
-  const Pose X_VT = place_turned_tag(tag, model, q_VT, start);
+  const Pose X_VT = solve_tag_position(tag, model, q_VT, start);
   const CornerResidual fit = corner_residual(tag, X_VT, model);
   if (!fit.in_front || fit.rms_px() > kWorstFit * std::sqrt(2.0) * sigma_px) return std::nullopt;
   const auto H = fit.H.leftCols<3>();
   return Sighted{X_VT.p, sigma_px * sigma_px * Eigen::Matrix3d((H.transpose() * H).inverse())};
 }
 
+constexpr double kLarge = 0.3;
+constexpr double kSmallAgain = 0.15;
+// Fewest tags in ten seconds.
+constexpr int kFewest = 50;
+constexpr Duration kSecond = std::chrono::seconds(1);
+// Most of the seconds must have a large share.
+constexpr double kBadSecond = 0.2;
+constexpr int kBadSeconds = 7;
+
+double share_of(int rejected, int used) {
+  return static_cast<double>(rejected) / std::max(1, rejected + used);
+}
 }  // namespace
 
 SizeCheck::SizeCheck(BodySensors sensors, double corner_noise_px)
@@ -132,13 +142,13 @@ void SizeCheck::add(const Image& image) {
   if (imu_holds_) imu_holds_ = motion_.move_to(image.seen.exposed_at);
   const auto camera = static_cast<std::size_t>(camera_);
   for (TagObservation tag : image.seen.tags) {
-    if (is_learned_[camera] && !see_through(sensors_.cameras[camera].model, tag)) continue;
+    if (is_learned_[camera] && !undistort_tag(sensors_.cameras[camera].model, tag)) continue;
     look_at(tag, image);
   }
 }
 
 void SizeCheck::note_bias(const BodyEstimate& estimate) {
-  // Wrong sizes make a filter start again and again: what it once knew of the gyro still holds.
+  // Wrong sizes make a filter restart repeatedly: the last well-known bias stays valid.
   const auto variance = estimate.covariance.diagonal().segment<3>(estimate_block::kBiasW);
   if (variance.maxCoeff() < kKnownBias_rad_s * kKnownBias_rad_s) bias_w_ = estimate.bias_w;
 }
@@ -173,8 +183,8 @@ SizeCheck::Look* SizeCheck::look_of(const TagObservation& tag, const Image& imag
   free->tag_id = tag.tag_id;
   free->edge_m = tag.edge_m;
   const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(camera_)];
-  // Wrong sizes make a filter start again and again, and then it tells of no tag for seconds. Which
-  // of the two planar poses is right hardly matters for the distance.
+  // A restarting filter reports no tags for seconds. The branch of the planar pose hardly affects
+  // the distance.
   free->q_MT = q_WT != nullptr ? q_MV * (image.estimate.X_WB.q * mount.X_BV.q).conjugate() * *q_WT
                                : q_MV * solve_tag_pose(tag, mount.model)[0].X_VT.q;
   return free;
@@ -256,7 +266,7 @@ void SizeCheck::compare_with_others(const ScaleFit<kUnknownsByOthers>::Vector& p
   }
   if (count < kEnoughTags) return;
   std::sort(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(count));
-  // A wrong tag bends the filter's way, but for all tags alike.
+  // A wrong tag affects the filter's motion, but equally for all tags.
   const double middle = (sorted[(count - 1) / 2] + sorted[count / 2]) / 2;
   for (std::size_t i = 0; i < kMostAtOnce; ++i) {
     Score* score = found[i] ? score_of(looks_[i]) : nullptr;
@@ -265,8 +275,7 @@ void SizeCheck::compare_with_others(const ScaleFit<kUnknownsByOthers>::Vector& p
 }
 
 SizeCheck::Score* SizeCheck::score_of(const Look& look) {
-  const auto found = std::find_if(scores_.begin(), scores_.end(),
-                                  [&](const Score& s) { return s.tag_id == look.tag_id; });
+  const auto found = std::ranges::find(scores_, look.tag_id, &Score::tag_id);
   if (found != scores_.end()) return &*found;
   if (scores_.size() >= kMostTags) return nullptr;
   scores_.push_back({.tag_id = look.tag_id, .edge_m = look.edge_m});
@@ -290,40 +299,40 @@ bool SizeCheck::all_alike(const LogScale& common) const {
 std::optional<LogScale> SizeCheck::verdict_on(const Score& score) const {
   const auto near = score.by_others.result();
   if (near && is_beyond(*near, score.by_others)) return near;
-  // A tag that its neighbours agree with is not alone in what the accelerometer says.
+  // The accelerometer counts only for a tag without result relative to the others.
   const auto far = near ? std::nullopt : score.by_imu.result();
   return far && is_beyond(*far, score.by_imu) ? far : std::nullopt;
 }
 
-std::optional<SizeFinding> SizeCheck::take_news() {
+std::optional<SizeFinding> SizeCheck::take_event() {
   if (!fresh_) return std::nullopt;
   fresh_ = false;
   if (const auto common = common_.result();
       common && is_beyond(*common, common_) && all_alike(*common))
-    return news_of_all();
-  return news_of_one();
+    return finding_for_all();
+  return finding_for_one();
 }
 
-std::optional<SizeFinding> SizeCheck::news_of_all() {
+std::optional<SizeFinding> SizeCheck::finding_for_all() {
   const LogScale common = *common_.result();
-  if (is_old(common.value, common_said_)) return std::nullopt;
-  common_said_ = common.value;
+  if (is_old(common.value, common_reported_)) return std::nullopt;
+  common_reported_ = common.value;
   const double ratio = std::exp(common.value);
   return SizeFinding{std::nullopt, 0.0, ratio, ratio * common.sigma};
 }
 
-std::optional<SizeFinding> SizeCheck::news_of_one() {
+std::optional<SizeFinding> SizeCheck::finding_for_one() {
   Score* worst = nullptr;
   LogScale how{};
   for (Score& score : scores_) {
     const auto found = verdict_on(score);
-    if (!found || is_old(found->value, score.said)) continue;
+    if (!found || is_old(found->value, score.reported)) continue;
     if (worst != nullptr && std::abs(found->value) <= std::abs(how.value)) continue;
     worst = &score;
     how = *found;
   }
   if (worst == nullptr) return std::nullopt;
-  worst->said = how.value;
+  worst->reported = how.value;
   const double ratio = std::exp(how.value);
   return SizeFinding{worst->tag_id, worst->edge_m, ratio, ratio * how.sigma};
 }
@@ -332,6 +341,38 @@ std::optional<LogScale> SizeCheck::of_tag(int tag_id, bool by_imu) const {
   for (const Score& score : scores_)
     if (score.tag_id == tag_id) return by_imu ? score.by_imu.result() : score.by_others.result();
   return std::nullopt;
+}
+
+std::optional<double> RejectionWatch::add(const UpdateReport& report) {
+  if (!begun_at_) begun_at_ = report.exposed_at;
+  const Duration since = report.exposed_at - *begun_at_;
+  std::optional<double> finding;
+  if (since >= kSecond || since < Duration{0}) {
+    begun_at_ = report.exposed_at;
+    seconds_[full_++ % kSeconds] = now_;
+    now_ = {};
+    finding = judge();
+  }
+  now_.used += report.tags_used;
+  now_.rejected += report.tags_rejected;
+  return finding;
+}
+
+std::optional<double> RejectionWatch::judge() {
+  if (full_ < kSeconds) return std::nullopt;
+  Second sum;
+  int bad = 0;
+  for (const Second& second : seconds_) {
+    sum.used += second.used;
+    sum.rejected += second.rejected;
+    if (share_of(second.rejected, second.used) > kBadSecond) ++bad;
+  }
+  const double share = share_of(sum.rejected, sum.used);
+  if (share < kSmallAgain) reported_ = false;
+  if (reported_ || bad < kBadSeconds || share < kLarge || sum.used + sum.rejected < kFewest)
+    return std::nullopt;
+  reported_ = true;
+  return share;
 }
 
 }  // namespace fiducap

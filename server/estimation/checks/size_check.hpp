@@ -1,83 +1,80 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <optional>
 #include <span>
 #include <vector>
 
-#include "capture/lens/lens_offset.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "detection/tag_observation.hpp"
 #include "estimation/body_estimate.hpp"
 #include "estimation/body_filter.hpp"
-#include "estimation/checks/motion_window.hpp"
 #include "estimation/checks/scale_fit.hpp"
-#include "estimation/checks/scale_score.hpp"
-#include "estimation/tag_belief.hpp"
+#include "estimation/known_tag.hpp"
 
 namespace fiducap {
 
-/// A tag, or all tags, whose print does not have the configured size.
+/// A tag, or all tags, with another size than configured.
 struct SizeFinding {
-  std::optional<int> tag_id;  ///< nullopt: all tags alike.
+  std::optional<int> tag_id;  ///< nullopt: all tags equally.
   double edge_m{};            ///< Configured; 0 for all tags.
   double ratio{1};            ///< Printed edge / configured edge.
   double sigma{};             ///< 1-sigma of `ratio`.
 };
 
-/// Compares how far tags seem to move, in units of their configured size, with how far the body
-/// moved, in metres.
+/// Compares the motion relative to tags, in units of their configured size, with the body's motion
+/// in metres.
 ///
-/// The metres come from the accelerometer (each tag for itself; the filter's places are not used,
-/// because wrong sizes spoil them first), and, when three tags are seen, from the filter, whose
-/// place they hold together. Looks of two seconds each; what a look cannot know (velocity, tilt,
-/// bias, lever arm, clock) is left open in it. Slow motion says nothing, and then nothing is said.
-/// Warns only: the filter never hears of it. Allocates nothing but for a tag's first look.
+/// The latter comes from the accelerometer (per tag; wrong sizes corrupt the filter's positions)
+/// and, with three tags in view, from the filter. Each estimate ("look") takes two seconds, with
+/// velocity, tilt, bias, lever arm and clock as unknowns; slow motion gives none. Only reports;
+/// does not change the filter. Allocates only at a tag's first look.
 class SizeCheck final {
  public:
   SizeCheck(BodySensors sensors, double corner_noise_px);
 
   void add(const ImuSample& imu);
-  /// A camera's lens as it is known now: looks from here on go by it.
+  /// Sets a camera's estimated lens for further looks.
   void set_lens(std::size_t camera, const LensOffset& lens) {
     sensors_.cameras[camera].model = lens.applied_to(configured_[camera].model);
     is_learned_[camera] = !lens.is_none();
   }
 
-  /// What the filter made of an image.
+  /// An image with the filter's result.
   struct Image {
     const TagObservations& seen;
     const BodyEstimate& estimate;  ///< At the image, after its update.
     const UpdateReport& report;
-    std::span<const TagBelief> own;   ///< The filter's tags …
-    std::span<const KnownTag> known;  ///< … and the map's: their attitudes are used, if there.
+    std::span<const TagBelief> own;   ///< The filter's tags, for their attitudes.
+    std::span<const KnownTag> known;  ///< The map's tags, for their attitudes.
   };
   /// Every image for which the filter has an estimate, in order of time.
   void add(const Image& image);
 
-  /// All tags, or the worst of those that nothing was said of yet; each is said once, and again
-  /// when its ratio has changed by more than 10 %.
-  [[nodiscard]] std::optional<SizeFinding> take_news();
+  /// All tags, or the worst one not reported yet; again when its ratio has changed by 10 %.
+  [[nodiscard]] std::optional<SizeFinding> take_event();
 
-  /// For tests and benches: what is known by now. By the accelerometer, all tags together, …
+  /// For tests: common scale by the accelerometer.
   [[nodiscard]] std::optional<LogScale> common() const { return common_.result(); }
-  /// … and one tag, by the accelerometer or against the other tags.
+  /// For tests: scale of one tag, by the accelerometer or relative to the other tags.
   [[nodiscard]] std::optional<LogScale> of_tag(int tag_id, bool by_imu) const;
 
  private:
-  // κ, place of the tag, lever arm, turn of the camera …
+  // κ, position of the tag, lever arm, rotation of the camera.
   static constexpr int kUnknownsByOthers = 10;
-  // … and velocity, constant force, accelerometer bias, clock.
+  // Also velocity, constant force, accelerometer bias, clock.
   static constexpr int kUnknownsByImu = 20;
   static constexpr std::size_t kMostAtOnce = 16;
 
-  // Places of a filter are much better known than accelerations.
+  // Positions of a filter are more accurate than integrated accelerations.
   static constexpr ScaleScore::Rules kByImu{6, 0.03};
   static constexpr ScaleScore::Rules kAgainstOthers{3, 0.015};
 
   struct Look {
     int tag_id{-1};  ///< -1: free
     double edge_m{};
-    Eigen::Quaterniond q_MT{};  ///< In the axes in which the body's attitude is followed.
+    Eigen::Quaterniond q_MT{};  ///< In the axes of the body's attitude.
     ScaleFit<kUnknownsByImu> by_imu;
     ScaleFit<kUnknownsByOthers> by_others;
   };
@@ -86,7 +83,7 @@ class SizeCheck final {
     double edge_m{};
     ScaleScore by_imu{kByImu};
     ScaleScore by_others{kAgainstOthers};
-    double said{0};  ///< Logarithm; 0: nothing.
+    double reported{0};  ///< Logarithm; 0: not reported.
   };
 
   [[nodiscard]] bool has_imu() const { return sensors_.imu.has_value(); }
@@ -94,7 +91,7 @@ class SizeCheck final {
   void begin(const Image& image);
   void finish();
   void look_at(const TagObservation& tag, const Image& image);
-  /// nullptr: too many tags at once, or its attitude is not known
+  /// @return nullptr: too many tags, or unknown attitude
   [[nodiscard]] Look* look_of(const TagObservation& tag, const Image& image,
                               const Eigen::Quaterniond& q_MV);
   void compare_with_imu(const ScaleFit<kUnknownsByImu>::Vector& prior);
@@ -102,26 +99,50 @@ class SizeCheck final {
   [[nodiscard]] Score* score_of(const Look& look);
   [[nodiscard]] bool all_alike(const LogScale& common) const;
   [[nodiscard]] std::optional<LogScale> verdict_on(const Score& score) const;
-  [[nodiscard]] std::optional<SizeFinding> news_of_all();
-  [[nodiscard]] std::optional<SizeFinding> news_of_one();
+  [[nodiscard]] std::optional<SizeFinding> finding_for_all();
+  [[nodiscard]] std::optional<SizeFinding> finding_for_one();
 
   BodySensors sensors_;
   std::vector<CameraMount> configured_;
-  std::vector<bool> is_learned_;  ///< Per camera: its lens is not the configured one.
+  std::vector<bool> is_learned_;  ///< Per camera: its lens differs from the configured one.
   double corner_noise_px_;
   MotionWindow motion_;
-  bool open_{false};                       ///< A look is going on …
-  bool imu_holds_{false};                  ///< … and the IMU's readings in it are good …
-  bool others_hold_{false};                ///< … and the filter's workspace stayed the same.
-  std::optional<Eigen::Vector3d> bias_w_;  ///< When the filter last knew it well.
+  bool open_{false};                       ///< A look is in progress.
+  bool imu_holds_{false};                  ///< Its IMU samples are valid.
+  bool others_hold_{false};                ///< The filter's workspace did not change.
+  std::optional<Eigen::Vector3d> bias_w_;  ///< Last well-known bias of the filter.
   Instant begun_at_{};
-  int camera_{};  ///< The one that began the look: a look is one camera's.
+  int camera_{};  ///< Of the look.
   Eigen::Vector3d p_WB_begin_{Eigen::Vector3d::Zero()};
   std::array<Look, kMostAtOnce> looks_{};
   std::vector<Score> scores_;  ///< By order of first look.
   ScaleScore common_{kByImu};
-  double common_said_{0};
-  bool fresh_{false};  ///< A look has ended since news were taken.
+  double common_reported_{0};
+  bool fresh_{false};  ///< A look has ended since take_event().
+};
+
+/// Detects that a large share of the tags in view is rejected over many seconds: a common cause is
+/// wrong (sizes, lens, extrinsics), not a single tag.
+class RejectionWatch final {
+ public:
+  /// Adds an image, in order of time.
+  /// @return the share, once when above 30 % over ten seconds; again only after it was below 15 %
+  [[nodiscard]] std::optional<double> add(const UpdateReport& report);
+
+ private:
+  static constexpr std::size_t kSeconds = 10;
+
+  struct Second {
+    int used{0};
+    int rejected{0};
+  };
+  [[nodiscard]] std::optional<double> judge();
+
+  std::array<Second, kSeconds> seconds_{};
+  std::size_t full_{0};  ///< Complete seconds.
+  std::optional<Instant> begun_at_;
+  Second now_{};
+  bool reported_{false};
 };
 
 }  // namespace fiducap

@@ -2,13 +2,13 @@
 
 namespace fiducap {
 
-/// The value that a chi-square variable with `degrees` degrees of freedom stays below with this
-/// probability.
+/// Quantile of the chi-square distribution with `degrees` degrees of freedom.
 [[nodiscard]] double chi_square_quantile(int degrees, double probability);
 
-/// A sum of squares, in sigmas from its mean, with this skewness (above 0): where a normal variable
-/// is as rare. As a gamma variable with these moments (E. B. Wilson, M. M. Hilferty, PNAS 17,
-/// 1931).
+/// Normal score of a sum of squares: the value of a standard normal variable of equal probability.
+/// Approximation for a gamma variable (E. B. Wilson, M. M. Hilferty, PNAS 17, 1931).
+/// @param sigmas    distance from the mean
+/// @param skewness  above 0
 [[nodiscard]] double normal_score(double sigmas, double skewness);
 
 }  // namespace fiducap

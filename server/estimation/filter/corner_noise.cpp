@@ -7,40 +7,32 @@ namespace fiducap {
 
 namespace {
 constexpr double kMedian = 7.344;  // of chi-square with 8 degrees of freedom
-// In the logarithm of f, per tag seen: quick while distances are on one side of their median, then
-// slow enough that f wanders by two per cent.
+// Step of log f per sighting: large while distances are on one side of their median, then small
+// enough that f varies by 2 %.
 constexpr double kFirstStep = 0.03;
 constexpr double kLastStep = 0.003;
 constexpr double kStepShrinks = 0.985;
 constexpr double kSideMemory = 0.05;
 constexpr double kOneSided = 0.5;
-// As much quicker downwards while all are below it, for who may: f has two decades to go.
+// Factor of the downward step with fall_quickly(): f can fall by two decades.
 constexpr double kFallsQuickly = 4;
-// What the best lens model and the flattest print leave is no white noise: averaged over a
-// recording it would be believed to nothing. On rendered images 1 to 5 % of a coordinate's variance
-// last while a tag is in view, 0.003 px of the 0.012 that a large sharp tag is off.
+// Errors of lens model and print are not white and do not average out. On rendered images 1 to 5 %
+// of a coordinate's variance persist while a tag is in view: 0.003 px of 0.012 px of a sharp tag.
 constexpr double kLeast_px = 0.004;
 constexpr double kMost = 20.0;
-// A tag that has moved so far lies anew on the grid of pixels, which the detector's error goes by.
+// A movement of this size makes the detector's error on the pixel grid independent.
 constexpr double kMoved_px = 1.0;
-// A look at the same place tells at least this much: how far the body has not moved.
+// Largest noise factor of repeated sightings: they still show that the body did not move.
 constexpr int kMostRepeated = 8;
-// What a lens model does not follow is smooth: alike over such a share of the image's width …
+// Correlation length of the lens error, in image widths.
 constexpr double kLensReach = 0.2;
-// … and alike for one tag after the other that passes there, which adds up along a walk where it is
-// taken for noise: reckoned as so many times as much (docs/design/corner-noise.md).
+// Factor of the lens error: it is equal for successive tags and accumulates along a path where it
+// is treated as noise (docs/design/corner-noise.md).
 constexpr double kLensLasts = 2;
 
-Eigen::Vector2d middle_of(const TagObservation& seen) {
-  const auto& px = seen.corners_px;
+Eigen::Vector2d middle_of(const std::array<Eigen::Vector2d, 4>& px) {
   return 0.25 * (px[0] + px[1] + px[2] + px[3]);
 }
-
-Eigen::Vector2d raw_middle_of(const TagObservation& seen) {
-  const auto& px = seen.raw_px;
-  return 0.25 * (px[0] + px[1] + px[2] + px[3]);
-}
-
 }  // namespace
 
 CornerNoise::CornerNoise(const EstimatorConfig& config, bool learns, const CameraMount* lens)
@@ -59,19 +51,19 @@ double CornerNoise::once_px(const TagObservation& seen) const {
   return std::hypot(seen.corner_sigma_px, unexplained_px_);
 }
 
-/// What one more look at the same place is more noisy than the first.
+/// Noise factor of the next sighting at one place.
 double CornerNoise::repeated(const TagObservation& seen) const {
   const Place& place = places_[static_cast<std::size_t>(seen.tag_id) % kPlaces];
   const bool is_there = seen.knows_sides() && place.tag_id == seen.tag_id &&
-                        (middle_of(seen) - place.px).norm() < kMoved_px;
+                        (middle_of(seen.corners_px) - place.px).norm() < kMoved_px;
   return is_there ? std::min(place.looks + 1, kMostRepeated) : 1.0;
 }
 
-/// What the lens does to a tag, of one look more at the same part of the image.
+/// Lens error of the next sighting in one part of the image, px.
 double CornerNoise::lens_px(const TagObservation& seen) const {
   const Place& place = places_[static_cast<std::size_t>(seen.tag_id) % kPlaces];
-  const bool is_there =
-      place.tag_id == seen.tag_id && (raw_middle_of(seen) - place.part_px).norm() < lens_reach_px_;
+  const bool is_there = place.tag_id == seen.tag_id &&
+                        (middle_of(seen.raw_px) - place.part_px).norm() < lens_reach_px_;
   return lens_error_px_ * (is_there ? std::min(place.part_looks + 1, kMostRepeated) : 1);
 }
 
@@ -95,7 +87,7 @@ Matrix8d CornerNoise::covariance(const TagObservation& seen, double more_px) con
   return R;
 }
 
-/// Corners are off alike, the more the nearer they are to each other.
+/// Adds the lens error, correlated between near corners.
 void CornerNoise::add_lens(const TagObservation& seen, Matrix8d& R) const {
   const double px = lens_px(seen);
   for (int i = 0; i < 4; ++i) {
@@ -119,9 +111,9 @@ double CornerNoise::growth(const TagObservation& seen) const {
 
 bool CornerNoise::has_moved(const TagObservation& seen) {
   Place& place = places_[static_cast<std::size_t>(seen.tag_id) % kPlaces];
-  const Eigen::Vector2d now = middle_of(seen);
+  const Eigen::Vector2d now = middle_of(seen.corners_px);
   const bool is_same = place.tag_id == seen.tag_id;
-  const Eigen::Vector2d raw = raw_middle_of(seen);
+  const Eigen::Vector2d raw = middle_of(seen.raw_px);
   if (!is_same || (raw - place.part_px).norm() > lens_reach_px_) {
     place.part_px = raw;
     place.part_looks = 0;

@@ -11,26 +11,20 @@
 
 namespace fiducap {
 
-/// The update of RCARS II-D4 with all tags of one image at once, iterated if asked for. Keeps its
+/// The update of RCARS II-D4 with all tags of one image jointly, optionally iterated. Keeps its
 /// memory between images.
 ///
 /// @tparam State  a filter's mean and covariance: `P()`, `add_error`, `error_to`, `copy_mean`,
-/// `held_tags()`, and next to it
-///                `void measure_image(const State&, int camera, const CameraModel&, std::span<const
-///                TagToUse>, const CornerNoise&, ImageMeasurement&)` and `void
-///                transport_covariance(State&, correction, int camera)`
+///                `held_tags()`, with the free functions `measure_image` and `transport_covariance`
+///                as in world/corner_measurement.hpp and world/filter_state.hpp
 template <class State>
 class CornerUpdate final {
  public:
   struct Options {
-    double gate{};  ///< Chi-square limit for the 8 numbers of one tag; a tag above it is left out.
-    int iterations{
-        1};  ///< 1: plain EKF. More: iterated, for a first image far from the linearisation point.
-    /// Where the first linearisation is done, when something better than the prior mean is known;
-    /// nullptr: at the prior.
-    const State* start{nullptr};
-    /// Whether shared_score() is asked for afterwards: it costs another division of the stack.
-    bool wants_score{false};
+    double gate{};                ///< Chi-square limit of the 8 numbers of one tag.
+    int iterations{1};            ///< More than 1: iterated EKF, for a mean far from the corners.
+    const State* start{nullptr};  ///< First linearisation point; nullptr: the prior mean.
+    bool wants_score{false};      ///< Computes shared_score(), which costs another division.
   };
 
   /// @param noise     of this camera's corners; learns from every tag
@@ -51,7 +45,7 @@ class CornerUpdate final {
     report.tags_used = static_cast<int>(update_.used().size());
     report.tags_rejected = static_cast<int>(tags.size()) - report.tags_used;
     has_score_ = false;
-    // What the accepted ones say of noises is too good when many are rejected.
+    // With many rejected tags the accepted ones underestimate the noise.
     if (options.wants_score && 2 * report.tags_rejected >= static_cast<int>(tags.size()))
       score_all(state);
     if (update_.empty()) {
@@ -60,8 +54,7 @@ class CornerUpdate final {
     }
     for (int iteration = 0; iteration < options.iterations; ++iteration) {
       if (iteration > 0) {
-        // Iterated Kalman filter: the innovation is taken back to the prior, H stays at the present
-        // point.
+        // Iterated Kalman filter: innovation relative to the prior, H at the present point.
         measure_image(state, camera, model, tags, noise, image_);
         image_.take_off(state.error_to(prior_));
         update_.prepare(state.P(), image_);
@@ -84,8 +77,8 @@ class CornerUpdate final {
     return report;
   }
 
-  /// Of the last image, when it was asked for: what its tags said of the camera's pose; all of them
-  /// when half of them or more were rejected.
+  /// Score of the camera's pose by the accepted tags of the last image, by all of them when at
+  /// least half were rejected.
   [[nodiscard]] bool has_score() const { return has_score_; }
   [[nodiscard]] const StackedUpdate::SharedScore& shared_score() const { return score_; }
 

@@ -4,20 +4,17 @@
 #include <cmath>
 #include <cstring>
 
-// Inlined into functions that may use more of the machine than the rest of the program, so
-// everything is; and no Eigen here: an inline function of it, compiled for AVX2, could be the one
-// copy that the linker keeps for all.
+// Everything is inlined into functions compiled for AVX2. No Eigen here: the linker could keep the
+// AVX2 copy of one of its inline functions for the whole program.
 #define FIDUCAP_INLINE [[gnu::always_inline]] inline
 
 namespace fiducap::dense {
 
 namespace {
-
 constexpr int kCols = 4;   // of a tile
 constexpr Index kSix = 6;  // numbers of a pose
 
-// A row that is left over comes as a plain double. Two of the others side by side are a tile's
-// rows.
+// A tile has two packs of rows; remaining rows are single doubles.
 typedef double Pair __attribute__((vector_size(16)));
 typedef double Quad __attribute__((vector_size(32)));
 
@@ -45,7 +42,7 @@ FIDUCAP_INLINE void multiply(const double* a, Index a_stride, const double* b, I
   }
 }
 
-/// Columns j … j + cols of a few rows of B L⁻ᵀ, when the columns before them are done.
+/// Columns j … j + cols of some rows of B L⁻ᵀ. @pre earlier columns are done
 template <class Pack, int packs, int cols>
 FIDUCAP_INLINE void divide_tile(const ConstView& L, Index j, double* b, Index stride) {
   Pack x[cols][packs];
@@ -66,7 +63,7 @@ FIDUCAP_INLINE void divide_tile(const ConstView& L, Index j, double* b, Index st
   }
 }
 
-/// All columns of a few rows.
+/// All columns of some rows.
 template <class Pack, int packs>
 FIDUCAP_INLINE void divide_rows(const ConstView& L, Index m, double* b, Index stride) {
   Index j = 0;
@@ -84,11 +81,11 @@ FIDUCAP_INLINE void divide_all(const ConstView& L, Index m, const View& B, Index
   for (; i < rows; ++i) divide_rows<double, 1>(L, m, B.data + i, B.stride);
 }
 
-/// Columns j … j + cols of L, when those before them are done.
+/// Columns j … j + cols of L. @pre earlier columns are done
 template <class Pack, int cols>
 FIDUCAP_INLINE void factor_columns(const View& S, Index m, Index j) {
-  // Of these columns' own rows only the lower triangle counts.
-  double done[cols][cols];  // what the columns before take off: element (r, c) at [c][r]
+  // Only the lower triangle of these columns' own rows is used.
+  double done[cols][cols];  // contribution of earlier columns: element (r, c) at [c][r]
   if constexpr (cols % kLanes<Pack> == 0) {
     Pack sum[cols][cols / kLanes<Pack>];
     multiply<Pack, cols / kLanes<Pack>, cols>(S.data + j, S.stride, S.data + j, S.stride, j, sum);
@@ -121,7 +118,7 @@ FIDUCAP_INLINE void factor_all(const View& S, Index m) {
   for (; j < m; ++j) factor_columns<Pack, 1>(S, m, j);
 }
 
-/// Which elements of a tile change.
+/// Which rows or columns of a tile are held.
 enum class Part { kAll, kSome, kNone };
 
 FIDUCAP_INLINE Part held_part(std::span<const unsigned char> held, Index first, Index count) {
@@ -144,10 +141,9 @@ FIDUCAP_INLINE void subtract_tile(const View& P, const ConstView& G, Index m, In
   std::memcpy(value, sum, sizeof value);
   if (held_rows != Part::kNone) {
     for (Index c = 0; c < cols; ++c) {
-      for (Index r = 0; r < rows; ++r) {
+      for (Index r = 0; r < rows; ++r)
         if (held[static_cast<std::size_t>(i + r)] && held[static_cast<std::size_t>(j + c)])
           value[c][r] = 0;
-      }
     }
   }
   const bool on_diagonal = i < j + cols;
@@ -183,7 +179,7 @@ FIDUCAP_INLINE void subtract_all(const View& P, Index n, const ConstView& G, Ind
   for (; j < n; ++j) subtract_columns<Pack, 1>(P, n, G, m, j, held);
 }
 
-/// A few rows of (A − B) Uᵀ.
+/// Some rows of (A − B) Uᵀ.
 template <class Pack>
 FIDUCAP_INLINE void multiply_rows(const ConstView& A, const ConstView& B, const ConstView& U,
                                   const View& G, Index i) {
@@ -205,7 +201,7 @@ FIDUCAP_INLINE void multiply_rows(const ConstView& A, const ConstView& B, const 
   }
 }
 
-/// A few rows of G + C Vᵀ.
+/// Some rows of G + C Vᵀ.
 template <class Pack, int packs, int cols>
 FIDUCAP_INLINE void add_rows(const ConstView& C, Index depth, const ConstView& V, const View& G,
                              Index i) {
@@ -247,7 +243,6 @@ FIDUCAP_INLINE void multiply_all(const ConstView& A, const ConstView& B, const C
   for (; i + kLanes<Pack> <= n; i += kLanes<Pack>) multiply_rows<Pack>(A, B, U, G, i);
   for (; i < n; ++i) multiply_rows<double>(A, B, U, G, i);
 }
-
 }  // namespace
 
 namespace portable {
@@ -265,10 +260,15 @@ void add_product(ConstView C, Index depth, ConstView V, View G, Index n, Width w
 }  // namespace portable
 
 #if defined(__x86_64__)
+#define FIDUCAP_AVX2 __attribute__((target("avx2,fma")))
+#define FIDUCAP_HAS_AVX2 (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+#else
+#define FIDUCAP_AVX2
+#define FIDUCAP_HAS_AVX2 false
+#endif
 
 namespace {
-
-#define FIDUCAP_AVX2 __attribute__((target("avx2,fma")))
+const bool has_avx2 = FIDUCAP_HAS_AVX2;
 FIDUCAP_AVX2 void factor_avx2(const View& S, Index m) { factor_all<Quad>(S, m); }
 FIDUCAP_AVX2 void divide_avx2(const ConstView& L, Index m, const View& B, Index rows) {
   divide_all<Quad>(L, m, B, rows);
@@ -285,8 +285,6 @@ FIDUCAP_AVX2 void add_avx2(const ConstView& C, Index depth, const ConstView& V, 
                            Index n, Width width) {
   add_all<Quad>(C, depth, V, G, n, width);
 }
-const bool has_avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-
 }  // namespace
 
 void factor(View S, Index m) { has_avx2 ? factor_avx2(S, m) : portable::factor(S, m); }
@@ -302,21 +300,5 @@ void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n)
 void add_product(ConstView C, Index depth, ConstView V, View G, Index n, Width width) {
   has_avx2 ? add_avx2(C, depth, V, G, n, width) : portable::add_product(C, depth, V, G, n, width);
 }
-
-#else
-
-void factor(View S, Index m) { portable::factor(S, m); }
-void divide(ConstView L, Index m, View B, Index rows) { portable::divide(L, m, B, rows); }
-void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsigned char> held) {
-  portable::subtract_square(P, n, G, m, held);
-}
-void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n) {
-  portable::multiply_difference(A, B, U, G, n);
-}
-void add_product(ConstView C, Index depth, ConstView V, View G, Index n, Width width) {
-  portable::add_product(C, depth, V, G, n, width);
-}
-
-#endif
 
 }  // namespace fiducap::dense

@@ -3,9 +3,9 @@
 #include <cstddef>
 #include <span>
 
-/// The dense work of a Kalman update, n²m and nm² multiplications, written for the machine it runs
-/// on: on x86-64 with AVX2 and FMA where the processor has them (asked once, at run time), else
-/// with what every build has. The two differ in the last digits. Nothing here allocates.
+/// Dense kernels of a Kalman update (n²m and nm² multiplications): AVX2 and FMA on processors that
+/// have them (tested once at run time), portable code otherwise. The two differ in the last digits.
+/// Nothing here allocates.
 namespace fiducap::dense {
 
 using Index = std::ptrdiff_t;
@@ -16,38 +16,37 @@ struct View {
   Index stride{};
 };
 
-/// One that is only read.
+/// A read-only view.
 struct ConstView {
   const double* data{};
   Index stride{};
 
   ConstView(const double* first, Index step) : data(first), stride(step) {}
-  ConstView(const View& view) : data(view.data), stride(view.stride) {}  // NOLINT: it is one
+  ConstView(const View& view) : data(view.data), stride(view.stride) {}  // NOLINT: implicit
 };
 
-/// Cholesky in place: the lower triangle of S, m × m, becomes L with S = L Lᵀ; what stands above it
-/// is left alone. A pivot that is not positive (no covariance has one) becomes 0, and divide()
-/// answers 0 for its column.
+/// Cholesky in place: the lower triangle of S, m × m, becomes L with S = L Lᵀ; the upper one is not
+/// changed. A pivot that is not positive becomes 0, and divide() yields 0 in its column.
 void factor(View S, Index m);
 
 /// B ← B L⁻ᵀ, rows × m. @param L  of factor()
 void divide(ConstView L, Index m, View B, Index rows);
 
 /// P ← P − G Gᵀ, both triangles, exactly symmetric. P is n × n, G is n × m.
-/// @param held  per row of P whether it is held: elements whose row and column both are stay what
-/// they were. Empty: none is.
+/// @param held  per row of P whether it is held: elements with both row and column held are not
+///              changed. Empty: none.
 void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsigned char> held);
 
 /// G ← (A − B) Uᵀ, all n × 6 but for U, which is 6 × 6 and upper triangular.
 /// @param A  data may be nullptr: zero
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n);
 
-/// Of an n × k matrix: k.
+/// Columns of a matrix.
 enum class Width { kThree, kSix };
 /// G ← G + C Vᵀ: C is n × depth, V is width × depth, G is n × width.
 void add_product(ConstView C, Index depth, ConstView V, View G, Index n, Width width = Width::kSix);
 
-/// The same without AVX2, whatever the processor has: for the tests.
+/// The same without AVX2, for tests.
 namespace portable {
 void factor(View S, Index m);
 void divide(ConstView L, Index m, View B, Index rows);

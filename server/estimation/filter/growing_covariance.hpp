@@ -1,16 +1,15 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <span>
-
-#include <Eigen/Core>
 
 #include "estimation/known_tag.hpp"
 
 namespace fiducap {
 
-/// The covariance of a state whose tail grows and shrinks by six numbers per tag. Memory stays, so
-/// that a steady state allocates nothing.
+/// Covariance of a state whose tail grows and shrinks by six numbers per tag. Keeps its memory: a
+/// state of constant size allocates nothing.
 class GrowingCovariance final {
  public:
   /// All zero, n × n.
@@ -35,7 +34,7 @@ class GrowingCovariance final {
     const int at = size_;
     size_ += 6;
     if (size_ > memory_.rows()) {
-      // Grows by half, so that a growing map does not copy itself for each tag.
+      // Grows by half: a growing map is not copied for each tag.
       const Eigen::Index room = std::max<Eigen::Index>(size_, memory_.rows() * 3 / 2);
       Eigen::MatrixXd larger = Eigen::MatrixXd::Zero(room, room);
       larger.topLeftCorner(at, at) = memory_.topLeftCorner(at, at);
@@ -46,7 +45,7 @@ class GrowingCovariance final {
     memory_.block<6, 6>(at, at) = own;
   }
 
-  /// Takes six numbers each out (marginalises them). @param at  first ones, ascending
+  /// Marginalises blocks of six numbers. @param at  their first rows, ascending
   void erase(std::span<const int> at) {
     int kept = 0;
     std::size_t erased = 0;
@@ -76,5 +75,37 @@ class GrowingCovariance final {
   Eigen::MatrixXd memory_;
   Eigen::Matrix<double, 6, Eigen::Dynamic> six_rows_;
 };
+
+/// One term of a linear function: derivative of six numbers by the three-wide block at `at`.
+struct LinearTerm {
+  int at{};
+  Eigen::Matrix<double, 6, 3> J;
+};
+
+[[nodiscard]] inline LinearTerm linear_term(int at, const Eigen::Matrix3d& to_first,
+                                            const Eigen::Matrix3d& to_second) {
+  LinearTerm out{at, {}};
+  out.J << to_first, to_second;
+  return out;
+}
+
+/// Replaces two three-wide blocks of the state by a linear function of the present state plus
+/// independent noise: (x_first, x_second) ← Σ J x_at + n. The covariance follows exactly.
+inline void redefine(GrowingCovariance& covariance, int first, int second,
+                     std::span<const LinearTerm> terms, const Matrix6d& noise) {
+  auto P = covariance.live();
+  auto rows = covariance.six_rows();
+  rows.setZero();
+  for (const LinearTerm& term : terms) rows.noalias() += term.J * P.middleRows<3>(term.at);
+  Matrix6d self = noise;
+  for (const LinearTerm& term : terms)
+    self.noalias() += rows.middleCols<3>(term.at) * term.J.transpose();
+  rows.middleCols<3>(first) = self.leftCols<3>();
+  rows.middleCols<3>(second) = self.rightCols<3>();
+  P.middleRows<3>(first) = rows.topRows<3>();
+  P.middleRows<3>(second) = rows.bottomRows<3>();
+  P.middleCols<3>(first) = rows.topRows<3>().transpose();
+  P.middleCols<3>(second) = rows.bottomRows<3>().transpose();
+}
 
 }  // namespace fiducap

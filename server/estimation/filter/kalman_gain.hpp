@@ -1,15 +1,13 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <span>
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "estimation/filter/dense_kernels.hpp"
 
-/// The last two steps of a Kalman update in square-root form, whatever was measured. Nothing here
-/// allocates.
+/// Gain, correction and covariance of a Kalman update in square-root form. Nothing here allocates.
 namespace fiducap::kalman {
 
 template <class Block>
@@ -18,9 +16,9 @@ template <class Block>
 }
 
 /// @param PHt   in: P Hᵀ, n × m; out: the square-root gain K S^{1/2}
-/// @param S     in: H P Hᵀ + R, of which only the lower triangle counts; out: its Cholesky factor
-/// @param y     in: the innovation; out: the same, whitened
-/// @param held  first columns of six-wide blocks that must not learn (Schmidt's consider states)
+/// @param S     in: H P Hᵀ + R, lower triangle; out: its Cholesky factor
+/// @param y     in: the innovation; out: whitened
+/// @param held  first columns of six-wide blocks that are not corrected (Schmidt's consider states)
 /// @param dx    out: the correction, n
 /// @return normalised innovation squared yᵀ S⁻¹ y
 template <class Gain, class Innovation, class Scatter, class Correction>
@@ -34,11 +32,10 @@ double solve(Gain&& PHt, Scatter&& S, Innovation&& y, std::span<const int> held,
   return y.squaredNorm();
 }
 
-/// P ← P − K S Kᵀ: symmetric by construction. What held blocks know of each other stays; their
-/// correlation with the rest follows, so that their uncertainty is neither forgotten nor counted
-/// twice.
-/// @param gain  what solve() made of PHt
-/// @param mask  memory, kept between updates
+/// P ← P − K S Kᵀ, symmetric by construction. The covariance among held blocks is not changed;
+/// their correlation with the rest is (Schmidt).
+/// @param gain  PHt after solve()
+/// @param mask  scratch memory, kept between updates
 template <class Covariance, class Gain>
 void shrink(Covariance&& P, const Gain& gain, std::span<const int> held,
             std::vector<unsigned char>& mask) {

@@ -4,20 +4,20 @@
 #include <cmath>
 #include <limits>
 
+#include "estimation/filter/dense_kernels.hpp"
 #include "estimation/filter/kalman_gain.hpp"
 
 namespace fiducap {
 
 namespace {
-
 constexpr int kRows = 8;
 constexpr int kTurnedRows = 6;
 
 constexpr Eigen::Index rows_of(const TagMeasurement& m) { return m.relative ? kTurnedRows : kRows; }
 
-/// Turns (H, y) by Householder reflections until H is upper triangular. Whole columns, of which the
-/// part above the diagonal is left out by zeros: of fixed size that is quicker than leaving it out.
-/// @param y  and whatever else is turned with it, 8 × k
+/// Makes H upper triangular by Householder reflections, applied to y as well. Works on whole
+/// columns with zeros above the diagonal: a fixed size is faster than a shorter column.
+/// @param y  8 × k
 template <class Rest>
 void triangularise(Matrix86d& H, Rest& y) {
   for (Eigen::Index c = 0; c < H.cols(); ++c) {
@@ -39,7 +39,7 @@ dense::ConstView columns_of(const StackedUpdate::ConstCovariance& P, Eigen::Inde
   return {P.col(first).data(), P.outerStride()};
 }
 
-/// Divides by the root of the noise's covariance: what is left has white noise of variance 1.
+/// Whitens by the Cholesky factor of the noise covariance.
 template <class Rest>
 void make_even(const Matrix8d& R, Matrix86d& H, Rest& y) {
   const Eigen::LLT<Matrix8d> root(R);
@@ -47,7 +47,6 @@ void make_even(const Matrix8d& R, Matrix86d& H, Rest& y) {
   root.matrixL().solveInPlace(H);
   root.matrixL().solveInPlace(y);
 }
-
 }  // namespace
 
 void StackedUpdate::prepare(ConstCovariance P, const ImageMeasurement& image) {
@@ -67,22 +66,22 @@ void StackedUpdate::prepare(ConstCovariance P, const ImageMeasurement& image) {
   for (std::size_t i = 0; i < image.tags.size(); ++i) {
     const TagMeasurement& m = image.tags[i];
     if (!m.relative || !m.in_front) continue;
-    turned_[i] = turn(m, image.suspects.are_there());
+    turned_[i] = turn(m, image.parameters.are_there());
   }
 }
 
-StackedUpdate::Turned StackedUpdate::turn(const TagMeasurement& m, bool suspects) {
+StackedUpdate::Turned StackedUpdate::turn(const TagMeasurement& m, bool parameters) {
   Turned out;
   out.noise = m.even ? m.noise_px * m.noise_px : 1.0;
   Matrix86d H = m.H;
   Vector8d y = m.y;
-  if (suspects) {
-    Eigen::Matrix<double, 8, 1 + SuspectColumns::kAll> rest;
+  if (parameters) {
+    Eigen::Matrix<double, 8, 1 + ParameterColumns::kAll> rest;
     rest << m.y, m.H_camera, m.H_size;
     if (!m.even) make_even(m.R, H, rest);
     triangularise(H, rest);
     y = rest.col(0);
-    out.H_suspects = rest.topRightCorner<6, SuspectColumns::kAll>();
+    out.H_parameters = rest.topRightCorner<6, ParameterColumns::kAll>();
   } else {
     if (!m.even) make_even(m.R, H, y);
     triangularise(H, y);
@@ -102,7 +101,7 @@ void StackedUpdate::gate(ConstCovariance P, const ImageMeasurement& image, doubl
     const TagMeasurement& m = image.tags[i];
     if (!m.in_front) continue;
     judged_[i] = m.relative ? judge(P, image, m, turned_[i]) : judge(P, image, m);
-    if (!(judged_[i].distance < limit)) continue;  // NaN stays out as well
+    if (!(judged_[i].distance < limit)) continue;  // rejects NaN as well
     accepted[i] = true;
     used_.push_back(i);
   }
@@ -133,21 +132,22 @@ StackedUpdate::SharedScore StackedUpdate::shared_score(const ImageMeasurement& i
   return out;
 }
 
-/// What the suspects add to the covariance of a turned measurement.
-void StackedUpdate::add_suspects(ConstCovariance P, const SuspectColumns& suspects,
-                                 const TagMeasurement& m, const Turned& turned, Matrix6d& S) const {
-  // Of all together: the camera's, and the size of this print.
-  constexpr int kCamera = SuspectColumns::kOfCamera;
-  constexpr int kSize = SuspectColumns::kOfCamera;  // the column after them
-  const SuspectsMatrix& H = turned.H_suspects;
-  SuspectsMatrix cross;  // with (own − shared)
-  Eigen::Matrix<double, SuspectColumns::kAll, SuspectColumns::kAll> own;
-  const int at = suspects.camera;
+/// Adds the contribution of the calibration parameters to the covariance of a rotated measurement.
+void StackedUpdate::add_parameters(ConstCovariance P, const ParameterColumns& parameters,
+                                   const TagMeasurement& m, const Turned& turned,
+                                   Matrix6d& S) const {
+  // Columns: the camera's parameters, then the size of this tag.
+  constexpr int kCamera = ParameterColumns::kOfCamera;
+  constexpr int kSize = ParameterColumns::kOfCamera;  // the column after them
+  const ParameterMatrix& H = turned.H_parameters;
+  ParameterMatrix cross;  // with (own − shared)
+  Eigen::Matrix<double, ParameterColumns::kAll, ParameterColumns::kAll> own;
+  const int at = parameters.camera;
   const auto size_column = [&](Eigen::Index row) {
-    return P(row, suspects.size) + (m.own_size < 0 ? 0.0 : P(row, m.own_size));
+    return P(row, parameters.size) + (m.own_size < 0 ? 0.0 : P(row, m.own_size));
   };
   cross.leftCols<kCamera>() = -shared_.middleRows<kCamera>(at).transpose();
-  cross.col(kSize) = -shared_.row(suspects.size).transpose();
+  cross.col(kSize) = -shared_.row(parameters.size).transpose();
   if (m.own_size >= 0) cross.col(kSize) -= shared_.row(m.own_size).transpose();
   if (m.own != TagMeasurement::kGiven) {
     cross.leftCols<kCamera>() += P.block<6, kCamera>(m.own, at);
@@ -155,7 +155,8 @@ void StackedUpdate::add_suspects(ConstCovariance P, const SuspectColumns& suspec
   }
   own.topLeftCorner<kCamera, kCamera>() = P.block<kCamera, kCamera>(at, at);
   for (Eigen::Index k = 0; k < kCamera; ++k) own(k, kSize) = own(kSize, k) = size_column(at + k);
-  own(kSize, kSize) = size_column(suspects.size) + (m.own_size < 0 ? 0.0 : size_column(m.own_size));
+  own(kSize, kSize) =
+      size_column(parameters.size) + (m.own_size < 0 ? 0.0 : size_column(m.own_size));
   const Matrix6d mixed = turned.H * cross * H.transpose();
   S += mixed + mixed.transpose() + H * own * H.transpose();
 }
@@ -169,7 +170,7 @@ StackedUpdate::Judged StackedUpdate::judge(ConstCovariance P, const ImageMeasure
   }
   const double noise = turned.noise;
   Matrix6d S = turned.H * apart * turned.H.transpose();
-  if (image.suspects.are_there()) add_suspects(P, image.suspects, m, turned, S);
+  if (image.parameters.are_there()) add_parameters(P, image.parameters, m, turned, S);
   S.diagonal().array() += noise;
   const Eigen::LLT<Matrix6d> llt(S);
   if (llt.info() != Eigen::Success) return {std::numeric_limits<double>::quiet_NaN(), 0.0};
@@ -181,10 +182,9 @@ StackedUpdate::Judged StackedUpdate::judge(ConstCovariance P, const ImageMeasure
                                            const TagMeasurement& m) const {
   Matrix8d S = m.R + m.H * image.shared.noise * m.H.transpose();
   for (std::size_t a = 0; a < m.block_count; ++a) {
-    for (std::size_t b = 0; b < m.block_count; ++b) {
+    for (std::size_t b = 0; b < m.block_count; ++b)
       S.noalias() +=
           m.blocks[a].H * P.block<3, 3>(m.blocks[a].at, m.blocks[b].at) * m.blocks[b].H.transpose();
-    }
   }
   return {m.y.dot(S.ldlt().solve(m.y)), m.R.trace() / S.trace()};
 }
@@ -193,7 +193,7 @@ void StackedUpdate::reserve(Eigen::Index rows) {
   if (PHt_.rows() >= n_ && PHt_.cols() >= rows) return;
   PHt_.resize(n_ + n_ / 2, rows * 2);
   shared_rows_.resize(rows * 2, 6);
-  suspect_rows_.resize(rows * 2, SuspectColumns::kAll);
+  parameter_rows_.resize(rows * 2, ParameterColumns::kAll);
   own_rows_.resize(rows * 2, 6);
   shared_H_.setZero(8, rows * 2);
   S_.resize(rows * 2, rows * 2);
@@ -209,8 +209,8 @@ void StackedUpdate::stack(ConstCovariance P, const ImageMeasurement& image) {
   for (const std::size_t i : used_) {
     const TagMeasurement& m = image.tags[i];
     m.relative ? stack_gain(P, m, turned_[i], at) : stack_gain(P, m, at);
-    if (m.relative && image.suspects.are_there())
-      stack_suspects(P, image.suspects, m, turned_[i], at);
+    if (m.relative && image.parameters.are_there())
+      stack_parameters(P, image.parameters, m, turned_[i], at);
     if (m.relative)
       shared_H_.block<6, kTurnedRows>(0, at) = -turned_[i].H.transpose();
     else
@@ -221,7 +221,7 @@ void StackedUpdate::stack(ConstCovariance P, const ImageMeasurement& image) {
   at = 0;
   for (const std::size_t i : used_) {
     const TagMeasurement& m = image.tags[i];
-    m.relative ? stack_scatter(image.suspects, m, turned_[i], at) : stack_scatter(m, at);
+    m.relative ? stack_scatter(image.parameters, m, turned_[i], at) : stack_scatter(m, at);
     at += rows_of(m);
   }
   if (image.shared.noise.isZero(0)) return;
@@ -241,14 +241,15 @@ void StackedUpdate::stack_gain(ConstCovariance P, const TagMeasurement& m, const
                              {PHt_.col(at).data(), PHt_.outerStride()}, n_);
 }
 
-void StackedUpdate::stack_suspects(ConstCovariance P, const SuspectColumns& suspects,
-                                   const TagMeasurement& m, const Turned& turned, Eigen::Index at) {
+void StackedUpdate::stack_parameters(ConstCovariance P, const ParameterColumns& parameters,
+                                     const TagMeasurement& m, const Turned& turned,
+                                     Eigen::Index at) {
   const dense::View PHt{PHt_.col(at).data(), PHt_.outerStride()};
-  const dense::ConstView H_size{turned.H_suspects.col(SuspectColumns::kOfCamera).data(),
+  const dense::ConstView H_size{turned.H_parameters.col(ParameterColumns::kOfCamera).data(),
                                 kTurnedRows};
-  dense::add_product(columns_of(P, suspects.camera), SuspectColumns::kOfCamera,
-                     {turned.H_suspects.data(), kTurnedRows}, PHt, n_);
-  dense::add_product(columns_of(P, suspects.size), 1, H_size, PHt, n_);
+  dense::add_product(columns_of(P, parameters.camera), ParameterColumns::kOfCamera,
+                     {turned.H_parameters.data(), kTurnedRows}, PHt, n_);
+  dense::add_product(columns_of(P, parameters.size), 1, H_size, PHt, n_);
   if (m.own_size >= 0) dense::add_product(columns_of(P, m.own_size), 1, H_size, PHt, n_);
 }
 
@@ -256,12 +257,11 @@ void StackedUpdate::stack_gain(ConstCovariance P, const TagMeasurement& m, Eigen
   y_.segment<kRows>(at) = m.y;
   auto PHt = PHt_.middleCols<kRows>(at).topRows(n_);
   PHt.setZero();
-  for (std::size_t b = 0; b < m.block_count; ++b) {
+  for (std::size_t b = 0; b < m.block_count; ++b)
     PHt.noalias() += P.middleCols<3>(m.blocks[b].at) * m.blocks[b].H.transpose();
-  }
 }
 
-/// The rows of PHt that all relative measurements are compared with.
+/// Collects the rows of PHt that all relative measurements need.
 void StackedUpdate::view_gain(const ImageMeasurement& image) {
   const auto PHt = PHt_.leftCols(rows_);
   shared_rows_.topRows(rows_).setZero();
@@ -271,15 +271,15 @@ void StackedUpdate::view_gain(const ImageMeasurement& image) {
     dense::add_product(kalman::view_of(own_rows_), 3, {term.J.data(), kTurnedRows},
                        kalman::view_of(shared_rows_), rows_);
   }
-  if (!image.suspects.are_there()) return;
-  constexpr int kCamera = SuspectColumns::kOfCamera;
-  suspect_rows_.topRows(rows_).leftCols<kCamera>() =
-      PHt.middleRows<kCamera>(image.suspects.camera).transpose();
-  suspect_rows_.col(kCamera).head(rows_) = PHt.row(image.suspects.size).transpose();
+  if (!image.parameters.are_there()) return;
+  constexpr int kCamera = ParameterColumns::kOfCamera;
+  parameter_rows_.topRows(rows_).leftCols<kCamera>() =
+      PHt.middleRows<kCamera>(image.parameters.camera).transpose();
+  parameter_rows_.col(kCamera).head(rows_) = PHt.row(image.parameters.size).transpose();
 }
 
-/// Columns of S from the diagonal on: H of this one, seen by it and all that follow.
-void StackedUpdate::stack_scatter(const SuspectColumns& suspects, const TagMeasurement& m,
+/// Columns of S from the diagonal down.
+void StackedUpdate::stack_scatter(const ParameterColumns& parameters, const TagMeasurement& m,
                                   const Turned& turned, Eigen::Index at) {
   const Eigen::Index rest = rows_ - at;
   const auto PHt = PHt_.middleCols(at, rest);
@@ -290,23 +290,22 @@ void StackedUpdate::stack_scatter(const SuspectColumns& suspects, const TagMeasu
                              {&shared_rows_(at, 0), shared_rows_.outerStride()},
                              {turned.H.data(), kTurnedRows}, S, rest);
   S_.diagonal().segment<kTurnedRows>(at).array() += turned.noise;
-  if (!suspects.are_there()) return;
-  dense::add_product({&suspect_rows_(at, 0), suspect_rows_.outerStride()}, SuspectColumns::kAll,
-                     {turned.H_suspects.data(), kTurnedRows}, S, rest);
+  if (!parameters.are_there()) return;
+  dense::add_product({&parameter_rows_(at, 0), parameter_rows_.outerStride()},
+                     ParameterColumns::kAll, {turned.H_parameters.data(), kTurnedRows}, S, rest);
   if (m.own_size < 0) return;
   own_rows_.col(0).head(rest) = PHt.row(m.own_size).transpose();
   dense::add_product(kalman::view_of(own_rows_), 1,
-                     {turned.H_suspects.col(SuspectColumns::kOfCamera).data(), kTurnedRows}, S,
+                     {turned.H_parameters.col(ParameterColumns::kOfCamera).data(), kTurnedRows}, S,
                      rest);
 }
 
 void StackedUpdate::stack_scatter(const TagMeasurement& m, Eigen::Index at) {
   auto S = S_.block(at, at, rows_ - at, kRows);
   S.setZero();
-  for (std::size_t b = 0; b < m.block_count; ++b) {
+  for (std::size_t b = 0; b < m.block_count; ++b)
     S.noalias() += PHt_.middleRows<3>(m.blocks[b].at).middleCols(at, rows_ - at).transpose() *
                    m.blocks[b].H.transpose();
-  }
   S.topRows<kRows>() += m.R;
 }
 

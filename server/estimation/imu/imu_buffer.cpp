@@ -6,16 +6,66 @@
 namespace fiducap {
 
 namespace {
-// A unit may be somewhat quicker than it is said to be; and whatever is said, memory is bounded.
+constexpr double kChance = 1e-9;        // Probability below which a run is no chance.
+constexpr double kLeastRepeats = 0.01;  // Every sensor repeats values.
+constexpr double kMostRepeats = 0.9;
+constexpr double kRunMemory = 400;  // samples
+constexpr int kNeededChanges = 50;
+constexpr double kNearRange = 0.998;
+
+// Margin of the unit's configured rate, and bounds of the memory.
 constexpr double kMargin = 1.25;
 constexpr double kFewest = 256;
 constexpr double kMost = 65536;
+
+bool at_end(const Eigen::Vector3d& reading, double range) {
+  return range > 0 && reading.cwiseAbs().maxCoeff() >= kNearRange * range;
+}
 
 std::size_t most_readings(double rate_hz, Duration past) {
   const double wanted = kMargin * rate_hz * to_seconds(past);
   return static_cast<std::size_t>(std::clamp(std::ceil(wanted), kFewest, kMost));
 }
 }  // namespace
+
+bool SaturationWatch::is_long(const Axis& axis) {
+  if (axis.changes < kNeededChanges || axis.repeats > kMostRepeats) return false;
+  return axis.run * std::log(std::max(axis.repeats, kLeastRepeats)) < std::log(kChance);
+}
+
+std::size_t SaturationWatch::judge(Axis& axis, double value, bool others_move) {
+  if (value != axis.last) {
+    // A run that was no saturation gives the share of repeats.
+    const int readings = axis.is_flat ? 1 : axis.run + 1;
+    axis.repeats += std::min(1.0, readings / kRunMemory) * (1.0 - 1.0 / readings - axis.repeats);
+    axis.changes = std::min(axis.changes + 1, kNeededChanges);
+    axis.run = 0;
+    axis.is_flat = false;
+    axis.last = value;
+    return 0;
+  }
+  ++axis.run;
+  if (axis.is_flat || !others_move || !is_long(axis)) return 0;
+  axis.is_flat = true;
+  return static_cast<std::size_t>(axis.run);
+}
+
+SaturationWatch::Finding SaturationWatch::look_at(const ImuSample& imu) {
+  std::array<double, 6> values{};
+  Eigen::Map<Eigen::Vector3d>(values.data()) = imu.w_WB_B;
+  Eigen::Map<Eigen::Vector3d>(values.data() + 3) = imu.f_B;
+  bool any_moves = false;
+  for (std::size_t i = 0; i < values.size(); ++i) any_moves |= values[i] != axes_[i].last;
+  Finding found;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    std::size_t& since = i < 3 ? found.gyro_since : found.accel_since;
+    since = std::max(since, judge(axes_[i], values[i], any_moves));
+    (i < 3 ? found.now.gyro : found.now.accel) |= axes_[i].is_flat;
+  }
+  found.now.gyro |= at_end(imu.w_WB_B, unit_.gyro_range_rad_s);
+  found.now.accel |= at_end(imu.f_B, unit_.accel_range_m_s2);
+  return found;
+}
 
 ImuBuffer::ImuBuffer(const ImuNoise& noise, double max_gap_s, double gap_accel_noise, Duration past)
     : noise_(noise),
@@ -29,11 +79,11 @@ bool ImuBuffer::push(const ImuSample& imu) {
   if (size_ > 0 && imu.sampled_at <= reading(size_ - 1).imu.sampled_at) return false;
   if (is_full()) forget_oldest(1);
   const auto found = watch_.look_at(imu);
-  const auto meet = [](double& met, bool is_met, const Eigen::Vector3d& reading) {
+  const auto note_range = [](double& met, bool is_met, const Eigen::Vector3d& reading) {
     if (is_met) met = std::max(met, reading.cwiseAbs().maxCoeff());
   };
-  meet(ranges_met_.gyro_rad_s, found.now.gyro, imu.w_WB_B);
-  meet(ranges_met_.accel_m_s2, found.now.accel, imu.f_B);
+  note_range(ranges_met_.gyro_rad_s, found.now.gyro, imu.w_WB_B);
+  note_range(ranges_met_.accel_m_s2, found.now.accel, imu.f_B);
   const std::size_t earlier = size_++;
   at(earlier) = {noise_.correction ? noise_.correction->apply(imu) : imu, found.now};
   for (std::size_t k = 1; k <= std::min(earlier, found.gyro_since); ++k)
@@ -67,11 +117,11 @@ void ImuBuffer::forget_before(Instant at) {
 }
 
 std::size_t ImuBuffer::first_after(Instant at) const {
-  // Looked for from the newest: questions are recent.
+  // Searches from the newest: requests are recent.
   std::size_t after = size_;
   std::size_t step = 1;
   while (after > 0 && reading(after - 1).imu.sampled_at > at) {
-    // Doubling steps back, then halving between.
+    // Doubling steps back, then bisection.
     const std::size_t back = std::min(step, after);
     if (reading(after - back).imu.sampled_at > at) {
       after -= back;

@@ -3,23 +3,22 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap {
 
 namespace {
-
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using namespace estimate_block;
 
 constexpr Duration kMemory = std::chrono::seconds(1);
-// A turn of 5 rad/s bends the held force by 0.1 rad in this time: the mid-point rule is good to
-// 4e-4 of it.
+// At 5 rad/s the held force rotates by 0.1 rad in this time: relative error of the mid-point rule
+// 4e-4.
 constexpr Duration kHoldStep = std::chrono::milliseconds(20);
 
-/// How one step moves the error: p += dt v + dt²/2 Z, v += dt Z, θ += A b_w with Z = D_θ θ + D_f
-/// b_f + D_w b_w.
+/// Error propagation of one step: p += dt v + dt²/2 Z, v += dt Z, θ += A b_w with
+/// Z = D_θ θ + D_f b_f + D_w b_w.
 struct ErrorStep {
   double dt{};
   Matrix3d D_attitude{Matrix3d::Zero()};
@@ -28,8 +27,7 @@ struct ErrorStep {
   Matrix3d A_bias_w{Matrix3d::Zero()};
 };
 
-/// F P from the left, row block by row block; the order leaves every block unchanged until it was
-/// read.
+/// P ← F P by row blocks, in an order in which no block changes before it is read.
 template <typename Covariance>
 void apply_to_rows(const ErrorStep& step, Covariance&& P) {
   const Eigen::Matrix<double, 3, 15> Z = step.D_attitude * P.template middleRows<3>(kAttitude) +
@@ -51,8 +49,7 @@ void add_diagonal(Matrix15d& P, int block, double variance) {
   P.diagonal().segment<3>(block).array() += variance;
 }
 
-/// White acceleration noise of density q (squared) over dt; dt < 0 runs backwards, the uncertainty
-/// grows all the same.
+/// White acceleration noise of density q (squared) over dt, which may be negative.
 void add_acceleration_noise(Matrix15d& P, double q, double dt) {
   const double span = std::abs(dt);
   add_diagonal(P, kPosition, q * span * span * span / 3.0);
@@ -73,7 +70,6 @@ ImuSample on_line(const ImuSample* before, const ImuSample& after, Instant at) {
   between.f_B = before->f_B + k * (after.f_B - before->f_B);
   return between;
 }
-
 }  // namespace
 
 OutputPredictor::OutputPredictor(const BodySensors& sensors, const EstimatorConfig& config)
@@ -91,7 +87,7 @@ void OutputPredictor::add_imu(const ImuSample& imu) {
     imu_.forget_all();
     head_ = before_head_ = base_;
   }
-  // Before the oldest reading goes it moves what the filter said over its interval.
+  // The oldest sample is dropped next: base_ is propagated over its interval.
   if (imu_.is_full() && base_ && base_->at < imu_.reading(1).imu.sampled_at)
     advance(*base_, 1, imu_.reading(1).imu.sampled_at);
   imu_.push(imu);
@@ -179,7 +175,7 @@ void OutputPredictor::integrate(BodyEstimate& state, const InertialInput& input,
   step.D_attitude = -skew(force_W);
   step.D_bias_f = -R_mid;
   step.D_bias_w = (0.5 * dt) * (skew(force_W) * (R_start * J_half));
-  // J_l(φ) = ½ (1 + exp(φ/2)) J_l(φ/2): the integral of exp(sφ) cut into halves.
+  // J_l(φ) = ½ (1 + exp(φ/2)) J_l(φ/2): the integral of exp(sφ) in two halves.
   step.A_bias_w = (-0.5 * dt) * ((R_start + R_mid) * J_half);
   transform(state.covariance, step);
   add_acceleration_noise(state.covariance, square(input.accel_noise), dt);

@@ -9,47 +9,42 @@
 
 namespace fiducap {
 
-/// Carries the newest filter estimate over the newer IMU samples to the instant asked for, mean and
-/// covariance, so that late images cost no latency at the wire.
+/// Propagates the newest filter estimate by the newer IMU samples to a requested instant, mean and
+/// covariance: late images add no latency to the output.
 ///
-/// Between two samples the reading is their straight line, taken at the middle of each step;
-/// rotation increments are exact. Beyond the last sample rate and specific force are held for
-/// `max_imu_gap_s`; a reading at the end of the sensor's range is used, but hardly believed; after
-/// that, in longer holes of the stream and for bodies without IMU, velocity and body rate are held
-/// and the motion noise of EstimatorConfig grows. Without IMU `bias_w` is minus the body rate and
-/// its covariance block that of the rate.
+/// Samples are interpolated at the middle of each step; rotation increments are exact. After the
+/// last sample rate and specific force are held for `max_imu_gap_s`; saturated samples are used
+/// with large noise. After that, in longer gaps and for bodies without IMU, velocity and body rate
+/// are held with the motion noise of EstimatorConfig. Without IMU `bias_w` is minus the body rate,
+/// with the rate's covariance.
 ///
-/// Bounded memory (one second of samples), no allocation after construction. Not thread-safe;
-/// scene/ guards it.
+/// Bounded memory (one second of samples), no allocation after construction. Not thread-safe.
 class OutputPredictor final {
  public:
   /// @param sensors  IMU noise (or its absence) and gravity
   OutputPredictor(const BodySensors& sensors, const EstimatorConfig& config);
 
-  /// A reading straight from the device, before any merging. Late, repeated and non-finite readings
-  /// are ignored; one that is more than a second late means that the device's time line started
-  /// again.
+  /// Adds a sample of the device, before merging. Late, repeated and non-finite samples are
+  /// ignored; one that is more than a second late restarts the device's time line.
   void add_imu(const ImuSample& imu);
-  /// The filter's newest estimate; older IMU samples are forgotten, newer ones applied again.
+  /// Sets the filter's newest estimate and drops older IMU samples.
   void set_estimate(const BodyEstimate& estimate);
   /// The body is lost: no prediction until the next estimate.
   void clear();
   /// @return nullopt before the first estimate; for `at` before the newest estimate: that estimate
-  /// moved back by its
-  ///         velocity and rate (at most one image interval is sensible).
+  ///         moved back by its velocity and rate (by one image interval at most)
   [[nodiscard]] std::optional<BodyEstimate> predict(Instant at) const;
 
  private:
-  /// Over the readings, as far as they reach, at most to `to`.
+  /// Integrates the samples, at most to `to`.
   void transport(BodyEstimate& state, Instant to) const;
-  /// Towards reading `next`, at most to `to`: along the line from the one before; there is none: it
-  /// is held.
+  /// Integrates towards sample `next`, at most to `to`.
   void advance(BodyEstimate& state, std::size_t next, Instant to) const;
-  /// Past the last sample.
+  /// Continues after the last sample.
   void extrapolate(BodyEstimate& state, Instant to) const;
   void integrate(BodyEstimate& state, const InertialInput& input, Instant to) const;
   void coast(BodyEstimate& state, Instant to) const;
-  /// Rate and acceleration of the instant reached.
+  /// Sets rate and acceleration at the instant reached.
   void set_rates(BodyEstimate& state, const ImuSample& reading) const;
 
   bool has_imu_;
@@ -57,12 +52,9 @@ class OutputPredictor final {
   EstimatorConfig config_;
   Eigen::Vector3d gravity_W_;
   ImuBuffer imu_;
-  std::optional<BodyEstimate>
-      base_;  ///< What the filter said (moved on only when the buffer is full).
-  std::optional<BodyEstimate>
-      head_;  ///< base_ carried to the newest sample: one step serves most requests.
-  std::optional<BodyEstimate>
-      before_head_;  ///< The same one sample earlier: a sample may overtake the request.
+  std::optional<BodyEstimate> base_;         ///< The filter's; propagated when the buffer is full.
+  std::optional<BodyEstimate> head_;         ///< base_ propagated to the newest sample.
+  std::optional<BodyEstimate> before_head_;  ///< base_ propagated to the sample before it.
 };
 
 }  // namespace fiducap

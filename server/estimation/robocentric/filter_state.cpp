@@ -1,11 +1,8 @@
 #include "estimation/robocentric/filter_state.hpp"
 
-#include "base/so3.hpp"
-
 namespace fiducap::robocentric {
 
 namespace {
-
 void add_left(Pose& X, const Eigen::Ref<const Eigen::VectorXd>& error) {
   X.p += error.head<3>();
   X.q = (exp_so3(error.tail<3>()) * X.q).normalized();
@@ -15,10 +12,7 @@ void left_error(const Pose& from, const Pose& to, Eigen::Ref<Eigen::VectorXd> er
   error.head<3>() = to.p - from.p;
   error.tail<3>() = log_so3(to.q * from.q.conjugate());
 }
-
 }  // namespace
-
-void FilterState::resize_covariance() { covariance.reset(size()); }
 
 void FilterState::copy_mean(const FilterState& other) {
   time = other.time;
@@ -48,9 +42,8 @@ void FilterState::add_error(const Eigen::Ref<const Eigen::VectorXd>& error) {
   q_WB = (q_WB * exp_so3(error.segment<3>(layout::kAttitude))).normalized();
   bias_f += error.segment<3>(layout::kBiasF);
   bias_w += error.segment<3>(layout::kBiasW);
-  for (int c = 0; c < cameras(); ++c) {
+  for (int c = 0; c < cameras(); ++c)
     add_left(X_BV[static_cast<std::size_t>(c)], error.segment<6>(layout::extrinsics(c)));
-  }
   for (std::size_t i = 0; i < tags.size(); ++i) add_left(tags[i].X_VT, error.segment<6>(tag_at(i)));
 }
 

@@ -4,16 +4,15 @@
 #include <set>
 #include <utility>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "estimation/filter/filter_rules.hpp"
 
 namespace fiducap {
 
 namespace {
-
-// Neighbours further away in time say nothing of the speed at an instant.
+// Longest time between neighbours for a velocity.
 constexpr Duration kSameSpeed = std::chrono::seconds(1);
-// A segment has two ends.
+// Length of a segment with a single instant.
 constexpr Duration kShortest = std::chrono::milliseconds(1);
 
 /// Instants of one chain, with speeds.
@@ -30,7 +29,7 @@ std::vector<BodyMoment> moments_of(std::span<const PlacedInstant> chain, const O
       body.v_WB = from.X_WB.q * moved->p / to_seconds(time);
     } else if (time > Duration{0} && time <= kSameSpeed) {
       body.v_WB = (to.X_WB.p - from.X_WB.p) / to_seconds(time);
-      // The rate stands in the gyro bias's place.
+      // The gyro bias contains minus the rate.
       body.bias_w = -log_so3(from.X_WB.q.conjugate() * to.X_WB.q) / to_seconds(time);
     }
     out.push_back(body);
@@ -109,16 +108,7 @@ class Cutter final {
   MotionSegment open_;
   std::vector<MotionSegment> done_;
 };
-
 }  // namespace
-
-InertialInput motion_without_imu(const EstimatorConfig& config) {
-  InertialInput input;
-  input.has_accelerometer = false;
-  input.accel_noise = config.motion_accel_m_s2_rtHz;
-  input.gyro_walk = config.motion_angular_rad_s2_rtHz;
-  return input;
-}
 
 void add_steps(Duration time, const InertialInput& input, Duration longest,
                std::vector<SegmentStep>& steps) {
@@ -132,8 +122,7 @@ void add_steps(Duration time, const InertialInput& input, Duration longest,
 void add_odometry(const Odometry& odometry, Instant from, Instant to,
                   std::vector<SegmentStep>& steps) {
   const auto& poses = odometry.poses;
-  auto next = std::upper_bound(poses.begin(), poses.end(), from,
-                               [](Instant t, const StampedPose& pose) { return t < pose.at; });
+  auto next = std::ranges::upper_bound(poses, from, {}, &StampedPose::at);
   StampedPose before{from, odometry.pose_at(from)};
   while (before.at < to) {
     const StampedPose after =
@@ -158,14 +147,14 @@ std::vector<MotionSegment> cut_segments(const PlacedPath& path) {
   const auto is_covered = [&](const PlacedInstant& instant) {
     return path.odometry != nullptr && path.odometry->covers(instant.at);
   };
-  // Where odometry begins or ends, so does the chain: speeds mean something else there.
-  const auto hangs_on = [&](const PlacedInstant& before, const PlacedInstant& now) {
+  // A chain ends where odometry begins or ends: velocities have another meaning there.
+  const auto is_connected = [&](const PlacedInstant& before, const PlacedInstant& now) {
     if (is_covered(before) != is_covered(now)) return false;
     return is_covered(now) || now.at - before.at <= kLongestBlind;
   };
   for (std::size_t first = 0; first < instants.size();) {
     std::size_t after = first + 1;
-    while (after < instants.size() && hangs_on(instants[after - 1], instants[after])) ++after;
+    while (after < instants.size() && is_connected(instants[after - 1], instants[after])) ++after;
     cutter.cut(std::span(instants).subspan(first, after - first));
     first = after;
   }

@@ -5,50 +5,47 @@
 #include <span>
 #include <vector>
 
-#include "capture/odometry.hpp"
+#include "capture/recording/odometry.hpp"
 #include "estimation/estimator_config.hpp"
 #include "estimation/segment/motion_segment.hpp"
 
 namespace fiducap {
 
 inline constexpr Duration kSegmentLength = std::chrono::seconds(1);
-/// Without a tag for longer, the next one is met anew: readings of minutes are no use.
+/// Longest time without a tag within a chain.
 inline constexpr Duration kLongestBlind = std::chrono::seconds(10);
 
-/// What moves a body without IMU: white noise.
-[[nodiscard]] InertialInput motion_without_imu(const EstimatorConfig& config);
-/// Adds steps of at most `longest` under one reading.
+/// Appends steps of at most `longest` with one input.
 void add_steps(Duration time, const InertialInput& input, Duration longest,
                std::vector<SegmentStep>& steps);
 
-/// The steps from pose to pose of the odometry. @pre it covers both instants
+/// Appends the steps between the odometry's poses. @pre it covers both instants
 void add_odometry(const Odometry& odometry, Instant from, Instant to,
                   std::vector<SegmentStep>& steps);
 
-/// A body without IMU at an instant at which it saw tags.
+/// Pose and images of a body without IMU at one instant.
 struct PlacedInstant {
   Instant at{};
   Pose X_WB;
   std::vector<SegmentImage> images;
 };
 
-/// All that is to be cut, and what is known of it.
+/// Input of cut_segments().
 struct PlacedPath {
   int body_id{};
-  int chain{};          ///< Of the first segment; later ones count on.
-  bool anchored{true};  ///< Places are in the workspace.
+  int chain{};          ///< Of the first segment; increases.
+  bool anchored{true};  ///< Poses are in the workspace.
   std::shared_ptr<const SegmentSensors> sensors;
   InertialInput motion;
-  const Odometry* odometry{};  ///< How it moved, where that is known; nullptr: nowhere.
+  const Odometry* odometry{};  ///< nullptr: none.
   std::vector<CameraBelief> cameras;
-  std::map<int, KnownTag> tags;         ///< Sightings of others are left out.
+  std::map<int, KnownTag> tags;         ///< Sightings of others are dropped.
   std::vector<PlacedInstant> instants;  ///< In order of time.
 };
 
-/// Segments of about a second for the map graph, from poses that were found otherwise than by a
-/// filter. Velocities and rates are those between neighbours; the graph finds better ones. A chain
-/// ends where no tag was seen for ten seconds and there is no odometry, and where that begins or
-/// ends. An instant on its own is a segment, too.
+/// Segments of about a second for the map graph, from poses that are not a filter's. Velocities and
+/// rates are differences of neighbours; the graph improves them. A chain ends after ten seconds
+/// without a tag and odometry, and at the ends of odometry. A single instant is a segment, too.
 [[nodiscard]] std::vector<MotionSegment> cut_segments(const PlacedPath& path);
 
 }  // namespace fiducap

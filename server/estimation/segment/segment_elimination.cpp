@@ -8,15 +8,13 @@
 namespace fiducap {
 
 namespace {
-
-// Cauchy loss: at this squared distance (8 degrees of freedom) a sighting pulls hardest.
+// Scale of the Cauchy loss, squared distance with 8 degrees of freedom.
 constexpr double kLossBend = 8 * 5.0 * 5.0;
-// No motion is known better than this between two images, m, rad and m/s: in a single step place
-// and velocity are one number, and what is infinitely sure rounds all else away.
+// Smallest sigma of the motion between two images, m, rad and m/s: in a single step position and
+// velocity are fully correlated, and a singular covariance causes rounding errors.
 constexpr double kSurestMotion = 1e-6;
-// A body without accelerometer has no bias of it; its column must not be empty.
+// Sigma of an unused accelerometer bias.
 constexpr double kUnusedBias = 1e-9;
-
 }  // namespace
 
 SegmentElimination::SegmentElimination(MotionSegment& segment)
@@ -26,74 +24,74 @@ SegmentElimination::SegmentElimination(MotionSegment& segment)
             (segment.has_imu() ? 1 : 0)),
       noise_(EstimatorConfig{}, false) {
   segment_.scales.resize(segment_.tags.size());
-  prepare_bench();
+  prepare_workspace();
 }
 
-void SegmentElimination::prepare_bench() {
+void SegmentElimination::prepare_workspace() {
   std::vector<Pose> X_BV;
   for (const CameraBelief& camera : segment_.cameras) X_BV.push_back(camera.X_BV);
-  bench_.reset(std::move(X_BV));
+  workspace_.reset(std::move(X_BV));
   for (int c = 0; c < cameras_; ++c) {
     const CameraBelief& camera = segment_.cameras[static_cast<std::size_t>(c)];
-    bench_.clocks[static_cast<std::size_t>(c)] = {
+    workspace_.clocks[static_cast<std::size_t>(c)] = {
         .shift_s = camera.shift_s, .readout_s = camera.readout_s, .rows_apart = camera.rows_apart};
-    bench_.lenses[static_cast<std::size_t>(c)] = camera.lens;
+    workspace_.lenses[static_cast<std::size_t>(c)] = camera.lens;
   }
-  bench_.gravity_offset_m_s2 = segment_.gravity_offset_m_s2;
-  bench_.suspicions.resize(1);  // what may be wrong about cameras is asked for
+  workspace_.gravity_offset_m_s2 = segment_.gravity_offset_m_s2;
+  workspace_.parameter_tests.resize(1);  // measure() includes the parameters
   for (const KnownTag& known : segment_.tags) {
     world::WorldTag tag;
     tag.tag_id = known.tag_id;
     tag.edge_m = known.edge_m;
     tag.X_WT = known.X_WT;
-    bench_.add_tag(tag, Matrix6d::Zero());
+    workspace_.add_tag(tag, Matrix6d::Zero());
   }
 }
 
-void SegmentElimination::stand_at(const MotionSegment::Instance& instance) {
+void SegmentElimination::linearise_at(const MotionSegment::Instance& instance) {
   const BodyMoment& body = instance.body;
-  bench_.time = body.at;
-  bench_.X_WB = body.X_WB;
-  bench_.v_WB = body.v_WB;
-  bench_.bias_f = body.bias_f;
-  bench_.bias_w = body.bias_w;
+  workspace_.time = body.at;
+  workspace_.X_WB = body.X_WB;
+  workspace_.v_WB = body.v_WB;
+  workspace_.bias_f = body.bias_f;
+  workspace_.bias_w = body.bias_w;
 }
 
 SegmentElimination::Information SegmentElimination::run() {
   Information info(rest_);
   begin_run();
   const auto& instances = segment_.instances;
-  stand_at(instances.front());
+  linearise_at(instances.front());
   remember_rate(instances[1].steps.empty() ? nullptr : &instances[1].steps.front());
-  look(instances.front(), info);
-  // So far the body is where it begins.
+  add_image_factors(instances.front(), info);
+  // The body now is the begin.
   info.all.block<15, 15>(0, 0) = info.own;
   info.all.middleRows<15>(0) += info.beside;
   info.all.middleCols<15>(0) += info.beside.transpose();
   info.pull.head<15>() += info.own_pull;
   for (std::size_t k = 1; k < instances.size(); ++k) {
     const Motion motion = move(instances[k - 1], instances[k]);
-    k == 1 ? leave_begin(motion, info) : leave(motion, info);
-    stand_at(instances[k]);
+    k == 1 ? add_first_motion(motion, info) : add_motion(motion, info);
+    linearise_at(instances[k]);
     remember_rate(instances[k].steps.empty() ? nullptr : &instances[k].steps.back());
-    look(instances[k], info);
+    add_image_factors(instances[k], info);
   }
-  arrive(info);
+  add_end(info);
   return info;
 }
 
-/// What is seen from the two ends says nothing of the path while they are held.
+/// The images at the fixed ends do not affect the path.
 void SegmentElimination::run_path() {
   Information info(0);
   begin_run();
   const auto& instances = segment_.instances;
   for (std::size_t k = 1; k < instances.size(); ++k) {
     const Motion motion = move(instances[k - 1], instances[k]);
-    k == 1 ? start_body(motion, info) : leave(motion, info);
+    k == 1 ? start_body(motion, info) : add_motion(motion, info);
     if (k + 1 == instances.size()) return;
-    stand_at(instances[k]);
+    linearise_at(instances[k]);
     remember_rate(instances[k].steps.empty() ? nullptr : &instances[k].steps.back());
-    look(instances[k], info);
+    add_image_factors(instances[k], info);
   }
 }
 
@@ -102,26 +100,25 @@ void SegmentElimination::begin_run() {
   sightings_ = numbers_ = outliers_ = 0;
 }
 
-/// The body as it moves at an image: what its clock's shift leads along.
+/// Sets the present motion, for the derivative by the clock shift.
 void SegmentElimination::remember_rate(const SegmentStep* step) {
-  bench_.a_WB.setZero();
-  bench_.gyro_B.setZero();
+  workspace_.a_WB.setZero();
+  workspace_.gyro_B.setZero();
   if (step == nullptr) return;
   const InertialInput& input = step->input;
-  bench_.gyro_B = input.w_B;
-  if (input.has_accelerometer) {
-    bench_.a_WB = bench_.X_WB.q * (input.f_B - bench_.bias_f) +
-                  Eigen::Vector3d(0, 0, -segment_.sensors->gravity_m_s2);
-  }
+  workspace_.gyro_B = input.w_B;
+  if (input.has_accelerometer)
+    workspace_.a_WB = workspace_.X_WB.q * (input.f_B - workspace_.bias_f) +
+                      Eigen::Vector3d(0, 0, -segment_.sensors->gravity_m_s2);
 }
 
 SegmentElimination::Motion SegmentElimination::move(const MotionSegment::Instance& from,
                                                     const MotionSegment::Instance& to) {
-  stand_at(from);
+  linearise_at(from);
   world::MotionSinceImage motion;
   const Eigen::Vector3d gravity(0, 0, -segment_.sensors->gravity_m_s2);
   for (const SegmentStep& step : to.steps)
-    world::propagate(bench_, motion, step.input, gravity, step.dt_s);
+    world::propagate(workspace_, motion, step.input, gravity, step.dt_s);
   Motion out;
   out.Phi = motion.Phi;
   out.by_gravity = Vector15d::Zero();
@@ -132,12 +129,13 @@ SegmentElimination::Motion SegmentElimination::move(const MotionSegment::Instanc
   Q.diagonal().tail<6>().array() += kUnusedBias * kUnusedBias;
   out.W = Q.llt().solve(Matrix15d::Identity());
   out.W = (0.5 * (out.W + out.W.transpose())).eval();
-  const BodyMoment predicted{to.body.at, bench_.X_WB, bench_.v_WB, bench_.bias_f, bench_.bias_w};
+  const BodyMoment predicted{to.body.at, workspace_.X_WB, workspace_.v_WB, workspace_.bias_f,
+                             workspace_.bias_w};
   out.r = error_between(to.body, predicted);
   return out;
 }
 
-void SegmentElimination::leave_begin(const Motion& m, Information& info) const {
+void SegmentElimination::add_first_motion(const Motion& m, Information& info) const {
   const Matrix15d WPhi = m.W * m.Phi;
   info.all.block<15, 15>(0, 0) += m.Phi.transpose() * WPhi;
   info.pull.head<15>() -= WPhi.transpose() * m.r;
@@ -158,7 +156,7 @@ void SegmentElimination::start_body(const Motion& m, Information& info) {
   info.cost += 0.5 * m.r.dot(m.W * m.r);
 }
 
-void SegmentElimination::leave(const Motion& m, Information& info) {
+void SegmentElimination::add_motion(const Motion& m, Information& info) {
   const Matrix15d WPhi = m.W * m.Phi;
   Eliminated e;
   e.own.compute(info.own + m.Phi.transpose() * WPhi);
@@ -186,7 +184,7 @@ bool SegmentElimination::asks_for_gravity(const Information& info) const {
   return segment_.has_imu() && info.all.size() > 0;
 }
 
-/// What the motion says of gravity, and of it with the body now.
+/// Adds the information of the motion about gravity.
 void SegmentElimination::add_gravity(const Motion& m, Information& info) const {
   if (!asks_for_gravity(info)) return;
   const Eigen::Index last = info.all.rows() - 1;
@@ -197,7 +195,7 @@ void SegmentElimination::add_gravity(const Motion& m, Information& info) const {
 }
 
 /// The body now is the end.
-void SegmentElimination::arrive(Information& info) const {
+void SegmentElimination::add_end(Information& info) const {
   if (segment_.instances.size() < 2) return;
   info.all.block<15, 15>(15, 15) += info.own;
   info.all.middleRows<15>(15) += info.beside;
@@ -205,7 +203,8 @@ void SegmentElimination::arrive(Information& info) const {
   info.pull.segment<15>(15) += info.own_pull;
 }
 
-void SegmentElimination::look(const MotionSegment::Instance& instance, Information& info) {
+void SegmentElimination::add_image_factors(const MotionSegment::Instance& instance,
+                                           Information& info) {
   for (const SegmentImage& image : instance.images) {
     const Eigen::Index rest = info.all.rows();
     ImageSum sum(static_cast<int>(rest) + 15);
@@ -222,14 +221,15 @@ void SegmentElimination::look(const MotionSegment::Instance& instance, Informati
 
 void SegmentElimination::add(const SegmentImage& image, const SegmentSighting& sighting,
                              ImageSum& sum) {
-  const int tag = bench_.find(sighting.seen.tag_id);
+  const int tag = workspace_.find(sighting.seen.tag_id);
   if (tag < 0) return;
-  auto& clock = bench_.clocks[static_cast<std::size_t>(image.camera)];
+  auto& clock = workspace_.clocks[static_cast<std::size_t>(image.camera)];
   clock.applied_s = image.applied_s;
-  bench_.sizes.common = segment_.scales[static_cast<std::size_t>(tag)];
-  const TagMeasurement m = world::measure(
-      bench_, image.camera, segment_.sensors->cameras[static_cast<std::size_t>(image.camera)].model,
-      {&sighting.seen, tag, nullptr}, noise_);
+  workspace_.sizes.common = segment_.scales[static_cast<std::size_t>(tag)];
+  const TagMeasurement m =
+      world::measure(workspace_, image.camera,
+                     segment_.sensors->cameras[static_cast<std::size_t>(image.camera)].model,
+                     {&sighting.seen, tag, nullptr}, noise_);
   if (!m.in_front || !m.y.allFinite()) return;
   Matrix8d weight = sighting.is_even
                         ? Matrix8d(Matrix8d::Identity() / (sighting.noise_px * sighting.noise_px))
@@ -253,11 +253,11 @@ void SegmentElimination::add(const SegmentImage& image, const SegmentSighting& s
   add_products(found, weight, m.y, on_time, sum);
   const int scale_at = 15 + segment_layout::scale(cameras_, tag);
   if (scale_at < sum.H.rows()) add_scale(found, weight, m.y, {scale_at, on_scale, on_time}, sum);
-  // Of Cauchy's loss, not of the weighted square: else what pulls less would look cheaper.
+  // Cost of the Cauchy loss, not of the weighted square.
   sum.cost += 0.5 * kLossBend * std::log1p(distance / kLossBend);
 }
 
-/// What is not asked for has no place in the sum.
+/// Skips parameters that are not in the sum.
 void SegmentElimination::add_products(const Parts& found, const Matrix8d& weight, const Vector8d& y,
                                       const Vector8d& on_time, ImageSum& sum) {
   const auto& [parts, count] = found;
@@ -293,7 +293,7 @@ void SegmentElimination::add_scale(const Parts& found, const Matrix8d& weight, c
   sum.by_time(scale.at) += w_scale.dot(scale.on_time);
 }
 
-/// From the columns of the filter's state to those here. Not of print sizes.
+/// Maps columns of the filter's state to those of the sum, except for tag sizes.
 void SegmentElimination::place(const TagMeasurement::Block& block, Parts& out) const {
   auto& [parts, count] = out;
   namespace from = world::layout;
@@ -316,14 +316,14 @@ void SegmentElimination::place(const TagMeasurement::Block& block, Parts& out) c
     parts[count++] = {to + within, block.H};
     return;
   }
-  // The error of X_WV is the body's and that of X_BV on its far side.
-  const Matrix6d Ad = world::adjoint(bench_.X_WB);
+  // The error of X_WV is the body's plus Ad(X_WB) times that of X_BV.
+  const Matrix6d Ad = world::adjoint(workspace_.X_WB);
   parts[count++] = {within, block.H};
   parts[count++] = {to, block.H * Ad.middleRows<3>(within).leftCols<3>()};
   parts[count++] = {to + 3, block.H * Ad.middleRows<3>(within).rightCols<3>()};
 }
 
-/// Its stamp is off on its own: that number is taken out at once.
+/// Eliminates the error of the image's stamp.
 void SegmentElimination::take_jitter(const SegmentImage& image, ImageSum& sum) {
   if (image.jitter_s <= 0) return;
   const double own = sum.time + 1.0 / (image.jitter_s * image.jitter_s);

@@ -1,23 +1,19 @@
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <array>
-#include <cstddef>
 #include <vector>
 
-#include <Eigen/Cholesky>
-
+#include "estimation/body_estimate.hpp"
 #include "estimation/segment/motion_segment.hpp"
 #include "estimation/segment/segment_smoother.hpp"
-#include "estimation/segment/world_error.hpp"
 #include "estimation/world/corner_measurement.hpp"
 
 namespace fiducap {
 
-using Matrix15d = Eigen::Matrix<double, 15, 15>;
-
-/// The least squares problem of one segment, with the body's path between its ends taken out
-/// instance by instance. Linearised where the segment is now; errors are about the origin of its
-/// axes, on the world's side. Refers to the segment.
+/// Least squares problem of one segment, with the body's path between its ends eliminated instance
+/// by instance. Linearised at the segment's present values; errors on the world's side about the
+/// origin of its axes. Keeps a reference to the segment.
 class SegmentElimination final {
  public:
   /// ½ zᵀ Λ z − ηᵀ z + cost over z = (the body now, the rest: [begin, end, cameras, tags,
@@ -38,43 +34,43 @@ class SegmentElimination final {
     double cost{0};
   };
 
-  /// How the body's place between two others is got back once those are known.
+  /// Back substitution of an eliminated instance.
   struct Eliminated {
     Eigen::LLT<Matrix15d> own;
     Matrix15d on_next;
     Eigen::MatrixXd on_rest;
     Vector15d pull;
 
-    /// When the rest is where the segment has it.
+    /// For an unchanged rest.
     [[nodiscard]] Vector15d error(const Vector15d& next) const {
       return own.solve(pull - on_next * next);
     }
   };
 
   explicit SegmentElimination(MotionSegment& segment);
-  /// @return over the rest alone
+  /// @return over the rest
   [[nodiscard]] Information run();
-  /// The same with the rest held, for move_inner() alone: nothing is formed over the rest.
+  /// The same with the rest fixed, for move_inner() alone.
   void run_path();
-  /// After run() or run_path(): the instances between go where they fit best.
+  /// After run() or run_path(): moves the inner instances to their solution.
   /// @return the largest step of a pose
   double move_inner();
 
-  /// Of the instances between, in their order.
+  /// Of the inner instances, in their order.
   [[nodiscard]] const std::vector<Eliminated>& eliminated() const { return eliminated_; }
   [[nodiscard]] int sightings() const { return sightings_; }
   [[nodiscard]] int numbers() const { return numbers_; }
   [[nodiscard]] int outliers() const { return outliers_; }
 
  private:
-  /// Between two instances, linear: ξ₊ = Φ ξ + G δ + r + w, δ: of gravity.
+  /// Linear motion between two instances: ξ₊ = Φ ξ + G δ + r + w, with δ of gravity.
   struct Motion {
     Matrix15d Phi;
     Matrix15d W;  ///< Q⁻¹
     Vector15d r;
     Vector15d by_gravity;
   };
-  /// Over (the body now, the rest), and the moment at which the image was taken beside it.
+  /// Over (the body now, the rest) and the image's time.
   struct ImageSum {
     explicit ImageSum(int size)
         : H(Eigen::MatrixXd::Zero(size, size)),
@@ -96,25 +92,25 @@ class SegmentElimination final {
     std::size_t count{0};
   };
 
-  /// The print of the tag: where it stands, how corners hang on it, and on the moment.
+  /// Size of the tag: its index, and the derivatives of the corners by it and by time.
   struct OfScale {
     int at{};
     Vector8d H;
     Vector8d on_time;
   };
 
-  void prepare_bench();
+  void prepare_workspace();
   void begin_run();
-  void stand_at(const MotionSegment::Instance& instance);
+  void linearise_at(const MotionSegment::Instance& instance);
   void remember_rate(const SegmentStep* step);
   [[nodiscard]] Motion move(const MotionSegment::Instance& from, const MotionSegment::Instance& to);
-  void leave_begin(const Motion& m, Information& info) const;
+  void add_first_motion(const Motion& m, Information& info) const;
   static void start_body(const Motion& m, Information& info);
   [[nodiscard]] bool asks_for_gravity(const Information& info) const;
   void add_gravity(const Motion& m, Information& info) const;
-  void leave(const Motion& m, Information& info);
-  void arrive(Information& info) const;
-  void look(const MotionSegment::Instance& instance, Information& info);
+  void add_motion(const Motion& m, Information& info);
+  void add_end(Information& info) const;
+  void add_image_factors(const MotionSegment::Instance& instance, Information& info);
   void add(const SegmentImage& image, const SegmentSighting& sighting, ImageSum& sum);
   static void add_products(const Parts& found, const Matrix8d& weight, const Vector8d& y,
                            const Vector8d& on_time, ImageSum& sum);
@@ -126,8 +122,8 @@ class SegmentElimination final {
   MotionSegment& segment_;
   int cameras_;
   int rest_;
-  CornerNoise noise_;  ///< Not looked at: every sighting has its own.
-  world::FilterState bench_;
+  CornerNoise noise_;             ///< Unused by measure(): every sighting has its own.
+  world::FilterState workspace_;  ///< State at the present instance, for measure() and propagate().
   std::vector<Eliminated> eliminated_;
   int sightings_{0};
   int numbers_{0};

@@ -7,19 +7,16 @@
 #include "estimation/filter/corner_noise.hpp"
 #include "estimation/filter/filter_rules.hpp"
 #include "estimation/segment/segment_cutting.hpp"
-#include "estimation/segment/world_error.hpp"
 
 namespace fiducap {
 
 namespace {
-
-// A start that lasts for longer has seen enough.
+// Bound of the segments held back during a start.
 constexpr std::size_t kMostHeldBack = 60;
 
 BodyMoment moment_of(const BodyEstimate& body) {
   return {body.at, body.X_WB, body.v_WB, body.bias_f, body.bias_w};
 }
-
 }  // namespace
 
 SegmentRecorder::SegmentRecorder(const BodySensors& sensors, const EstimatorConfig& config,
@@ -40,14 +37,14 @@ void SegmentRecorder::add(const ImuSample& imu) {
   if (imu_.is_full()) integrate_to(imu_.before_newest().sampled_at, 1.0);
 }
 
-/// Another start has won. It was recorded up to the present image.
+/// Continues with the record of the selected start, which ends at the present image.
 void SegmentRecorder::go_on_from(SegmentRecorder start, const UpdateReport& report) {
   *this = std::move(start);
   generation_ = report.generation;
   start_is_open_ = report.start_is_open;
 }
 
-/// Places may be in axes that are no more.
+/// Poses may be in previous axes.
 void SegmentRecorder::break_chain() {
   is_open_ = false;
   places_.clear();
@@ -71,32 +68,29 @@ std::shared_ptr<const MotionSegment> SegmentRecorder::take() {
 void SegmentRecorder::add(const TagObservations& seen, BodyFilter& filter,
                           const UpdateReport& report, std::span<const TagBelief> beliefs,
                           std::span<const KnownTag> known) {
-  if (auto start = filter.take_start()) {
+  if (auto start = filter.take_start())
     return go_on_from(std::move(static_cast<SegmentRecorder&>(*start)), report);
-  }
   start_is_open_ = report.start_is_open;
   if (report.generation != generation_ || report.start_changed) {
     break_chain();
     if (start_is_open_ || report.start_changed) done_.clear();
   }
   generation_ = report.generation;
-  if (!filter.running() || report.relocalised || report.clock_jump || report.elsewhere) {
+  if (!filter.running() || report.relocalised || report.clock_jump || report.ambiguous_place)
     return break_chain();
-  }
   const BodyEstimate body = filter.estimate();
-  if (body.at != seen.exposed_at) return;  // without IMU: it was not moved here
+  if (body.at != seen.exposed_at) return;  // without IMU: not propagated here
   if (report.gauge_shift) shift_axes(*report.gauge_shift);
   if (report.map_shift) shift_axes(*report.map_shift);
   if (is_open_ && body.at - of_use_at_ > kLongestBlind) break_chain();
   if (start_is_open_) filter.own_tags(own_tags_);
   for (const TagBelief& belief : start_is_open_ ? std::span<const TagBelief>(own_tags_) : beliefs)
     places_[belief.tag.tag_id] = belief.tag;
-  for (const KnownTag& tag : known) {
+  for (const KnownTag& tag : known)
     if (body.anchored) places_.try_emplace(tag.tag_id, tag);
-  }
   SegmentImage image = segment_image(seen, filter, config_);
-  const bool is_of_use = std::any_of(image.tags.begin(), image.tags.end(),
-                                     [&](const auto& s) { return has_place(s.seen.tag_id); });
+  const bool is_of_use =
+      std::ranges::any_of(image.tags, [&](const auto& s) { return has_place(s.seen.tag_id); });
   if (is_of_use) of_use_at_ = body.at;
   if (!is_open_) {
     if (!is_of_use) return places_.clear();
@@ -130,7 +124,7 @@ void SegmentRecorder::begin(const BodyEstimate& body) {
   is_open_ = true;
 }
 
-/// Tags without a place until now, and images that show no other, are left out.
+/// Drops tags without a pose, and images without other tags.
 void SegmentRecorder::end(const BodyFilter& filter) {
   std::map<int, bool> is_seen;
   for (MotionSegment::Instance& instance : open_.instances) {
@@ -199,10 +193,7 @@ void SegmentRecorder::integrate_to(Instant to, double imu_variance) {
   while (reached_ < to) {
     const Instant end = imu_.end_of_interval(reached_, to);
     InertialInput input = imu_.input_between(reached_, end);
-    input.gyro_noise *= factor;
-    input.accel_noise *= factor;
-    input.gyro_walk *= factor;
-    input.accel_walk *= factor;
+    input.scale_noise(factor);
     add_step(end, input, from_seconds(filter_rules::kStepWithImu_s));
   }
   imu_.forget_before(to);

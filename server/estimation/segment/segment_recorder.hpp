@@ -13,37 +13,37 @@
 
 namespace fiducap {
 
-/// An image with noises as the filter has learned them.
+/// An image with the filter's learned noise.
 [[nodiscard]] SegmentImage segment_image(const TagObservations& seen, const BodyFilter& filter,
                                          const EstimatorConfig& config);
-/// Cameras as the filter has learned them.
+/// Cameras as estimated by the filter.
 [[nodiscard]] std::vector<CameraBelief> camera_beliefs(const BodyFilter& filter,
                                                        std::span<const CameraMount> mounts);
 
-/// Cuts what one body sees and feels into segments for the map graph.
+/// Cuts the measurements of one body into segments for the map graph.
 ///
-/// A segment ends about a second after it began, at an image with a tag. A chain of them ends when
-/// the filter forgets or loses the body. While a start may be taken back its segments are held
-/// back; when it is, those of the start that has won take their place. Images without a tag that
-/// the filter or the map has a place for are left out, their readings are not. Nothing of the
-/// filter's covariance enters: the graph gets every reading and every corner once.
-class SegmentRecorder final : public FilterWitness {
+/// A segment ends about a second after it began, at an image with a tag. A chain ends when the
+/// filter restarts or loses the body. While a start may be replaced its segments are held back;
+/// those of the selected start replace them. Images without a tag known to filter or map are
+/// dropped, their IMU samples are not. The filter's covariance is not used: the graph gets every
+/// measurement once.
+class SegmentRecorder final : public FilterObserver {
  public:
-  /// @param holds_every_image  also those without a tag are instances
+  /// @param holds_every_image  also images without a tag are instances
   SegmentRecorder(const BodySensors& sensors, const EstimatorConfig& config,
                   bool holds_every_image = false);
 
   void add(const ImuSample& imu) override;
   void add(const TagObservations& seen, BodyFilter& filter, const UpdateReport& report,
            std::span<const TagBelief> beliefs, std::span<const KnownTag> known) override;
-  [[nodiscard]] std::unique_ptr<FilterWitness> afresh() const override {
+  [[nodiscard]] std::unique_ptr<FilterObserver> make_new() const override {
     return std::make_unique<SegmentRecorder>(sensors_, config_, holds_every_image_);
   }
-  /// The motion was lost, or the estimate is not believed: what comes next hangs on nothing.
+  /// Ends the chain: the motion was lost or the estimate is wrong.
   void break_chain();
-  /// Nothing more will come: what is open ends at its last image.
+  /// Ends the open segment at its last image.
   void finish(const BodyFilter& filter);
-  /// A segment that has ended, the oldest one first; nullptr: none.
+  /// The oldest ended segment; nullptr: none.
   [[nodiscard]] std::shared_ptr<const MotionSegment> take();
 
  private:
@@ -61,11 +61,11 @@ class SegmentRecorder final : public FilterWitness {
   ImuBuffer imu_;
   MotionSegment open_;
   bool is_open_{false};
-  Instant reached_{};                ///< Readings are in the steps up to here.
-  Instant of_use_at_{};              ///< The last image with a tag that had a place.
+  Instant reached_{};                ///< End of the steps.
+  Instant of_use_at_{};              ///< Last image with a known tag.
   std::vector<SegmentStep> steps_;   ///< Since the last instance.
   std::map<int, KnownTag> places_;   ///< Of the tags seen since the segment began.
-  std::vector<TagBelief> own_tags_;  ///< Kept for its memory.
+  std::vector<TagBelief> own_tags_;  ///< Scratch.
   int chain_{0};
   int generation_{-1};
   std::deque<std::shared_ptr<const MotionSegment>> done_;

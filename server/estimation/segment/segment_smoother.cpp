@@ -9,23 +9,21 @@
 namespace fiducap {
 
 namespace {
-
 constexpr int kMostPasses = 5;
 constexpr double kNearly = 1e-3;  // m and rad
 constexpr double kSettled = 1e-6;
 
-/// Nothing of what the body saw is in it.
+/// Without tags and images.
 bool is_blind(const MotionSegment& segment) {
   return segment.tags.empty() &&
-         std::all_of(segment.instances.begin(), segment.instances.end(),
-                     [](const MotionSegment::Instance& i) { return i.images.empty(); });
+         std::ranges::all_of(segment.instances,
+                             [](const MotionSegment::Instance& i) { return i.images.empty(); });
 }
 
-/// @return over the rest, where the path between was before its last step; nullopt: not finite, or
-/// no tag is seen
+/// @return over the rest, before the last step of the path; nullopt: not finite, or no tag is seen
 std::optional<SegmentElimination::Information> smooth(const MotionSegment& segment,
                                                       SegmentElimination& elimination) {
-  // Each pass leaves the square of what the one before has moved.
+  // Converges quadratically.
   for (int pass = 1; pass < kMostPasses; ++pass) {
     elimination.run_path();
     if (elimination.move_inner() < kNearly) break;
@@ -61,12 +59,11 @@ void shift(MotionSegment& segment, const Eigen::Vector3d& by) {
   for (MotionSegment::Instance& instance : segment.instances) instance.body.X_WB.p += by;
   for (KnownTag& tag : segment.tags) tag.X_WT.p += by;
 }
-
 }  // namespace
 
 std::optional<SegmentFactor> condense(MotionSegment& segment) {
   if (segment.instances.size() < 2) return std::nullopt;
-  // Errors on the world's side are about its origin; from far away the numbers would be worse.
+  // World-side errors are about the origin: a near one is numerically better.
   const Eigen::Vector3d origin = segment.begin().X_WB.p;
   shift(segment, -origin);
   SegmentElimination elimination(segment);
@@ -86,7 +83,7 @@ std::vector<PathPoint> path_between(MotionSegment& segment) {
   if (!info) return {};
   const auto& between = elimination.eliminated();
   std::vector<PathPoint> path(between.size());
-  // The end is of the rest.
+  // The end is part of the rest.
   PathPoint next{Matrix15d::Zero(), Eigen::MatrixXd::Zero(15, info->all.rows())};
   next.by_rest.middleCols<15>(segment_layout::kEnd).setIdentity();
   for (std::size_t k = between.size(); k-- > 0;) {

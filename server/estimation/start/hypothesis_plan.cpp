@@ -2,28 +2,26 @@
 
 #include <utility>
 
-#include "base/parabola.hpp"
+#include "base/numeric.hpp"
 
 namespace fiducap {
 
 namespace {
-// A shift is found again from where it was found last, at most so often and while it moves by more
-// than this.
+// Limits of repeated refinement of a shift from its last result.
 constexpr int kMostRefinements = 3;
 constexpr double kFarOff_s = 0.003;
 constexpr double kSure_sigma = 3.0;
-// No shift is believed that the prior calls impossible.
+// Largest deviation from the prior.
 constexpr double kMost_sigma = 6.0;
-// Less than this does not tell two hypotheses apart.
+// Smallest cost difference that distinguishes two hypotheses.
 constexpr double kClearlyBetter = 10.0;
-// Cost per number of one that explains its images badly: 1 is expected, covered corners make it
-// 1.2, and few numbers scatter.
+// Cost per number of a bad fit: 1 is expected, occluded corners give 1.2; few numbers scatter.
 constexpr double kPoorCost = 1.25;
 constexpr double kPoorScatter = 4.0;
-// Then the shift is searched from so many sigmas of the prior below to so many above.
+// Range of the search, in sigmas of the prior.
 constexpr int kSearched_sigma = 4;
 constexpr double kFoundSpread = 0.5;
-// Nor with so many sightings that a search among them would take too long.
+// Numbers above which a search would take too long.
 constexpr double kMostSearchedNumbers = 8 * 1200.0;
 }  // namespace
 
@@ -71,8 +69,7 @@ bool HypothesisPlan::take(const Outcome& outcome) {
 }
 
 bool HypothesisPlan::take_refined(const Outcome& outcome, double cost) {
-  // Another shift must be clearly better; the same one refined, as good: it began nearer to where
-  // it ended.
+  // Another shift must be clearly better; the same one refined must be as good.
   const bool is_best = cost < best_.cost + (was_best_ ? kClearlyBetter : -kClearlyBetter);
   if (is_best) best_ = {cost, outcome.explanation.numbers};
   was_best_ = is_best;
@@ -118,29 +115,13 @@ void HypothesisPlan::take_searched(double cost) {
 void HypothesisPlan::enter(Stage stage) {
   stage_ = stage;
   step_ = 0;
-  switch (stage) {
-    case Stage::kPresent:
-      return refine_from({present_shifts_s_, kFoundSpread});
-    case Stage::kHeld:
-      trying_ = configured(0.0);
-      return;
-    case Stage::kGrid:
-      trying_ = beside(-kSearched_sigma, 0.0);
-      return;
-    case Stage::kHalf:
-      trying_ = beside(lowest_ - 0.5, 0.0);
-      return;
-    case Stage::kVertex:
-      trying_ = beside(lowest_, 0.0);
-      return;
-    case Stage::kQuarter:
-      trying_ = beside(lowest_ - 0.25, 0.0);
-      return;
-    case Stage::kSearched:
-      return refine_from(beside(lowest_, kFoundSpread));
-    default:
-      return;
-  }
+  if (stage == Stage::kPresent) return refine_from({present_shifts_s_, kFoundSpread});
+  if (stage == Stage::kSearched) return refine_from(beside(lowest_, kFoundSpread));
+  if (stage == Stage::kHeld) trying_ = configured(0.0);
+  if (stage == Stage::kGrid) trying_ = beside(-kSearched_sigma, 0.0);
+  if (stage == Stage::kHalf) trying_ = beside(lowest_ - 0.5, 0.0);
+  if (stage == Stage::kVertex) trying_ = beside(lowest_, 0.0);
+  if (stage == Stage::kQuarter) trying_ = beside(lowest_ - 0.25, 0.0);
 }
 
 void HypothesisPlan::refine_from(ClockHypothesis hypothesis) {
@@ -149,10 +130,10 @@ void HypothesisPlan::refine_from(ClockHypothesis hypothesis) {
   was_best_ = false;
 }
 
-/// Of the parabola through the lowest and its neighbours.
+/// Vertex of the parabola through the minimum and its neighbours.
 double HypothesisPlan::vertex(double step) const {
   const auto [below, above] = beside_cost_;
-  return lowest_ + lowest_of_parabola(below, lowest_cost_, above) * step;
+  return lowest_ + minimum_of_parabola(below, lowest_cost_, above) * step;
 }
 
 bool HypothesisPlan::is_poor() const {

@@ -6,59 +6,57 @@
 #include <span>
 #include <vector>
 
-#include "estimation/start/clock_hypothesis.hpp"
+#include "estimation/start/starting_filter.hpp"
 
 namespace fiducap {
 
-/// Which hypotheses about the clocks are tried, in which order, and which of them wins.
+/// Sequence of hypotheses about the clocks, and selection of the best.
 ///
-/// A camera's time shift and the motion enter the images as a product. While both are vague, in a
-/// quick turn, a linear filter becomes sure of wrong velocities and biases, and takes wrong
-/// branches. So the start is followed from several hypotheses: the configured shift, free; the
-/// shift that was found so, until it moves no more; the configured one, held; and others when all
-/// of these explain the images badly. The one that explains them best goes on (an iterated filter
-/// over the start, from many beginnings). Order of use: next(), take() what became of it, until
-/// next() has none.
+/// Images depend on the product of a camera's time shift and the motion. With both uncertain, a
+/// fast rotation makes a linear filter confident of wrong velocities, biases and branches. The
+/// start is therefore processed with several hypotheses: the configured shift, free; the shift
+/// found so, until it converges; the configured one, held; others when all of these fit badly. The
+/// best fit is selected. Order of use: next(), take() its outcome, until next() returns nullopt.
 class HypothesisPlan final {
  public:
-  /// What is known about the clocks beforehand, one per camera.
+  /// Prior of the clocks, one per camera.
   struct Prior {
-    std::vector<double> shifts_s;  ///< As configured or stored …
-    std::vector<double> sigmas_s;  ///< … and how far it may be off; 0: exact.
+    std::vector<double> shifts_s;  ///< As configured or stored.
+    std::vector<double> sigmas_s;  ///< 0: exact.
   };
-  /// What became of a hypothesis.
+  /// Result of a hypothesis.
   struct Outcome {
     Explanation explanation;
     std::vector<ClockEstimate> clocks;  ///< At the end, one per camera.
   };
 
-  /// @param present   the clocks of the filter that is in use
-  /// @param searches  whether others may be searched when all explain badly
+  /// @param present   clocks of the filter in use
+  /// @param searches  allows a search when all hypotheses fit badly
   HypothesisPlan(Prior prior, std::span<const ClockEstimate> present, bool searches);
 
-  /// What to try now; nullopt: all is tried.
+  /// The next hypothesis; nullopt: all are tried.
   [[nodiscard]] std::optional<ClockHypothesis> next() const;
   /// @return whether it is the best so far
   bool take(const Outcome& outcome);
-  /// Even the best explains its images badly.
+  /// Even the best hypothesis fits badly.
   [[nodiscard]] bool is_poor() const;
   [[nodiscard]] bool has_searched() const { return has_searched_; }
 
  private:
   enum class Stage {
     kFree,      ///< The configured shift, refined.
-    kPresent,   ///< The shift that the present filter has found, refined.
+    kPresent,   ///< The present filter's shift, refined.
     kHeld,      ///< The configured shift, held.
-    kGrid,      ///< Shifts over the whole prior …
-    kHalf,      ///< … half a step beside the lowest, twice, for a parabola's vertex …
-    kVertex,    ///< … at it …
-    kQuarter,   ///< … and a quarter beside that.
-    kSearched,  ///< What that found, refined.
+    kGrid,      ///< Shifts over the whole prior.
+    kHalf,      ///< Half a step on both sides of the minimum, for a parabola's vertex.
+    kVertex,    ///< At the vertex.
+    kQuarter,   ///< A quarter step on both sides of the vertex.
+    kSearched,  ///< The found shift, refined.
     kDone,
   };
 
   [[nodiscard]] ClockHypothesis configured(double spread) const;
-  /// All cameras by the same number of sigmas: they hang on one computer more often than not.
+  /// All cameras by the same number of sigmas: they usually share one computer.
   [[nodiscard]] ClockHypothesis beside(double sigmas, double spread) const;
   [[nodiscard]] bool is_far_off(std::span<const double> shifts_s,
                                 std::span<const ClockEstimate> found) const;
@@ -78,11 +76,11 @@ class HypothesisPlan final {
   Stage stage_{Stage::kFree};
   ClockHypothesis trying_;
   int refinements_{0};
-  bool was_best_{false};  ///< The last of the present refinement.
+  bool was_best_{false};  ///< Last step of the present refinement.
   Explanation best_{std::numeric_limits<double>::infinity(), 0};
   double lowest_{0};  ///< In sigmas of the prior.
   double lowest_cost_{std::numeric_limits<double>::infinity()};
-  int step_{0};  ///< Of the present stage of a search.
+  int step_{0};  ///< In the present stage.
   std::array<double, 2> beside_cost_{};
 };
 

@@ -1,19 +1,23 @@
 #include "estimation/start/place_search.hpp"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <vector>
 
-#include "base/so3.hpp"
-#include "detection/corner_projection.hpp"
-#include "detection/tag_pose.hpp"
+#include "detection/tag_geometry.hpp"
+#include "estimation/known_tag.hpp"
 
 namespace fiducap {
 
 namespace {
+constexpr int kSteps = 6;
+constexpr double kLargestStep = 1.0;
+constexpr double kConverged = 1e-9;
 
-// One wrong tag must not outvote the others.
+// Bounds of residuals: one wrong tag must not dominate the others.
 constexpr double kInlierSigmas = 5.0;
 constexpr double kFirstInlierSigmas = 50.0;  // one tag's pose predicts the others badly
 constexpr double kCostCapPerTag = 8 * kInlierSigmas * kInlierSigmas;
@@ -38,24 +42,49 @@ double cost_of(const Pose& X_AB, std::span<const SightedTag> tags, const PlaceGu
   return cost;
 }
 
-/// Least squares over all tags, far ones first let in and then left out: ends close to where the
-/// filter's own answer will be, so that the transition is linearised there and not at one tag's
-/// noisy pose.
+/// Least squares over all tags, first with wide and then with narrow bounds: the result is near the
+/// filter's own solution and a better linearisation point than one tag's noisy pose.
 Pose refine(const Pose& X_AB, std::span<const SightedTag> tags, double noise_px) {
   const Pose near = resect(X_AB, tags, kFirstInlierSigmas * noise_px);
   return resect(near, tags, kInlierSigmas * noise_px);
 }
 
 double size_px(const TagObservation& tag) { return (tag.corners_px[0] - tag.corners_px[2]).norm(); }
-
 }  // namespace
+
+Pose resect(Pose X_AB, std::span<const SightedTag> tags, double inlier_px) {
+  const double limit = 8 * inlier_px * inlier_px;
+  for (int step = 0; step < kSteps; ++step) {
+    Matrix6d A = Matrix6d::Zero();
+    Eigen::Matrix<double, 6, 1> b = Eigen::Matrix<double, 6, 1>::Zero();
+    for (const SightedTag& tag : tags) {
+      const Pose X_BT = X_AB.inverse() * tag.X_AT;
+      const CornerResidual r =
+          corner_residual(*tag.seen, tag.X_BV.inverse() * X_BT, *tag.camera, 1.0, tag.k1);
+      if (!r.in_front || r.y.squaredNorm() > limit) continue;
+      const Eigen::Matrix3d R_VB = tag.X_BV.rotation().transpose();
+      const Eigen::Matrix<double, 8, 3> H_p = r.H.leftCols<3>() * R_VB;
+      const Eigen::Matrix<double, 8, 3> H_q = r.H.rightCols<3>() * R_VB;
+      Matrix86d H;
+      H << -H_p, H_p * skew(X_BT.p) - H_q;
+      A.noalias() += H.transpose() * H;
+      b.noalias() += H.transpose() * r.y;
+    }
+    if (A.isZero(0)) return X_AB;
+    const Eigen::Matrix<double, 6, 1> d = A.ldlt().solve(b);
+    if (!d.allFinite() || d.norm() > kLargestStep) return X_AB;
+    X_AB.p += X_AB.q * d.head<3>();
+    X_AB.q = (X_AB.q * exp_so3(d.tail<3>())).normalized();
+    if (d.norm() < kConverged) break;
+  }
+  return X_AB;
+}
 
 std::optional<PlaceFound> find_place(std::span<const SightedTag> tags, const PlaceGuess& guess,
                                      double corner_noise_px, double same_rad) {
   std::vector<const SightedTag*> proposers;
   for (const SightedTag& tag : tags) proposers.push_back(&tag);
-  std::sort(proposers.begin(), proposers.end(),
-            [](const auto* a, const auto* b) { return size_px(*a->seen) > size_px(*b->seen); });
+  std::ranges::sort(proposers, std::greater{}, [](const auto* tag) { return size_px(*tag->seen); });
   if (proposers.size() > kMaxProposers) proposers.resize(kMaxProposers);
 
   struct Proposal {
@@ -72,15 +101,13 @@ std::optional<PlaceFound> find_place(std::span<const SightedTag> tags, const Pla
     }
   }
   if (proposals.empty()) return std::nullopt;
-  const auto best = std::min_element(proposals.begin(), proposals.end(),
-                                     [](const auto& a, const auto& b) { return a.cost < b.cost; });
+  const auto best = std::ranges::min_element(proposals, {}, &Proposal::cost);
   const double numbers = 8.0 * static_cast<double>(tags.size()) - 6.0;
   PlaceFound found{best->X_AB, std::numeric_limits<double>::infinity(), best->cost / numbers,
                    surprise_of(best->X_AB, guess)};
   for (const Proposal& other : proposals) {
-    if (angle_between(other.X_AB.q, best->X_AB.q) > same_rad) {
+    if (angle_between(other.X_AB.q, best->X_AB.q) > same_rad)
       found.evidence = std::min(found.evidence, other.cost - best->cost);
-    }
   }
   return found;
 }

@@ -4,41 +4,72 @@
 #include <array>
 #include <cmath>
 #include <numeric>
-#include <utility>
 
 #include "estimation/filter/filter_rules.hpp"
 
 namespace fiducap {
 
 namespace {
-// When the start is looked at, after the first tag; the last time only for a noisy IMU.
+constexpr Duration kBeforeFirstTag = std::chrono::seconds(1);
+constexpr double kLongest_s = 15.0;
+constexpr double kLongestWithoutImage_s = 4.0;
+// Fifteen seconds at 100 Hz, with ten tags in each image, and of an IMU at 2 kHz: some megabytes.
+constexpr std::size_t kMostImages = 1500;
+constexpr std::size_t kMostSightings = 10'000;
+constexpr std::size_t kMostReadings = 30'000;
+// Times of the searches after the first tag; the last one only for a noisy IMU.
 constexpr std::array kLooks_s{2.0, 4.0, 6.0, 12.0};
 constexpr std::size_t kUsualLooks = 3;
-// An IMU whose noise may yet turn out larger, or did by this factor of its variance since the last
-// look.
+// An IMU whose noise may be larger than applied, or has grown by this factor since the last search.
 constexpr double kMayBeNoisy_sigma = 2.0;
 constexpr double kNoisier = 1.5;
-// 1/σ² of the variance, in units of the declared one: a start of six seconds tells as much of an
-// IMU that is as declared.
+// 1/σ² of the variance factor: reached in six seconds by an IMU with the configured noise.
 constexpr double kNoiseKnown = 0.1;
-// … and besides, when its images contradict each other.
+// Largest number of searches due to contradicting images.
 constexpr std::size_t kMostContradictedLooks = 5;
-// No search when so many in a row did not help: no clock is wrong then (but sizes or lens, say).
+// Failed searches in a row after which no clock is searched: something else is wrong.
 constexpr int kMostFailedClockSearches = 6;
-// Work with each image that comes in, in units of some 15 microseconds: what following a small
-// image of the past costs.
+// Work per image, in units of about 15 µs: the cost of processing a small logged image.
 constexpr double kWorkPerImage = 800.0;
 constexpr double kWorkOfReading = 0.1;
-// Noises that were learned with a clock so near are those of this one, too.
+// Clock difference up to which learned noises are valid.
 constexpr double kSameClock_s = 0.003;
 
-/// An update grows with its tags, and with the tags of the state, of which there are as many at
-/// least.
+/// The cost of an update grows with its tags and with those of the state.
 double work_of(const TagObservations& seen) {
   const auto tags = static_cast<double>(seen.tags.size());
   return 1.0 + tags * (1.0 + 0.1 * tags);
 }
 }  // namespace
+
+void StartLog::add(const ImuSample& imu) {
+  if (images_.empty() && !imu_.empty() &&
+      imu.sampled_at - imu_.front().sampled_at > 2 * kBeforeFirstTag) {
+    std::erase_if(imu_, [&](const ImuSample& old) {
+      return imu.sampled_at - old.sampled_at > kBeforeFirstTag;
+    });
+  }
+  if (!is_full()) imu_.push_back(imu);
+}
+
+void StartLog::add(const TagObservations& seen, const MapKnowledge& map) {
+  if (is_full() || (images_.empty() && seen.tags.empty())) return;
+  sightings_ += seen.tags.size();
+  images_.push_back({seen, {map.tags.begin(), map.tags.end()}, map.may_define_workspace});
+}
+
+bool StartLog::is_full() const {
+  if (images_.empty()) return imu_.size() >= kMostReadings;
+  const Instant image = images_.back().seen.exposed_at;
+  const Instant newest = imu_.empty() ? image : std::max(image, imu_.back().sampled_at);
+  return seconds_since_first_tag(newest) > kLongest_s ||
+         to_seconds(newest - image) > kLongestWithoutImage_s || images_.size() >= kMostImages ||
+         sightings_ >= kMostSightings || imu_.size() >= kMostReadings;
+}
+
+double StartLog::seconds_since_first_tag(Instant now) const {
+  return images_.empty() ? 0.0 : to_seconds(now - images_.front().seen.exposed_at);
+}
 
 StartSearch::StartSearch(HypothesisPlan::Prior prior, bool is_needed, MakeFilter make)
     : prior_(std::move(prior)), is_needed_(is_needed), make_(std::move(make)) {
@@ -54,7 +85,7 @@ void StartSearch::begin() {
   plan_.reset();
   trial_.reset();
   best_.reset();
-  lessons_ = {};
+  priors_ = {};
 }
 
 void StartSearch::close(StartingFilter& filter) {
@@ -73,7 +104,7 @@ std::optional<StartSearch::Start> StartSearch::add(const TagObservations& seen,
   if (!is_open_) return std::nullopt;
   log_.add(seen, map);
   if (log_.is_full()) {
-    // Images without readings lead to no look: a search that has not started begins once more.
+    // Without IMU samples no search has begun: restarts the log.
     present.is_following() ? close(present) : begin();
     return std::nullopt;
   }
@@ -117,33 +148,31 @@ void StartSearch::begin_plan(const StartingFilter& present) {
     clocks.push_back(present.clock(static_cast<int>(k)));
   plan_.emplace(prior_, clocks, failed_clock_searches_ < kMostFailedClockSearches);
   horizon_ = log_.images().size();
-  lessons_ = present.lessons();
-  lessons_clocks_s_.clear();
-  for (const ClockEstimate& clock : clocks) lessons_clocks_s_.push_back(clock.shift_s);
+  priors_ = present.initialisation_priors();
+  priors_shifts_s_.clear();
+  for (const ClockEstimate& clock : clocks) priors_shifts_s_.push_back(clock.shift_s);
 }
 
-/// What was placed while a noisy IMU was believed is too sure. Noise that was taken for larger once
-/// is known less well from then on.
+/// Tags initialised with too small an IMU noise are overconfident.
 bool StartSearch::is_noise_settled(const StartingFilter& present) const {
-  const LearnedNoise now = present.lessons().sensors;
+  const LearnedNoise now = present.initialisation_priors().sensors;
   return now.imu_information() > kNoiseKnown &&
-         now.imu_variance() < kNoisier * lessons_.sensors.imu_variance() &&
+         now.imu_variance() < kNoisier * priors_.sensors.imu_variance() &&
          now.imu_score() < kMayBeNoisy_sigma;
 }
 
-/// With other clocks than these the images would have looked noisier, or less so, or like those of
-/// another lens.
+/// Learned noises and lenses are valid only for nearly the same clocks.
 bool StartSearch::is_of_learned_clocks(const ClockHypothesis& hypothesis) const {
-  return std::equal(hypothesis.shifts_s.begin(), hypothesis.shifts_s.end(),
-                    lessons_clocks_s_.begin(), lessons_clocks_s_.end(),
-                    [](double a, double b) { return std::abs(a - b) < kSameClock_s; });
+  return std::ranges::equal(hypothesis.shifts_s, priors_shifts_s_,
+                            [](double a, double b) { return std::abs(a - b) < kSameClock_s; });
 }
 
 StartSearch::Trial StartSearch::begin_trial(const ClockHypothesis& hypothesis) const {
-  Trial trial{hypothesis, {make_(hypothesis), witness_ ? witness_->afresh() : nullptr}, {}, 0, 0,
-              {}};
-  trial.start.filter->begin_with(
-      is_of_learned_clocks(hypothesis) ? lessons_ : StartLessons{{}, lessons_.corners_px, {}});
+  Trial trial{
+      hypothesis, {make_(hypothesis), observer_ ? observer_->make_new() : nullptr}, {}, 0, 0, {}};
+  trial.start.filter->begin_with(is_of_learned_clocks(hypothesis)
+                                     ? priors_
+                                     : InitialisationPriors{{}, priors_.corners_px, {}});
   trial.order.resize(horizon_);
   std::iota(trial.order.begin(), trial.order.end(), std::size_t{0});
   const auto exposed_at = [&](std::size_t i) {
@@ -151,8 +180,7 @@ StartSearch::Trial StartSearch::begin_trial(const ClockHypothesis& hypothesis) c
     const double shift_s = hypothesis.shifts_s[static_cast<std::size_t>(seen.camera)];
     return seen.exposed_at - seen.clock_shift + from_seconds(shift_s);
   };
-  std::stable_sort(trial.order.begin(), trial.order.end(),
-                   [&](std::size_t a, std::size_t b) { return exposed_at(a) < exposed_at(b); });
+  std::ranges::stable_sort(trial.order, {}, exposed_at);
   return trial;
 }
 
@@ -171,23 +199,23 @@ void StartSearch::take_image(Trial& trial, const StartLog::Image& image) const {
       from_seconds(trial.hypothesis.shifts_s[static_cast<std::size_t>(seen.camera)]);
   seen.exposed_at += shift - seen.clock_shift;
   seen.clock_shift = shift;
-  // Up to the first reading at or after the image, as SampleMerger has it.
+  // Up to the first sample at or after the image, as in SampleMerger.
   bool is_covered = false;
   while (!is_covered && trial.readings < log_.imu().size()) {
     is_covered = log_.imu()[trial.readings].sampled_at >= seen.exposed_at;
     take_reading(trial);
   }
-  const auto& [filter, witness] = trial.start;
+  const auto& [filter, observer] = trial.start;
   UpdateReport report = filter->update(seen, {image.known, image.may_define_workspace});
   trial.explanation += filter->explain(seen, report);
   report.start_is_open = true;
-  if (witness) witness->add(seen, *filter, report, {}, image.known);
+  if (observer) observer->add(seen, *filter, report, {}, image.known);
   ++trial.images;
 }
 
 void StartSearch::take_reading(Trial& trial) const {
   const ImuSample& imu = log_.imu()[trial.readings++];
-  if (trial.start.witness) trial.start.witness->add(imu);
+  if (trial.start.observer) trial.start.observer->add(imu);
   trial.start.filter->propagate(imu);
 }
 

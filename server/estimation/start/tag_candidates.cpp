@@ -5,32 +5,53 @@
 #include <cmath>
 #include <limits>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap {
 
-namespace {
+void AttitudeStart::add(const ImuSample& imu, const Eigen::Vector3d& bias_w,
+                        const Eigen::Vector3d& bias_f) {
+  double dt = 0;
+  if (last_) {
+    dt = to_seconds(imu.sampled_at - last_->sampled_at);
+    q_LB_ = (q_LB_ * exp_so3((0.5 * (imu.w_WB_B + last_->w_WB_B) - bias_w) * dt)).normalized();
+  }
+  last_ = imu;
+  ++samples_;
+  // First the mean, then a low-pass filter.
+  const double share = std::max(1.0 / samples_, dt / (kMemory_s + dt));
+  f_L_ += share * (q_LB_ * (imu.f_B - bias_f) - f_L_);
+}
 
+Eigen::Quaterniond AttitudeStart::q_LB(Instant at, const Eigen::Vector3d& bias_w) const {
+  if (!last_) return q_LB_;
+  const double dt = to_seconds(at - last_->sampled_at);
+  return q_LB_ * exp_so3((last_->w_WB_B - bias_w) * dt);
+}
+
+Eigen::Quaterniond AttitudeStart::q_WB(Instant at, const Eigen::Vector3d& bias_w) const {
+  return Eigen::Quaterniond::FromTwoVectors(f_L_, Eigen::Vector3d::UnitZ()) * q_LB(at, bias_w);
+}
+
+namespace {
 constexpr int kFitSteps = 5;
-// Two attitudes closer than this are one branch: the rival has slid into the winner's valley.
+// Attitudes closer than this are one branch: both fits ended in one minimum.
 constexpr double kSameBranch_rad = 0.05;
-// What lens and print do to a tag's corners is the same while it stays where it is in the image:
-// views there count so often, until it has moved.
+// Errors of lens and print are constant while a tag does not move in the image: number of views
+// that count at one place.
 constexpr int kViewsOfPlace = 10;
 constexpr double kMoved_px = 5.0;
-// A good fit costs 1 per degree of freedom. Beyond this the views do not show one tag that stands
-// still.
+// A good fit costs 1 per degree of freedom. Above this the views do not show one fixed tag.
 constexpr double kHopelessCostPerNumber = 25.0;
-// Without attitude: after so many views a branch that costs this many times the other is out. Fewer
-// of a small tag fit the wrong branch so much better by chance (of three, one in a hundred).
+// Without attitude: a branch that costs this factor of the other after these views is rejected.
+// With fewer views of a small tag the wrong branch can fit better by chance (three: 1 in 100).
 constexpr int kRatioViews = 8;
 constexpr double kClearRatio = 9.0;
-// Older views judge no more: a gyro with the bias of a start has turned away by then, and a tag
-// that was seen once and never again was none.
+// Age of dropped views: a gyro with the bias of a start has drifted by then.
 constexpr Duration kOldestView = std::chrono::seconds(5);
 
-/// The other attitude that gives nearly the same picture: the face's normal mirrored at the line of
-/// sight. Exact for a tag that is far away compared with its size.
+/// The attitude of the other branch: the normal mirrored at the line of sight. Exact for a tag that
+/// is far away compared with its size.
 Eigen::Quaterniond mirrored(const Eigen::Quaterniond& q_VT, const Eigen::Vector3d& p_VT) {
   const Eigen::Vector3d normal = q_VT * Eigen::Vector3d::UnitZ();
   const Eigen::Vector3d towards = -p_VT.normalized();
@@ -40,8 +61,7 @@ Eigen::Quaterniond mirrored(const Eigen::Quaterniond& q_VT, const Eigen::Vector3
   return exp_so3(2.0 * std::atan2(sine, normal.dot(towards)) * axis / sine) * q_VT;
 }
 
-/// The corners' noise with what a camera that is turned by so much makes of it, as if it were
-/// white.
+/// Whitens by the corner noise plus the effect of the camera's attitude error.
 void whiten(double turn_sigma_rad, double weight, CornerResidual& r) {
   using Matrix8d = Eigen::Matrix<double, 8, 8>;
   const Eigen::Matrix<double, 8, 3> H_q = std::sqrt(weight) * turn_sigma_rad * r.H.rightCols<3>();
@@ -49,7 +69,6 @@ void whiten(double turn_sigma_rad, double weight, CornerResidual& r) {
   noise.matrixL().solveInPlace(r.y);
   noise.matrixL().solveInPlace(r.H);
 }
-
 }  // namespace
 
 void TagCandidates::forget(int tag_id) {
@@ -66,14 +85,14 @@ void TagCandidates::forget_aged(Instant now) {
 std::optional<TagVerdict> TagCandidates::judge(int camera, Instant at, const TagObservation& seen,
                                                const CameraModel& model, double noise_px,
                                                const std::optional<CameraAttitude>& attitude,
-                                               const Patience& patience) {
+                                               const ViewLimits& limits) {
   const auto poses = solve_tag_pose(seen, model);
   if (!std::isfinite(poses[0].rms_px)) return std::nullopt;
   forget_aged(at);
   Candidate& candidate = candidates_[{seen.tag_id, camera}];
   candidate.last_seen = at;
   ++candidate.seen_times;
-  const bool forced = patience.forced_after > 0 && candidate.seen_times >= patience.forced_after;
+  const bool forced = limits.forced_after > 0 && candidate.seen_times >= limits.forced_after;
   const double noise = std::max(noise_px, config_.corner_noise_px);
   const double weight = 1.0 / (noise * noise);
   const auto decided =
@@ -82,7 +101,7 @@ std::optional<TagVerdict> TagCandidates::judge(int camera, Instant at, const Tag
                      {at, seen, weight, attitude->q_WV, attitude->turn_sigma_rad, poses[0].X_VT.p},
                      model, poses, forced)
                : judge_alone(candidate, {at, seen, weight, {}, 0, {}}, poses, forced);
-  if (!decided || candidate.seen_times < patience.at_least) return std::nullopt;
+  if (!decided || candidate.seen_times < limits.at_least) return std::nullopt;
   forget(seen.tag_id);
   return decided;
 }
@@ -101,8 +120,8 @@ std::optional<TagVerdict> TagCandidates::judge_turning(Candidate& candidate, Vie
   };
   Branch rival = fit(views, model, mirror(), true);
   if (rival.cost < best.cost) std::swap(best, rival);
-  // Seen almost from the front both branches share one valley, which is flat: then the mirrored
-  // attitude itself is the rival, and must be as improbable as another valley's floor.
+  // Seen almost from the front both branches share one flat minimum: then the mirrored attitude
+  // itself is the rival.
   if (angle_between(best.q_WT, rival.q_WT) < kSameBranch_rad)
     rival = fit(views, model, mirror(), false);
 
@@ -116,8 +135,7 @@ std::optional<TagVerdict> TagCandidates::judge_turning(Candidate& candidate, Vie
   const bool one_branch = angle_between(best.q_WT, rival.q_WT) < kSameBranch_rad;
   if (!one_branch && !forced && rival.cost - best.cost < config_.branch_evidence)
     return std::nullopt;
-  // The newest image alone fixes the pose; the views only said which of its two valleys is the
-  // right one.
+  // The pose is that of the newest image; the views selected its branch.
   const Eigen::Quaterniond q_VT = q_WV.conjugate() * best.q_WT;
   const bool first = angle_between(poses[0].X_VT.q, q_VT) <= angle_between(poses[1].X_VT.q, q_VT);
   return TagVerdict{poses[first ? 0 : 1].X_VT, best.q_WT};
@@ -127,8 +145,7 @@ TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraM
                                          Eigen::Quaterniond q_WT, bool turns) const {
   double cost = 0;
   for (int step = 0; step < kFitSteps; ++step) {
-    // Normal equations of the shared attitude, each view's own position eliminated (Schur
-    // complement).
+    // Normal equations of the common attitude, positions eliminated (Schur complement).
     Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
     Eigen::Vector3d b = Eigen::Vector3d::Zero();
     cost = 0;
@@ -152,7 +169,7 @@ TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraM
     A.diagonal().array() += 1e-9 * A.trace() + 1e-12;
     Eigen::Vector3d d = A.ldlt().solve(b);
     const double size = d.norm();
-    if (size > 0.3) d *= 0.3 / size;  // stay in the valley
+    if (size > 0.3) d *= 0.3 / size;  // stays near the minimum
     q_WT = (exp_so3(d) * q_WT).normalized();
   }
   return {q_WT, cost};
@@ -161,12 +178,11 @@ TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraM
 std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, const View& newest,
                                                      const std::array<TagPose, 2>& poses,
                                                      bool forced) {
-  // Follow the branch that turned least since the last view; the first view follows its better one.
+  // Tracks the branch that rotated least since the last view; first the better one.
   bool follows_better = true;
-  if (candidate.seen_times > 1) {
+  if (candidate.seen_times > 1)
     follows_better = angle_between(poses[0].X_VT.q, candidate.followed_q_VT) <=
                      angle_between(poses[1].X_VT.q, candidate.followed_q_VT);
-  }
   const TagPose& followed = poses[follows_better ? 0 : 1];
   const TagPose& rival = poses[follows_better ? 1 : 0];
   candidate.followed_q_VT = followed.X_VT.q;
@@ -183,8 +199,7 @@ std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, const
   }
   const double evidence = std::abs(candidate.rival_cost - candidate.followed_cost);
   const auto [small, large] = std::minmax(candidate.followed_cost, candidate.rival_cost);
-  // Corners may be much sharper than configured: then the ratio of the costs speaks before their
-  // difference does.
+  // With corners much sharper than configured the ratio of the costs decides before the difference.
   const bool clear_ratio = candidate.seen_times >= kRatioViews && large > kClearRatio * small;
   if (!forced && !clear_ratio && !(evidence >= config_.branch_evidence)) return std::nullopt;
   return TagVerdict{candidate.followed_cost <= candidate.rival_cost ? followed.X_VT : rival.X_VT,

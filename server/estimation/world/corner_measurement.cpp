@@ -1,21 +1,48 @@
 #include "estimation/world/corner_measurement.hpp"
 
-#include <cmath>
-
-#include "base/so3.hpp"
-#include "estimation/world/camera_moment.hpp"
-
 namespace fiducap::world {
 
-namespace {
+CameraAt camera_at(const FilterState& state, int camera, double seconds) {
+  CameraAt out;
+  out.seconds = seconds;
+  const Pose X_WB = out.moved() ? state.X_WB_after(seconds) : state.X_WB;
+  const Eigen::Vector3d w_B = state.gyro_B - state.bias_w;
+  const Eigen::Vector3d w_W = X_WB.q * w_B;
+  out.X_WV = X_WB * state.X_BV[static_cast<std::size_t>(camera)];
+  out.on_time << state.v_WB + seconds * state.a_WB - w_W.cross(X_WB.p), w_W;
+  if (!out.moved()) return out;
+  // The error of a t²/2 is below a micrometre.
+  out.on_camera = adjoint(X_WB * state.X_WB.inverse());
+  out.on_body = Matrix6d::Identity() - out.on_camera;
+  out.on_velocity.topRows<3>() = seconds * Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d turn = -seconds * (X_WB.rotation() * right_jacobian_so3(seconds * w_B));
+  out.on_gyro_bias << skew(X_WB.p) * turn, turn;
+  return out;
+}
 
+SharedPose error_of(const CameraAt& at, int camera) {
+  SharedPose out;
+  Matrix63d on_clock = Matrix63d::Zero();
+  on_clock.col(0) = at.on_time;
+  out.add(layout::camera(camera), at.on_camera.leftCols<3>());
+  out.add(layout::camera(camera) + 3, at.on_camera.rightCols<3>());
+  out.add(layout::clock(camera), on_clock);
+  if (!at.moved()) return out;
+  out.add(layout::kPosition, at.on_body.leftCols<3>());
+  out.add(layout::kAttitude, at.on_body.rightCols<3>());
+  out.add(layout::kVelocity, at.on_velocity);
+  out.add(layout::kBiasW, at.on_gyro_bias);
+  return out;
+}
+
+namespace {
 void add_pose(TagMeasurement& m, int at, const Matrix86d& H) {
   m.add(at, H.leftCols<3>());
   m.add(at + 3, H.rightCols<3>());
 }
 
 /// ∂ predicted / ∂ the tag's world-side error; the camera's enters with the opposite sign.
-/// @param H_VT  what corner_residual() says
+/// @param H_VT  of corner_residual()
 Matrix86d on_tag(const Matrix86d& H_VT, const Eigen::Matrix3d& R_VW, const Eigen::Vector3d& p_WT) {
   Matrix86d H;
   H.leftCols<3>() = H_VT.leftCols<3>() * R_VW;
@@ -23,7 +50,7 @@ Matrix86d on_tag(const Matrix86d& H_VT, const Eigen::Matrix3d& R_VW, const Eigen
   return H;
 }
 
-/// What the camera's lens and the print make of the corners.
+/// Corner residual with the estimated lens and tag size.
 CornerResidual residual_of(const FilterState& state, int camera, const CameraModel& model,
                            const TagToUse& tag, const Pose& X_VT) {
   const LensOffset& lens = state.lenses[static_cast<std::size_t>(camera)];
@@ -31,7 +58,7 @@ CornerResidual residual_of(const FilterState& state, int camera, const CameraMod
       corner_residual(*tag.seen, X_VT, model, state.sizes.factor(tag.seen->tag_id), lens.k1);
   if (lens.is_none()) return out;
   const Eigen::Vector2d centre(model.cu, model.cv);
-  // What is predicted stands (1 + focal) times as far from the centre as the configured lens says.
+  // The prediction is (1 + focal) times as far from the centre as with the configured lens.
   out.y *= 1 + lens.focal;
   for (int i = 0; i < 4; ++i) {
     const Eigen::Vector2d& px = tag.seen->raw_px[static_cast<std::size_t>(i)];
@@ -44,12 +71,13 @@ CornerResidual residual_of(const FilterState& state, int camera, const CameraMod
 }
 
 /// ∂ predicted / ∂ (readout, focal length, principal point, distortion).
-CameraSuspectsMatrix on_camera_suspects(const FilterState& state, int camera,
-                                        const CameraModel& model, const TagObservation& seen,
-                                        const CornerResidual& residual, const Vector8d& on_shift) {
+CameraParameterMatrix on_camera_parameters(const FilterState& state, int camera,
+                                           const CameraModel& model, const TagObservation& seen,
+                                           const CornerResidual& residual,
+                                           const Vector8d& on_shift) {
   const LensOffset& lens = state.lenses[static_cast<std::size_t>(camera)];
   const Eigen::Vector2d centre = Eigen::Vector2d(model.cu, model.cv) + lens.centre_px;
-  CameraSuspectsMatrix H;
+  CameraParameterMatrix H;
   const Vector8d& y = residual.y;
   for (int i = 0; i < 4; ++i) {
     const auto k = static_cast<std::size_t>(i);
@@ -61,14 +89,13 @@ CameraSuspectsMatrix on_camera_suspects(const FilterState& state, int camera,
   return H;
 }
 
-/// How far a corner stands from where it is expected, 1-sigma, by what no state knows of the lens.
-/// While the focal length is uncertain: that times all that hangs on it (depths), the second order.
-/// When the first coefficient of distortion is off: the second one, which is then off, too.
+/// Corner error by unmodelled effects of the lens, 1-sigma: second order of an uncertain focal
+/// length (with the depths), and the second distortion coefficient when the first one is wrong.
 double beyond_model_px(const FilterState& state, int camera, const CameraModel& model,
                        const TagObservation& seen) {
   constexpr double kSettledFocal = 1e-3;
   constexpr double kSettledDistortion = 1e-3;
-  constexpr double kSecondCoefficient = 1.5;  // so many times the square of the first one
+  constexpr double kSecondCoefficient = 1.5;  // relative to the square of the first one
   const double variance = state.P()(layout::focal(camera), layout::focal(camera));
   const double k1 = state.lenses[static_cast<std::size_t>(camera)].k1;
   const bool is_settled = variance < kSettledFocal * kSettledFocal;
@@ -94,8 +121,7 @@ void add_sizes(const FilterState& state, const CornerResidual& residual, const T
   if (own >= 0) add(own);
 }
 
-/// Compares some corners (rows `first` … of the measurement) with the camera as it stood when they
-/// were exposed.
+/// Fills some rows of the measurement, from `first`, for the camera at their exposure.
 void compare(const FilterState& state, int camera, const CameraModel& model, const CameraAt& at,
              const CornerResidual& residual, const TagToUse& tag, Eigen::Index first,
              Eigen::Index rows, TagMeasurement& m) {
@@ -113,22 +139,21 @@ void compare(const FilterState& state, int camera, const CameraModel& model, con
     m.add(layout::kVelocity, -H * at.on_velocity);
     m.add(layout::kBiasW, -H * at.on_gyro_bias);
   }
-  if (!state.clock_is_open(camera) && !state.has_suspects()) return;
+  if (!state.clock_is_open(camera) && !state.has_tested_parameters()) return;
   Matrix83d clock = Matrix83d::Zero();
   clock.col(0) = -H * at.on_time;
-  CameraSuspectsMatrix suspects = CameraSuspectsMatrix::Zero();
-  suspects.middleRows(first, rows) =
-      on_camera_suspects(state, camera, model, *tag.seen, residual, clock.col(0))
+  CameraParameterMatrix parameters = CameraParameterMatrix::Zero();
+  parameters.middleRows(first, rows) =
+      on_camera_parameters(state, camera, model, *tag.seen, residual, clock.col(0))
           .middleRows(first, rows);
-  clock.col(1) = suspects.col(0);
-  if (state.has_suspects()) {
-    clock.col(2) = suspects.col(1);
-    m.add(layout::centre(camera), suspects.rightCols<3>());
+  clock.col(1) = parameters.col(0);
+  if (state.has_tested_parameters()) {
+    clock.col(2) = parameters.col(1);
+    m.add(layout::centre(camera), parameters.rightCols<3>());
     add_sizes(state, residual, tag, first, rows, m);
   }
   m.add(layout::clock(camera), clock);
 }
-
 }  // namespace
 
 const Pose& place_of(const FilterState& state, const TagToUse& tag) {
@@ -167,14 +192,14 @@ void measure_image(const FilterState& state, int camera, const CameraModel& mode
   out.shared = clock.rows_apart ? SharedPose{} : error_of(at, camera);
   out.shared.noise = clock.jitter_s * clock.jitter_s * at.on_time * at.on_time.transpose();
   out.tags.resize(tags.size());
-  out.suspects = {};
+  out.parameters = {};
   if (clock.rows_apart) {
     for (std::size_t i = 0; i < tags.size(); ++i)
       out.tags[i] = measure(state, camera, model, tags[i], noise);
     return;
   }
-  if (state.has_suspects())
-    out.suspects = {layout::readout(camera), layout::sizes(state.cameras())};
+  if (state.has_tested_parameters())
+    out.parameters = {layout::readout(camera), layout::sizes(state.cameras())};
   const Pose X_VW = at.X_WV.inverse();
   const Eigen::Matrix3d R_VW = X_VW.rotation();
   for (std::size_t i = 0; i < tags.size(); ++i) {
@@ -194,8 +219,8 @@ void measure_image(const FilterState& state, int camera, const CameraModel& mode
     m.even = !noise.is_uneven(*tag.seen);
     if (!m.even) m.R = noise.covariance(*tag.seen, beyond_px);
     m.block_count = 0;
-    if (!out.suspects.are_there()) continue;
-    m.H_camera = on_camera_suspects(state, camera, model, *tag.seen, residual, -m.H * at.on_time);
+    if (!out.parameters.are_there()) continue;
+    m.H_camera = on_camera_parameters(state, camera, model, *tag.seen, residual, -m.H * at.on_time);
     m.H_size = residual.H_size;
     m.own_size = state.print_at(m.tag_id);
     m.y -= clock.readout_s * m.H_camera.col(0);

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <cmath>
 #include <span>
 
 #include "base/pose.hpp"
@@ -10,18 +12,43 @@
 
 namespace fiducap::world {
 
+using Matrix63d = Eigen::Matrix<double, 6, 3>;
+
+/// A camera's pose at a time near the state's, and the derivative of its world-side error by the
+/// state's errors.
+///
+/// The body is rigid: X_WV' = M X_WV with M = X_WB' X_WB⁻¹, so ξ_V' = Ad(M) ξ_V + the error of M.
+struct CameraAt {
+  double seconds{};
+  Pose X_WV;
+  Matrix6d on_camera{Matrix6d::Identity()};
+  Matrix6d on_body{Matrix6d::Zero()};
+  Matrix63d on_velocity{Matrix63d::Zero()};
+  Matrix63d on_gyro_bias{Matrix63d::Zero()};
+  Vector6d on_time;  ///< the twist
+
+  /// Shorter times move the camera by less than a nanometre.
+  [[nodiscard]] bool moved() const { return std::abs(seconds) > 1e-9; }
+};
+
+/// @param seconds  after the state's instant; may be negative
+[[nodiscard]] CameraAt camera_at(const FilterState& state, int camera, double seconds);
+
+/// The error of that pose as a function of the state's errors.
+[[nodiscard]] SharedPose error_of(const CameraAt& at, int camera);
+
 /// Innovation and Jacobian of one tag, RCARS II-D4: X_VT = X_WV⁻¹ X_WT. Camera and tag enter with
-/// opposite signs and the same lever arm, so a common shift of both cancels exactly, wherever this
-/// is linearised.
+/// opposite signs and the same lever arm, so a common motion cancels exactly at any linearisation
+/// point.
 [[nodiscard]] TagMeasurement measure(const FilterState& state, int camera, const CameraModel& model,
                                      const TagToUse& tag, const CornerNoise& noise);
 
-/// All tags of an image. When all rows were exposed at once, for certain, they share the camera's
-/// pose and come in the relative form: what measure() says, in fewer numbers.
+/// All tags of an image. With a global shutter they share the camera's pose and have the relative
+/// form: equivalent to measure(), with fewer numbers.
 void measure_image(const FilterState& state, int camera, const CameraModel& model,
                    std::span<const TagToUse> tags, const CornerNoise& noise, ImageMeasurement& out);
 
-/// Where the tag stands in W: by the state, or as given.
+/// Pose of the tag in W: in the state or given.
 [[nodiscard]] const Pose& place_of(const FilterState& state, const TagToUse& tag);
 
 }  // namespace fiducap::world

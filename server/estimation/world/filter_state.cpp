@@ -3,36 +3,31 @@
 #include <Eigen/LU>
 #include <algorithm>
 
-#include "base/so3.hpp"
-
 namespace fiducap::world {
 
 namespace {
-
-// A lever arm that changed by less stays what it was: with errors of turning below 0.1 rad that is
-// a micrometre.
+// Change of a lever arm below which it is ignored: a micrometre at attitude errors of 0.1 rad.
 constexpr double kNoticeable_m = 1e-5;
 
 using ErrorRef = Eigen::Ref<const Eigen::VectorXd>;
 
-/// Where moved() has brought the point to p from.
+/// Inverse of moved() for a point.
 Eigen::Vector3d before_error(const Eigen::Vector3d& p, const ErrorRef& error) {
   const Eigen::Vector3d phi = error.tail<3>();
   return exp_so3(-phi) * (p - left_jacobian_so3(phi) * error.head<3>());
 }
 
-/// The cameras' six numbers become others. @param now  of them and the body's
+/// Redefines the errors of the cameras. @param now  new error by the camera's and the body's
 template <class Now>
 void redefine_cameras(FilterState& state, const Now& now) {
   auto P = state.P();
   for (int c = 0; c < state.cameras(); ++c) {
     const int at = layout::camera(c);
-    // Of P only the rows, which stand in columns; nothing is allocated.
-    for (Eigen::Index k = 0; k < P.cols(); ++k) {
+    // Rows of P, one column at a time: no allocation.
+    for (Eigen::Index k = 0; k < P.cols(); ++k)
       P.col(k).segment<6>(at) =
           now(Vector6d(P.col(k).segment<6>(at)), Vector6d(P.col(k).segment<6>(layout::kPosition)));
-    }
-    // Their own block once more from the other side; the rest is a mirror image.
+    // The own block also from the other side; the rest by symmetry.
     Eigen::Matrix<double, 6, 6> own = P.block<6, 6>(at, at);
     for (Eigen::Index k = 0; k < 6; ++k)
       own.row(k) = now(Vector6d(own.row(k)), Vector6d(P.block<1, 6>(at + k, layout::kPosition)));
@@ -40,12 +35,10 @@ void redefine_cameras(FilterState& state, const Now& now) {
     P.block<6, 6>(at, at) = own;
   }
 }
-
 }  // namespace
 
 int PrintSizes::find(int tag_id) const {
-  const auto found = std::find_if(watched.begin(), watched.end(),
-                                  [&](const Watched& w) { return w.tag_id == tag_id; });
+  const auto found = std::ranges::find(watched, tag_id, &Watched::tag_id);
   return found == watched.end() ? -1 : static_cast<int>(found - watched.begin());
 }
 
@@ -81,9 +74,8 @@ Pose FilterState::X_WB_after(double seconds) const {
 
 void FilterState::list_held() {
   held_.clear();
-  for (std::size_t i = 0; i < tags.size(); ++i) {
+  for (std::size_t i = 0; i < tags.size(); ++i)
     if (tags[i].held) held_.push_back(tag_at(i));
-  }
 }
 
 void FilterState::add_tag(const WorldTag& tag, const Matrix6d& own) {
@@ -126,7 +118,7 @@ void FilterState::copy_mean(const FilterState& other) {
   lenses = other.lenses;
   sizes = other.sizes;
   gravity_offset_m_s2 = other.gravity_offset_m_s2;
-  suspicions = other.suspicions;
+  parameter_tests = other.parameter_tests;
   gyro_B = other.gyro_B;
   a_WB = other.a_WB;
   tags = other.tags;
@@ -181,17 +173,14 @@ Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
         other_lens.k1 - lens.k1;
   }
   error(layout::sizes(cameras())) = other.sizes.common - sizes.common;
-  for (std::size_t k = 0; k < sizes.watched.size(); ++k) {
+  for (std::size_t k = 0; k < sizes.watched.size(); ++k)
     error(layout::print(cameras(), static_cast<int>(k))) =
         other.sizes.watched[k].scale - sizes.watched[k].scale;
-  }
   error(layout::gravity(cameras())) = other.gravity_offset_m_s2 - gravity_offset_m_s2;
-  for (std::size_t i = 0; i < clones.size(); ++i) {
+  for (std::size_t i = 0; i < clones.size(); ++i)
     error.segment<6>(clone_at(i)) = world_error_between(clones[i].X_WV, other.clones[i].X_WV);
-  }
-  for (std::size_t i = 0; i < tags.size(); ++i) {
+  for (std::size_t i = 0; i < tags.size(); ++i)
     error.segment<6>(tag_at(i)) = world_error_between(tags[i].X_WT, other.tags[i].X_WT);
-  }
   return error;
 }
 
@@ -219,7 +208,7 @@ void transport_covariance(FilterState& state, const ErrorRef& correction, int ca
     auto columns = P.middleCols<3>(at);
     columns += P.middleCols<3>(at + 3).lazyProduct(J.transpose());
     columns -= P.middleCols<3>(turn_V).lazyProduct(J.transpose());
-    // Their own block once more from the other side; the rest is a mirror image.
+    // The own block also from the other side; the rest by symmetry.
     Eigen::Matrix3d own = columns.middleRows<3>(at);
     own += J * (columns.middleRows<3>(at + 3) - columns.middleRows<3>(turn_V));
     P.middleRows<3>(at) = columns.transpose();
@@ -255,7 +244,7 @@ BodyEstimate body_in_workspace(const FilterState& state) {
   out.bias_f = state.bias_f;
   out.bias_w = state.bias_w;
   out.gravity_offset_m_s2 = state.gravity_offset_m_s2;
-  // J P Jᵀ, where J is 1 but for what turning does to position and velocity.
+  // J P Jᵀ, with J the identity plus the effect of rotation on position and velocity.
   out.covariance = state.P().topLeftCorner<layout::kBodySize, layout::kBodySize>();
   const auto turn = [&](int moved, const Eigen::Vector3d& arm) {
     const Eigen::Matrix3d J = -skew(arm);

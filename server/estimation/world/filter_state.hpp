@@ -1,35 +1,71 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <array>
 #include <span>
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "base/pose.hpp"
 #include "base/time.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "estimation/body_estimate.hpp"
 #include "estimation/filter/growing_covariance.hpp"
-#include "estimation/filter/tag_record.hpp"
-#include "estimation/world/pose_error.hpp"
-#include "estimation/world/sensor_errors.hpp"
-#include "estimation/world/state_layout.hpp"
+#include "estimation/filter/tag_measurement.hpp"
+#include "estimation/world/error_state.hpp"
 
 namespace fiducap::world {
 
-/// A tag in the state. It stands still in W.
+/// Exposure times of the rows of a camera's images.
+struct CameraClock {
+  double shift_s{};    ///< t_imu = stamp + shift of the middle row, beyond the configured shift.
+  double readout_s{};  ///< First row to last row; 0: global shutter.
+  double applied_s{};  ///< Part of the shift that is already in the stamp of the present image.
+  /// Rolling shutter: each corner has its own time. False: an unexpected readout is modelled to
+  /// first order.
+  bool rows_apart{false};
+  double jitter_s{};  ///< Independent error of each image's stamp, 1-sigma.
+
+  /// From the state's instant to the exposure of a row. @param row  −0.5 first … +0.5 last
+  [[nodiscard]] double seconds_to(double row) const {
+    return shift_s - applied_s + row * readout_s;
+  }
+};
+
+/// Tag sizes relative to the configured ones.
+struct PrintSizes {
+  struct Watched {
+    int tag_id{-1};  ///< -1: free
+    double scale{};  ///< Beyond `common`.
+  };
+  double common{};
+  std::array<Watched, layout::kWatchedPrints> watched;
+
+  /// Index in `watched`, or -1.
+  [[nodiscard]] int find(int tag_id) const;
+  /// Factor of the configured size.
+  [[nodiscard]] double factor(int tag_id) const;
+};
+
+/// Progress of the test of one calibration parameter (CalibrationMonitor).
+struct ParameterTest {
+  bool is_open{false};
+  int images_beyond{0};  ///< Consecutive.
+  int images_open{0};
+};
+
+/// A tag in the state, fixed in W.
 struct WorldTag : TagRecord {
   Pose X_WT;
-  /// Its place is the map's, with the map's covariance: used, correlated, but not corrected
-  /// (consider state, Schmidt 1966).
+  /// Pose and covariance are the map's: used and correlated, but not corrected (consider state,
+  /// Schmidt 1966).
   bool held{false};
 };
 
-/// A camera as it stood at an image, for what followed points say (clone_window.hpp). A pose with a
-/// world-side error, like a tag.
+/// Copy of a camera's pose at an image, for tracked points. It has a world-side error, like a tag.
 struct Clone {
   Pose X_WV;
   int camera{};
-  long image{-1};  ///< Number of the image in ImageMemory; -1: nothing yet.
+  long image{-1};  ///< Number of the image in ImageMemory; -1: unused.
 };
 
 /// The state with its covariance: body, biases, extrinsics, clocks, gravity, clones, tags, all in
@@ -44,14 +80,13 @@ struct FilterState {
   std::vector<CameraClock> clocks;  ///< One per camera.
   std::vector<LensOffset> lenses;   ///< One per camera.
   PrintSizes sizes;
-  double gravity_offset_m_s2{};          ///< Gravity minus the configured value.
-  std::vector<Suspicion> suspicions;     ///< Per suspect; empty: nothing is doubted.
-  Instant judged_until{Instant::min()};  ///< Whoever makes the map opens suspects, nobody else.
-  /// A fixed number of them (none: points are not followed), in no order.
-  std::vector<Clone> clones;
-  std::vector<WorldTag> tags;  ///< Order of entry.
-  /// How the body moves just now; not estimated, from the last inertial step.
-  Eigen::Vector3d gyro_B{Eigen::Vector3d::Zero()};  ///< bias still in
+  double gravity_offset_m_s2{};                ///< Gravity minus the configured value.
+  std::vector<ParameterTest> parameter_tests;  ///< Per parameter; empty: none are tested.
+  Instant judged_until{Instant::min()};        ///< Until then only the map opens parameters.
+  std::vector<Clone> clones;                   ///< Fixed number, no order; none: no points.
+  std::vector<WorldTag> tags;                  ///< Order of entry.
+  /// Present motion from the last integration step; not estimated.
+  Eigen::Vector3d gyro_B{Eigen::Vector3d::Zero()};  ///< bias not removed
   Eigen::Vector3d a_WB{Eigen::Vector3d::Zero()};
   GrowingCovariance covariance;
 
@@ -60,7 +95,7 @@ struct FilterState {
   [[nodiscard]] Pose X_WV(int camera) const {
     return X_WB * X_BV[static_cast<std::size_t>(camera)];
   }
-  /// Where the body is `seconds` later (or earlier), as it moves now: a few milliseconds.
+  /// The body some milliseconds later or earlier, at the present motion.
   [[nodiscard]] Pose X_WB_after(double seconds) const;
   [[nodiscard]] int tag_at(std::size_t i) const {
     return layout::tag(cameras(), static_cast<int>(clones.size() + i));
@@ -71,70 +106,67 @@ struct FilterState {
   /// size() × size(), symmetric.
   [[nodiscard]] auto P() { return covariance.live(); }
   [[nodiscard]] auto P() const { return covariance.live(); }
-  /// Whether something about a camera's clock is estimated.
+  /// Whether shift or readout of a camera's clock is estimated.
   [[nodiscard]] bool clock_is_open(int camera) const {
     return P().diagonal().segment<2>(layout::clock(camera)).maxCoeff() > 0;
   }
   /// Index of a tag in `tags`, or -1.
   [[nodiscard]] int find(int tag_id) const { return find_tag(tags, tag_id); }
-  /// Whether what the configuration says of lens, readout and prints is doubted at all.
-  [[nodiscard]] bool has_suspects() const { return !suspicions.empty(); }
-  /// Column of the tag's own print size, or -1.
+  /// Whether calibration parameters are in the state.
+  [[nodiscard]] bool has_tested_parameters() const { return !parameter_tests.empty(); }
+  /// Column of the tag's own size, or -1.
   [[nodiscard]] int print_at(int tag_id) const {
     const int watched = sizes.find(tag_id);
     return watched < 0 ? -1 : layout::print(cameras(), watched);
   }
-  /// Nothing is known of this column, and nothing hangs on it.
+  /// Sets the variance of a column, uncorrelated with the rest.
   void clear_column(int at, double sigma);
-  /// First columns of the six numbers each that are used and not corrected: of held tags …
+  /// First columns of blocks of six that are used and not corrected: held tags …
   [[nodiscard]] std::span<const int> held_tags() const { return held_; }
-  /// … and of what is held besides, until release_blocks(), or until a tag comes or goes.
+  /// … and others, until release_blocks() or a change of tags.
   void hold_block(int at) { held_.push_back(at); }
   void release_blocks() { list_held(); }
 
-  /// Body at the origin, biases, clocks and covariance zero, these cameras, no tags, so many
-  /// clones.
+  /// Body at the origin, biases, clocks and covariance zero, no tags.
   void reset(std::vector<Pose> X_BV, std::size_t clones = 0);
-  /// What the clones saw is not used any more.
+  /// Marks the clones as unused.
   void forget_clones();
-  /// Appends a tag, uncorrelated with everything.
+  /// Appends a tag, uncorrelated with the rest.
   void add_tag(const WorldTag& tag, const Matrix6d& own);
-  /// Takes tags out (marginalises them). @param numbers  ascending
+  /// Marginalises tags. @param numbers  ascending
   void remove_tags(std::span<const std::size_t> numbers);
-  /// The tag is the map's from now on, and stands there; not the covariance.
-  void hand_over(std::size_t i, const Pose& X_WT);
   void remove_tag(std::size_t i) { remove_tags({&i, 1}); }
-  /// All but the covariance.
+  /// Makes a tag the map's, at its pose; does not change the covariance.
+  void hand_over(std::size_t i, const Pose& X_WT);
+  /// Copies all but the covariance.
   void copy_mean(const FilterState& other);
-  /// x ⊞ ξ, an error vector of length size() in the coordinates of state_layout.hpp.
+  /// x ⊞ ξ, with ξ of length size() as in `layout`.
   void add_error(const Eigen::Ref<const Eigen::VectorXd>& error);
-  /// The error that leads from this state's mean to `other`'s (same tags): other = this ⊞ ξ.
+  /// The error ξ to another mean with the same tags: other = this ⊞ ξ.
   [[nodiscard]] Eigen::VectorXd error_to(const FilterState& other) const;
 
  private:
   void list_held();
   std::vector<int> held_;
-  std::vector<int> columns_;  ///< Memory of remove_tags().
+  std::vector<int> columns_;  ///< Scratch of remove_tags().
 };
 
-/// The covariance while the body moves on its own: the blocks of the cameras hold, instead of the
-/// error of X_WV, that of X_BV = Exp(e) X̂_BV, which does not change then. @pre the other form
+/// Replaces the error of X_WV in the camera blocks by that of X_BV = Exp(e) X̂_BV, which is constant
+/// while the body moves.
 void camera_errors_to_extrinsics(FilterState& state);
-/// … and back, with the body where it is now.
+/// The inverse, with the body at its present pose.
 void extrinsics_to_camera_errors(FilterState& state);
 
-/// Pose, velocity and biases with their covariance; rate, acceleration and `anchored` are left
-/// alone.
+/// Pose, velocity and biases with their covariance.
 [[nodiscard]] BodyEstimate body_in_workspace(const FilterState& state);
-/// The covariance goes along when an update with an image of `camera` has moved the mean by
+/// Transports the covariance after an update with an image of `camera` has moved the mean by
 /// `correction` (add_error).
 ///
-/// What images said so far is about lever arms as they were then: seen from a camera, the place of
-/// a tag is off by ρ_T − ρ_V + (φ_T − φ_V) × p_T. Corrections move p_T, above all along the line of
-/// sight of a tag just met. With ρ_T left alone that expression would change its meaning, and the
-/// tilt of the tag against the camera, (φ_T − φ_V), seem known from the difference. So ρ_T gives
-/// way. Body and other cameras likewise. (The point form of the right-invariant error does this by
-/// itself, at the price of an IMU step that touches every tag.)
+/// Earlier images constrain ρ_T − ρ_V + (φ_T − φ_V) × p_T, the place of a tag relative to the
+/// camera. Corrections change p_T, above all along the line of sight of a new tag. With ρ_T
+/// unchanged the tilt (φ_T − φ_V) would seem observed by the difference, so ρ_T is adapted; body
+/// and other cameras likewise. (The point form of the right-invariant error needs no transport, but
+/// its IMU steps change every tag.)
 void transport_covariance(FilterState& state, const Eigen::Ref<const Eigen::VectorXd>& correction,
                           int camera);
 

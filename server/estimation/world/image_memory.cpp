@@ -40,9 +40,8 @@ void ImageMemory::add(const TagObservations& seen, std::span<const KnownTag> kno
 
 void ImageMemory::free_unneeded() {
   for (Checkpoint& checkpoint : checkpoints_) {
-    const bool needed = std::any_of(waiting_.begin(), waiting_.end(), [&](const FirstSight& first) {
-      return first.number == checkpoint.number;
-    });
+    const bool needed = std::ranges::any_of(
+        waiting_, [&](const FirstSight& first) { return first.number == checkpoint.number; });
     if (!needed) checkpoint.number = -1;
   }
 }
@@ -50,8 +49,8 @@ void ImageMemory::free_unneeded() {
 void ImageMemory::wait(int tag_id, const Eigen::Quaterniond& q_LV, const FilterState& state) {
   if (first_sight(tag_id)) return;
   if (state_at(newest_) == nullptr) {
-    const auto free = std::find_if(checkpoints_.begin(), checkpoints_.end(),
-                                   [](const auto& c) { return c.number < 0; });
+    const auto free =
+        std::ranges::find_if(checkpoints_, [](const auto& c) { return c.number < 0; });
     if (free == checkpoints_.end()) return;
     free->number = newest_;
     free->state = state;
@@ -65,35 +64,30 @@ void ImageMemory::stop_waiting(int tag_id) {
 }
 
 std::optional<ImageMemory::FirstSight> ImageMemory::first_sight(int tag_id) const {
-  const auto found = std::find_if(waiting_.begin(), waiting_.end(),
-                                  [&](const auto& first) { return first.tag_id == tag_id; });
+  const auto found = std::ranges::find(waiting_, tag_id, &FirstSight::tag_id);
   return found == waiting_.end() ? std::nullopt : std::optional(*found);
 }
 
 const FilterState* ImageMemory::state_at(long number) const {
-  const auto found = std::find_if(checkpoints_.begin(), checkpoints_.end(),
-                                  [&](const auto& c) { return c.number == number; });
+  const auto found = std::ranges::find(checkpoints_, number, &Checkpoint::number);
   return found == checkpoints_.end() ? nullptr : &found->state;
 }
 
 void ImageMemory::renew(long number, const FilterState& state) {
-  for (Checkpoint& checkpoint : checkpoints_) {
+  for (Checkpoint& checkpoint : checkpoints_)
     if (checkpoint.number == number) checkpoint.state = state;
-  }
 }
 
 void ImageMemory::move_axes(const Pose& G) {
-  for (Checkpoint& checkpoint : checkpoints_) {
+  for (Checkpoint& checkpoint : checkpoints_)
     if (checkpoint.number >= 0) world::move_axes(checkpoint.state, G);
-  }
 }
 
 std::optional<Instant> ImageMemory::needed_since() const {
   std::optional<Instant> oldest;
-  for (const Checkpoint& checkpoint : checkpoints_) {
+  for (const Checkpoint& checkpoint : checkpoints_)
     if (checkpoint.number >= 0 && (!oldest || checkpoint.state.time < *oldest))
       oldest = checkpoint.state.time;
-  }
   return oldest;
 }
 

@@ -11,62 +11,58 @@
 
 namespace fiducap::world {
 
-/// The newest images, and what the filter knew when a tag that is still being judged was first
-/// seen.
+/// The newest images, and the filter's states at the first sightings of undecided tags.
 ///
-/// A tag waits until its pose branch is certain. Its sightings meanwhile are not lost: once the
-/// branch is decided, the filter goes back to the first of them, lets the tag join there, and
-/// follows the images since once more. Bounded by images, by time (kFilterPast: IMU readings are
-/// kept for no longer) and by states; memory is kept and reused.
+/// A tag waits until its pose branch is certain. Then the filter returns to its first sighting,
+/// adds the tag there and processes the images since again, so that no sighting is lost. Bounded in
+/// images, time (kFilterPast) and states; reuses its memory.
 class ImageMemory final {
  public:
   struct Admission {
     int tag_id{};
-    /// In the camera's axes of that image, near the truth by all that is known: the corners are
-    /// linearised here.
-    Pose X_VT;
+    Pose X_VT;  ///< In the camera's axes of that image: linearisation point.
   };
   struct Image {
     TagObservations seen;
     std::vector<KnownTag> known;
     std::vector<Admission> admissions;  ///< Tags that joined with this image, now or later.
   };
-  /// Where a waiting tag was first seen.
+  /// First sighting of a waiting tag.
   struct FirstSight {
     int tag_id{};
     long number{};              ///< of the image
-    Eigen::Quaterniond q_LV{};  ///< Camera attitude then, in the axes in which views are compared.
+    Eigen::Quaterniond q_LV{};  ///< Camera attitude in the axes for comparing views.
   };
 
   void forget_all();
-  /// The tag is no more what it was: no past in which it plays a part.
+  /// Removes the tag from all images and states.
   void forget_tag(int tag_id);
-  /// Takes in the present image. Oldest images and what hangs on them fall out.
+  /// Adds the present image; drops the oldest images and their states.
   void add(const TagObservations& seen, std::span<const KnownTag> known);
   [[nodiscard]] long newest() const { return newest_; }
-  /// Whether this image is still there.
+  /// Whether the image is remembered.
   [[nodiscard]] bool has(long number) const {
     return number >= 0 && number <= newest_ && number > newest_ - kImages;
   }
   [[nodiscard]] Image& image(long number) { return images_[slot(number)]; }
 
-  /// Notes that a tag waits since the present image, whose state this is (before any admission). No
-  /// effect when the tag waits already, or when too many do.
+  /// A tag waits since the present image, with this state before any admission. No effect when the
+  /// tag waits already or when the memory is full.
   void wait(int tag_id, const Eigen::Quaterniond& q_LV, const FilterState& state);
   void stop_waiting(int tag_id);
   [[nodiscard]] std::optional<FirstSight> first_sight(int tag_id) const;
-  /// The state at an image at which some tag began to wait, or nullptr.
+  /// The state at an image since which a tag waits, or nullptr.
   [[nodiscard]] const FilterState* state_at(long number) const;
-  /// Replaces that state, when the past was followed again.
+  /// Replaces that state after images were processed again.
   void renew(long number, const FilterState& state);
-  /// The workspace axes were moved by G: the states go along.
+  /// Moves the states to other workspace axes.
   void move_axes(const Pose& G);
-  /// IMU readings are needed from here on.
+  /// Start of the IMU samples still needed.
   [[nodiscard]] std::optional<Instant> needed_since() const;
 
  private:
-  static constexpr long kImages = 40;        ///< 2 s at 20 Hz: most tags are decided long before.
-  static constexpr std::size_t kStates = 6;  ///< A state may weigh megabytes.
+  static constexpr long kImages = 40;        ///< 2 s at 20 Hz.
+  static constexpr std::size_t kStates = 6;  ///< A state may have megabytes.
 
   struct Checkpoint {
     long number{-1};  ///< -1: free

@@ -1,84 +1,79 @@
-#include "estimation/world/map_exchange.hpp"
-
-#include <algorithm>
-#include <cmath>
-#include <vector>
+#include "estimation/world/tag_entry.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "estimation/filter/heading_rule.hpp"
-#include "estimation/world/tag_entry.hpp"
 #include "estimation/world/workspace_axes.hpp"
 
 namespace fiducap::world {
 
 namespace {
-
-// Beside the map a filter knows nothing of where the room is: 1-sigma of all of it.
+// The filter's information about the pose of the workspace is dropped: its 1-sigma.
 constexpr double kRoom_m = 1.0;
 constexpr double kRoom_rad = 0.1;
-// Tags of the map that a new one hangs on directly.
+// Neighbours in the map on which a new tag is conditioned.
 constexpr std::size_t kNeighbours = 3;
-// Variances of a map are rounded and come from another linearisation than the filter's.
+// The map's variances are rounded and have another linearisation point.
 constexpr double kRounding = 1e-14;
-// Of what several neighbours leave of a tag's variance, against the largest: more is a
-// contradiction.
+// Most negative eigenvalue of a conditional covariance relative to the largest: below, the
+// neighbours contradict each other.
 constexpr double kMostNegative = 0.01;
-// Between what a filter and the map say of a tag: further apart it is another place.
+// Largest difference between filter and map of the same tag pose.
 constexpr double kOtherPlace_m = 0.3;
 constexpr double kOtherPlace_rad = 0.3;
 
-// In plain numbers, as the map has them: on the world's side a tag's own tilt is metres of shift
-// when the origin is far away, and what two tags have in common drowns in it.
+// Errors are plain (position, rotation vector) as in the map: a world-side error turns a tag's tilt
+// into metres of shift at a far origin, and common errors are lost in rounding.
 
-/// How a new tag hangs on some that are there: e = A e_there + its rest.
-struct Hanging {
+/// First of the six rows of a tag in joint matrices.
+Eigen::Index first_of(std::size_t tag) { return static_cast<Eigen::Index>(6 * tag); }
+
+/// Error of a new tag given those of others: e = A e_others + rest.
+struct Conditional {
   std::vector<std::size_t> on;
   Eigen::MatrixXd A;
   Matrix6d own;  ///< Covariance of e.
 };
 
-/// A covariance as near to the matrix as there is.
+/// The nearest covariance.
 Matrix6d without_negative(const Eigen::SelfAdjointEigenSolver<Matrix6d>& eigen) {
   const Vector6d values = eigen.eigenvalues().cwiseMax(kRounding);
   return eigen.eigenvectors() * values.asDiagonal() * eigen.eigenvectors().transpose();
 }
 
-/// @param there  places of the others; @param joint  their covariance, six numbers each
-Hanging hang(const KnownTag& tag, const std::vector<const KnownTag*>& there,
-             const Eigen::MatrixXd& joint, const KnownMap& map) {
+/// @param there  the other tags; @param joint  their covariance, six numbers each
+Conditional condition_on(const KnownTag& tag, const std::vector<const KnownTag*>& there,
+                         const Eigen::MatrixXd& joint, const KnownMap& map) {
   std::vector<std::pair<double, std::size_t>> near;
-  for (std::size_t i = 0; i < there.size(); ++i) {
+  for (std::size_t i = 0; i < there.size(); ++i)
     if (map.between(tag.tag_id, there[i]->tag_id))
       near.emplace_back((tag.X_WT.p - there[i]->X_WT.p).norm(), i);
-  }
-  std::sort(near.begin(), near.end());
+  std::ranges::sort(near);
   const Matrix6d& own = tag.covariance;
   for (std::size_t count = std::min(kNeighbours, near.size()); count > 0; --count) {
-    const auto rows = static_cast<Eigen::Index>(6 * count);
+    const auto rows = first_of(count);
     Eigen::MatrixXd across(6, rows);
     Eigen::MatrixXd among(rows, rows);
-    Hanging out;
+    Conditional out;
     for (std::size_t a = 0; a < count; ++a) {
       const std::size_t i = near[a].second;
       out.on.push_back(i);
-      across.middleCols<6>(static_cast<Eigen::Index>(6 * a)) =
-          *map.between(tag.tag_id, there[i]->tag_id);
-      for (std::size_t b = 0; b < count; ++b) {
-        among.block<6, 6>(static_cast<Eigen::Index>(6 * a), static_cast<Eigen::Index>(6 * b)) =
-            joint.block<6, 6>(static_cast<Eigen::Index>(6 * i),
-                              static_cast<Eigen::Index>(6 * near[b].second));
-      }
+      across.middleCols<6>(first_of(a)) = *map.between(tag.tag_id, there[i]->tag_id);
+      for (std::size_t b = 0; b < count; ++b)
+        among.block<6, 6>(first_of(a), first_of(b)) =
+            joint.block<6, 6>(first_of(i), first_of(near[b].second));
     }
-    // What rounding has left of asymmetry would grow from tag to tag, along a walk without end.
+    // Asymmetry by rounding would grow from tag to tag.
     among = (0.5 * (among + among.transpose())).eval();
     among.diagonal().array() += kRounding;
     out.A = among.ldlt().solve(across.transpose()).transpose();
     if (!out.A.allFinite()) continue;
-    // What is left is a covariance, but for what the map does not say of its neighbours: where that
-    // is much, fewer of them say less that is wrong.
+    // The rest is a covariance unless the map lacks correlations of the neighbours: then fewer are
+    // used.
     const Matrix6d shared = out.A * among * out.A.transpose();
     const Matrix6d rest = own - shared;
     const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(0.5 * (rest + rest.transpose()));
@@ -89,7 +84,7 @@ Hanging hang(const KnownTag& tag, const std::vector<const KnownTag*>& there,
   return {{}, {}, own};
 }
 
-/// Tags of the state that the map has, too.
+/// Tags of the state that are in the map.
 struct Both {
   std::vector<std::size_t> numbers;
   std::vector<const KnownTag*> map;
@@ -106,9 +101,9 @@ Both tags_of_both(const FilterState& state, const KnownMap& map) {
   return out;
 }
 
-/// By the tag that most others agree with; those that do not go: the map has them elsewhere, and
-/// there they are met again.
-std::optional<Pose> agreed_axes(FilterState& state, bool level, Both& both) {
+/// New axes by the tag with most agreeing others. Removes tags that disagree: they have moved in
+/// the map.
+std::optional<Pose> agreed_axes(FilterState& state, const KnownMap& map, bool level, Both& both) {
   std::vector<std::size_t> best;
   Pose best_axes;
   for (std::size_t i = 0; i < both.numbers.size(); ++i) {
@@ -126,17 +121,10 @@ std::optional<Pose> agreed_axes(FilterState& state, bool level, Both& both) {
   }
   if (best.empty()) return std::nullopt;
   std::vector<std::size_t> gone;
-  for (std::size_t k = 0; k < both.numbers.size(); ++k) {
-    if (!std::binary_search(best.begin(), best.end(), k)) gone.push_back(both.numbers[k]);
-  }
-  Both kept;
-  for (const std::size_t k : best) {
-    const auto before = std::lower_bound(gone.begin(), gone.end(), both.numbers[k]) - gone.begin();
-    kept.numbers.push_back(both.numbers[k] - static_cast<std::size_t>(before));
-    kept.map.push_back(both.map[k]);
-  }
-  both = std::move(kept);
+  for (std::size_t k = 0; k < both.numbers.size(); ++k)
+    if (!std::ranges::binary_search(best, k)) gone.push_back(both.numbers[k]);
   state.remove_tags(gone);
+  both = tags_of_both(state, map);
   return best_axes;
 }
 
@@ -150,7 +138,7 @@ std::vector<int> pose_columns(const FilterState& state) {
 }
 
 void forget_room(FilterState& state, bool level) {
-  // Turned about the body: about a far origin the same would be metres.
+  // Rotation about the body: about a far origin it would be metres.
   Eigen::Matrix<double, 6, 6> common = Matrix6d::Identity();
   common.topRightCorner<3, 3>() = skew(state.X_WB.p);
   Vector6d unknown;
@@ -164,31 +152,28 @@ void forget_room(FilterState& state, bool level) {
     for (const int b : poses) P.block<6, 6>(a, b) += room;
 }
 
-/// Columns of the state's covariance with these tags, whose errors are plain.
+/// Columns of the state's covariance with the plain errors of these tags.
 Eigen::MatrixXd columns_of(const FilterState& state, const std::vector<std::size_t>& tags) {
   const auto P = state.P();
-  Eigen::MatrixXd out(P.rows(), static_cast<Eigen::Index>(6 * tags.size()));
+  Eigen::MatrixXd out(P.rows(), first_of(tags.size()));
   for (std::size_t k = 0; k < tags.size(); ++k) {
     const Matrix6d J = plain_from_world_error(state.tags[tags[k]].X_WT.p);
-    out.middleCols<6>(static_cast<Eigen::Index>(6 * k)) =
-        P.middleCols<6>(state.tag_at(tags[k])) * J.transpose();
+    out.middleCols<6>(first_of(k)) = P.middleCols<6>(state.tag_at(tags[k])) * J.transpose();
   }
   return out;
 }
 
-/// Their rows of such columns, plain as well.
+/// Rows of these tags in such columns, plain as well.
 Eigen::MatrixXd rows_of(const FilterState& state, const std::vector<std::size_t>& tags,
                         const Eigen::MatrixXd& columns) {
-  Eigen::MatrixXd out(static_cast<Eigen::Index>(6 * tags.size()), columns.cols());
-  for (std::size_t k = 0; k < tags.size(); ++k) {
-    out.middleRows<6>(static_cast<Eigen::Index>(6 * k)) =
-        plain_from_world_error(state.tags[tags[k]].X_WT.p) *
-        columns.middleRows<6>(state.tag_at(tags[k]));
-  }
+  Eigen::MatrixXd out(first_of(tags.size()), columns.cols());
+  for (std::size_t k = 0; k < tags.size(); ++k)
+    out.middleRows<6>(first_of(k)) = plain_from_world_error(state.tags[tags[k]].X_WT.p) *
+                                     columns.middleRows<6>(state.tag_at(tags[k]));
   return out;
 }
 
-/// Their columns and rows of the state's covariance become these.
+/// Sets columns and rows of these tags in the state's covariance.
 void set_tags(FilterState& state, const std::vector<std::size_t>& tags,
               const Eigen::MatrixXd& columns, const Eigen::MatrixXd& joint) {
   auto P = state.P();
@@ -196,36 +181,29 @@ void set_tags(FilterState& state, const std::vector<std::size_t>& tags,
   for (std::size_t k = 0; k < tags.size(); ++k) {
     J.push_back(world_from_plain_error(state.tags[tags[k]].X_WT.p));
     const int at = state.tag_at(tags[k]);
-    P.middleCols<6>(at) =
-        columns.middleCols<6>(static_cast<Eigen::Index>(6 * k)) * J.back().transpose();
+    P.middleCols<6>(at) = columns.middleCols<6>(first_of(k)) * J.back().transpose();
     P.middleRows<6>(at) = P.middleCols<6>(at).transpose();
   }
   for (std::size_t a = 0; a < tags.size(); ++a) {
-    for (std::size_t b = 0; b < tags.size(); ++b) {
+    for (std::size_t b = 0; b < tags.size(); ++b)
       P.block<6, 6>(state.tag_at(tags[a]), state.tag_at(tags[b])) =
-          J[a] *
-          joint.block<6, 6>(static_cast<Eigen::Index>(6 * a), static_cast<Eigen::Index>(6 * b)) *
-          J[b].transpose();
-    }
+          J[a] * joint.block<6, 6>(first_of(a), first_of(b)) * J[b].transpose();
   }
   P = (0.5 * (P + P.transpose())).eval();
 }
-
 }  // namespace
 
 Eigen::MatrixXd joint_covariance(std::span<const KnownTag* const> tags, const KnownMap& map) {
-  const auto rows = static_cast<Eigen::Index>(6 * tags.size());
+  const auto rows = first_of(tags.size());
   Eigen::MatrixXd joint = Eigen::MatrixXd::Zero(rows, rows);
   std::vector<const KnownTag*> there;
   for (const KnownTag* tag : tags) {
-    const auto at = static_cast<Eigen::Index>(6 * there.size());
-    const Hanging hanging = hang(*tag, there, joint, map);
-    joint.block<6, 6>(at, at) = hanging.own;
-    for (std::size_t a = 0; a < hanging.on.size(); ++a) {
-      joint.block(at, 0, 6, at) +=
-          hanging.A.middleCols<6>(static_cast<Eigen::Index>(6 * a)) *
-          joint.block(static_cast<Eigen::Index>(6 * hanging.on[a]), 0, 6, at);
-    }
+    const auto at = first_of(there.size());
+    const Conditional conditional = condition_on(*tag, there, joint, map);
+    joint.block<6, 6>(at, at) = conditional.own;
+    for (std::size_t a = 0; a < conditional.on.size(); ++a)
+      joint.block(at, 0, 6, at) += conditional.A.middleCols<6>(first_of(a)) *
+                                   joint.block(first_of(conditional.on[a]), 0, 6, at);
     joint.block(0, at, at, 6) = joint.block(at, 0, 6, at).transpose();
     there.push_back(tag);
   }
@@ -234,7 +212,7 @@ Eigen::MatrixXd joint_covariance(std::span<const KnownTag* const> tags, const Kn
 
 std::optional<Pose> exchange(FilterState& state, const KnownMap& map, bool level) {
   Both both = tags_of_both(state, map);
-  const auto axes = agreed_axes(state, level, both);
+  const auto axes = agreed_axes(state, map, level, both);
   if (!axes) return std::nullopt;
   const Pose before = state.X_WB;
   move_axes(state, *axes);
@@ -248,7 +226,7 @@ std::optional<Pose> exchange(FilterState& state, const KnownMap& map, bool level
   Eigen::VectorXd apart(S.rows());
   for (std::size_t k = 0; k < both.numbers.size(); ++k) {
     const Pose& own = state.tags[both.numbers[k]].X_WT;
-    apart.segment<6>(static_cast<Eigen::Index>(6 * k)) =
+    apart.segment<6>(first_of(k)) =
         plain_from_world_error(own.p) * world_error_between(own, both.map[k]->X_WT);
   }
   auto P = state.P();
@@ -270,18 +248,16 @@ void hold_beside(FilterState& state, const KnownTag& tag, const KnownMap& map, I
     tags.push_back(i);
   }
   const Eigen::MatrixXd columns = columns_of(state, tags);
-  const Hanging hanging = hang(tag, there, rows_of(state, tags, columns), map);
+  const Conditional conditional = condition_on(tag, there, rows_of(state, tags, columns), map);
   KnownTag placed = tag;
-  placed.covariance = hanging.own;
+  placed.covariance = conditional.own;
   hold(state, placed, at);
   const int own = state.tag_at(state.tags.size() - 1);
   const Matrix6d J = world_from_plain_error(tag.X_WT.p);
   auto P = state.P();
-  for (std::size_t a = 0; a < hanging.on.size(); ++a) {
-    P.block(own, 0, 6, own) +=
-        J * hanging.A.middleCols<6>(static_cast<Eigen::Index>(6 * a)) *
-        columns.middleCols<6>(static_cast<Eigen::Index>(6 * hanging.on[a])).transpose();
-  }
+  for (std::size_t a = 0; a < conditional.on.size(); ++a)
+    P.block(own, 0, 6, own) += J * conditional.A.middleCols<6>(first_of(a)) *
+                               columns.middleCols<6>(first_of(conditional.on[a])).transpose();
   P.block(0, own, own, 6) = P.block(own, 0, 6, own).transpose();
 }
 

@@ -11,34 +11,54 @@
 namespace fiducap::world {
 
 namespace {
-
 const Eigen::Vector2d kDeclared(1.0, 0.0);
-// 1-sigma of what the noises may be off by all that is known beforehand: the IMU ten times its
-// variance, the stamps three milliseconds.
+// Prior 1-sigma: ten times the IMU's variance, three milliseconds for stamps.
 const Eigen::Vector2d kPriorSigma(10.0, 10e-6);
 const Eigen::Vector2d kMost(2500.0, 400e-6);
-// Of what was learned, per image: 400 images, 20 s at 20 Hz.
+// Fading per image: 400 images, 20 s at 20 Hz.
 constexpr double kForget = 1.0 - 1.0 / 400;
 constexpr double kSignificant_sigma = 3.5;  // 1 in 4000
-// Worth telling with the pose, long before it is significant.
-constexpr double kWorthTelling_sigma = 2.0;
-constexpr double kMostUnstated = 25.0;
-constexpr double kToldNoise = 2.0;
-// Less is what errors of the filter itself may look like: without any jitter 0.7 ms were found.
-constexpr double kToldJitter_s = 1e-3;
-// Of the curvature: so that nothing is divided by zero.
+// Score of a likely variance, which inflates published covariances.
+constexpr double kLikelyNoise_sigma = 2.0;
+constexpr double kMostInflation = 25.0;
+constexpr double kReportedNoise = 2.0;
+// Errors of the filter itself resemble jitter up to 0.7 ms.
+constexpr double kReportedJitter_s = 1e-3;
+// Added to the curvature to avoid division by zero.
 const Eigen::Vector2d kTiny(1e-6, 1e4);
-// One image counts for no more than this, in sigmas of what it can say: it may be a wrong one. Less
-// so once the noise is known to be large.
+// Bound of one image's influence, in its sigmas; larger once a large noise is applied.
 constexpr double kMostOfOneImage_sigma = 5.0;
 constexpr double kMostOnceApplied_sigma = 10.0;
-// At least so many images can be taken back, at most twice as many.
+// Images discarded by take_back(): at least this number, at most twice as many.
 constexpr int kTakenBack = 40;
-// Variances change the curvature once they are as large, and have changed by this factor.
+// Change of a variance, and its smallest size, above which the curvature is reweighted.
 constexpr double kLargeChange = 1.5;
 const Eigen::Vector2d kNoticeable(0.0, 0.25e-6);
 
+// Clock of an image that teaches noise.
+constexpr double kClockKnown_s = 0.003;
+constexpr double kClockApplied_s = 0.003;
+constexpr int kSightingsToBeOld = 10;
+
+bool is_clock_known(const FilterState& state, int camera) {
+  const CameraClock& clock = state.clocks[static_cast<std::size_t>(camera)];
+  const double variance = state.P()(layout::clock(camera), layout::clock(camera));
+  return std::abs(clock.seconds_to(0)) < kClockApplied_s &&
+         variance < kClockKnown_s * kClockKnown_s;
+}
+
+/// A new tag shares the body's error, so that the motion relative to it shows no noise.
+bool is_old(const FilterState& state, const TagToUse& tag) {
+  if (tag.local < 0) return true;
+  const WorldTag& own = state.tags[static_cast<std::size_t>(tag.local)];
+  return own.held || own.sightings >= kSightingsToBeOld;
+}
 }  // namespace
+
+bool teaches_of_noise(const FilterState& state, int camera, std::span<const TagToUse> tags) {
+  return is_clock_known(state, camera) &&
+         std::ranges::all_of(tags, [&](const TagToUse& tag) { return is_old(state, tag); });
+}
 
 Eigen::Matrix2d NoiseWatch::curvature() const {
   Eigen::Matrix2d J = now_.information;
@@ -58,22 +78,22 @@ void NoiseWatch::begin_with(const LearnedNoise& learned) { now_ = earlier_ = bef
 void NoiseWatch::take_back() {
   now_ = earlier_ = before_;
   images_since_earlier_ = 0;
-  suspected_ = outgrown_ = 1;
+  likely_variance_ = outgrown_ = 1;
 }
 
-double NoiseWatch::unstated_factor() const {
-  return std::max(outgrown_, std::min(suspected_ / now_.applied(kImu), kMostUnstated));
+double NoiseWatch::variance_inflation() const {
+  return std::max(outgrown_, std::min(likely_variance_ / now_.applied(kImu), kMostInflation));
 }
 
 void NoiseWatch::unlearn() {
   now_ = earlier_ = before_ = LearnedNoise{};
   doubted_since_.reset();
-  suspected_ = 1;
+  likely_variance_ = 1;
 }
 
-void NoiseWatch::take_back_doubted() {
+void NoiseWatch::discard_since_outlier() {
   if (!doubted_since_) return;
-  suspected_ = outgrown_ = 1;
+  likely_variance_ = outgrown_ = 1;
   now_ = earlier_ = before_ = *doubted_since_;
   doubted_since_.reset();
 }
@@ -89,9 +109,9 @@ void NoiseWatch::follow(const MotionSinceImage& motion) {
   P_ += motion.Q;
 }
 
-void NoiseWatch::learn(const StackedUpdate::SharedScore& said, const Vector6d& on_time) {
-  const Matrix6d& A = said.information;
-  const Vector6d& a = said.score;
+void NoiseWatch::learn(const StackedUpdate::SharedScore& score, const Vector6d& on_time) {
+  const Matrix6d& A = score.information;
+  const Vector6d& a = score.score;
   const Matrix6d AD = A * D_.topLeftCorner<6, 6>();
   const Vector6d Ao = A * on_time;
   const double information_on_time = on_time.dot(Ao);
@@ -137,24 +157,23 @@ void NoiseWatch::apply_estimate() {
   const Eigen::Vector2d before = now_.applied;
   for (const Noise noise : {kImu, kStamps}) {
     const bool was_beyond = before(noise) > kDeclared(noise);
-    // A score test at the declared noise; once it is given up, the estimate alone decides.
+    // Score test at the configured noise; afterwards the estimate alone decides.
     const double score = score_of(noise);
     const bool is_significant =
         estimate(noise) > kDeclared(noise) && (was_beyond || score > kSignificant_sigma);
     now_.applied(noise) =
         is_significant ? std::min(estimate(noise), kMost(noise)) : kDeclared(noise);
     if (noise == kImu)
-      suspected_ = score > kWorthTelling_sigma ? estimate(noise) : kDeclared(noise);
+      likely_variance_ = score > kLikelyNoise_sigma ? estimate(noise) : kDeclared(noise);
   }
   outgrown_ = 1 + kForget * (outgrown_ - 1);
-  outgrown_ = std::clamp(outgrown_ * now_.applied(kImu) / before(kImu), 1.0, kMostUnstated);
-  now_.derivative -=
-      now_.information * (now_.applied - before);  // they are those at what is applied
-  weigh_anew();
+  outgrown_ = std::clamp(outgrown_ * now_.applied(kImu) / before(kImu), 1.0, kMostInflation);
+  now_.derivative -= now_.information * (now_.applied - before);  // at the applied variances
+  reweigh();
 }
 
-/// A variance that grows is known less well by what was seen before.
-void NoiseWatch::weigh_anew() {
+/// Reduces the earlier information about a variance that grows.
+void NoiseWatch::reweigh() {
   const Eigen::Array2d grown =
       (now_.applied + kNoticeable).array() / (now_.weighed_at + kNoticeable).array();
   if ((grown < kLargeChange && grown > 1 / kLargeChange).all()) return;
@@ -168,17 +187,18 @@ void NoiseWatch::weigh_anew() {
 void NoiseWatch::list(std::vector<FoundMismatch>& out) const {
   using Kind = FoundMismatch::Kind;
   const double density = std::sqrt(imu_variance());
-  if (density > kToldNoise)
+  if (density > kReportedNoise)
     out.push_back(
         {.kind = Kind::kImuNoise, .value = density, .sigma = sigma_of(kImu) / (2 * density)});
-  if (jitter_s() > kToldJitter_s) out.push_back({.kind = Kind::kStampJitter, .value = jitter_s()});
+  if (jitter_s() > kReportedJitter_s)
+    out.push_back({.kind = Kind::kStampJitter, .value = jitter_s()});
 }
 
-void NoiseWatch::correct(const StackedUpdate::SharedScore& said, const Vector6d& on_time) {
-  // The stamp's jitter is noise of the image: (R + τ² H o oᵀ Hᵀ)⁻¹ seen from the pose.
-  const Vector6d Ao = said.by_known_tags * on_time;
+void NoiseWatch::correct(const StackedUpdate::SharedScore& score, const Vector6d& on_time) {
+  // With the jitter of the stamp as image noise: (R + τ² H o oᵀ Hᵀ)⁻¹ in terms of the pose.
+  const Vector6d Ao = score.by_known_tags * on_time;
   const double jitter = now_.applied(kStamps) / (1 + now_.applied(kStamps) * on_time.dot(Ao));
-  const Matrix6d A = said.by_known_tags - jitter * Ao * Ao.transpose();
+  const Matrix6d A = score.by_known_tags - jitter * Ao * Ao.transpose();
   const Matrix6d S = Matrix6d::Identity() + A * P_.topLeftCorner<6, 6>();
   const Eigen::Matrix<double, layout::kBodySize, 6> gain =
       P_.leftCols<6>().lazyProduct(Eigen::PartialPivLU<Matrix6d>(S).solve(A).eval());

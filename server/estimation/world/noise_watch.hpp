@@ -2,80 +2,86 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "estimation/filter/stacked_update.hpp"
 #include "estimation/found_mismatch.hpp"
-#include "estimation/start/learned_noise.hpp"
+#include "estimation/start/starting_filter.hpp"
 #include "estimation/world/propagation.hpp"
 
 namespace fiducap::world {
 
-/// Whether the IMU is noisier than it is said to be, and whether the images' stamps jitter.
+/// Whether the residuals of an image show noise of IMU and stamps: the camera's clock is known and
+/// applied, and all tags are established.
+/// @param tags  used for the correction
+[[nodiscard]] bool teaches_of_noise(const FilterState& state, int camera,
+                                    std::span<const TagToUse> tags);
+
+/// Estimates the noise of the IMU and the jitter of the images' stamps.
 ///
-/// Both make the camera's pose at an image less certain than the filter reckons: the covariance of
-/// its innovations is S + κ H D Hᵀ + τ² (H o)(H o)ᵀ, with D what a unit of the IMU's variance adds
-/// to the pose and o the twist of the camera. The likelihood's derivatives by κ and τ² and their
-/// expected curvature need no more than 6 × 6 numbers (Fisher scoring; R. K. Mehra, IEEE
-/// Trans. Autom. Control 15, 1970). D = ∂P/∂κ of the body is followed by a small filter of its own
-/// that takes the tags' places as exact: what an image corrects is the body against the tags.
+/// Both increase the covariance of the innovations to S + κ H D Hᵀ + τ² (H o)(H o)ᵀ, with D the
+/// contribution of a unit of the IMU's variance to the pose and o the twist of the camera. The
+/// derivatives of the likelihood by κ and τ² and their expected curvature need only 6 × 6 numbers
+/// (Fisher scoring; R. K. Mehra, IEEE Trans. Autom. Control 15, 1970). D = ∂P/∂κ of the body is
+/// tracked by a small filter that takes the tags' poses as exact.
 ///
-/// A noise above the declared one is applied once it is significant; never one below.
+/// A variance above the configured one is applied once it is significant; never one below.
 class NoiseWatch final {
  public:
   NoiseWatch() { lose_motion(); }
   void restart() { *this = NoiseWatch{}; }
-  /// As it was learned from the same samples, once before.
+  /// Begins with noise learned from the same samples before.
   void begin_with(const LearnedNoise& learned);
   [[nodiscard]] const LearnedNoise& learned() const { return now_; }
-  /// What is known of the motion ends here; what was learned of the noises stays.
+  /// The body was lost; learned noises stay.
   void lose_motion();
-  /// What was learned from the last images was another error's …
+  /// Discards what the last images taught: they had another error.
   void take_back();
-  /// … or from those since now, which nothing fits, may turn out to be a tag's.
+  /// Marks the first contradicting image, for discard_since_outlier().
   void begin_doubt() { doubted_since_ = now_; }
   void end_doubt() { doubted_since_.reset(); }
-  void take_back_doubted();
-  /// All that was learned was another error's.
+  /// Discards what was learned since begin_doubt(): a tag was wrong.
+  void discard_since_outlier();
+  /// Discards everything: it was another error.
   void unlearn();
 
-  /// The variance of the IMU's noises is so many times the declared one.
+  /// Factor of the IMU's configured variances.
   [[nodiscard]] double imu_variance() const { return now_.applied(kImu); }
   [[nodiscard]] double jitter_s() const { return std::sqrt(now_.applied(kStamps)); }
-  /// By so much all variances are too small that were reckoned with the IMU's declared noise: while
-  /// it is only suspected, and for a while after it has been applied, as what was placed before
-  /// stays as it was.
-  [[nodiscard]] double unstated_factor() const;
+  /// Inflation factor of covariances computed with the configured IMU noise: while a larger noise
+  /// is likely but not significant, and for a while after it is applied.
+  [[nodiscard]] double variance_inflation() const;
 
-  /// What is worth telling people.
+  /// Appends noises worth reporting.
   void list(std::vector<FoundMismatch>& out) const;
 
-  /// The body has moved to an image.
+  /// The body was propagated to an image.
   void follow(const MotionSinceImage& motion);
-  /// What an image says. @param on_time  twist of the camera, W axes
-  void learn(const StackedUpdate::SharedScore& said, const Vector6d& on_time);
+  /// Learns from an image. @param on_time  twist of the camera, W axes
+  void learn(const StackedUpdate::SharedScore& score, const Vector6d& on_time);
   /// The image has corrected the body.
-  void correct(const StackedUpdate::SharedScore& said, const Vector6d& on_time);
+  void correct(const StackedUpdate::SharedScore& score, const Vector6d& on_time);
 
  private:
   enum Noise { kImu, kStamps };
 
   [[nodiscard]] Eigen::Matrix2d curvature() const;
   [[nodiscard]] double sigma_of(Noise noise) const;
-  /// A score test at what is applied, in sigmas of a normal distribution.
+  /// Score test at the applied noise, in sigmas of a normal distribution.
   [[nodiscard]] double score_of(Noise noise) const;
   void apply_estimate();
-  void weigh_anew();
+  void reweigh();
 
-  BodyMatrix P_;  ///< Of the body against tags at exact places …
+  BodyMatrix P_;  ///< Of the body relative to tags at exact poses …
   BodyMatrix D_;  ///< … and its derivative by the variance of the IMU.
   LearnedNoise now_;
-  LearnedNoise earlier_;                       ///< As it was some images ago …
+  LearnedNoise earlier_;                       ///< Some images ago …
   LearnedNoise before_;                        ///< … and before those.
-  std::optional<LearnedNoise> doubted_since_;  ///< As it was when images began to contradict.
+  std::optional<LearnedNoise> doubted_since_;  ///< At begin_doubt().
   int images_since_earlier_{0};
-  double suspected_{1.0};  ///< Variance of the IMU by all that is known, significant or not.
-  double outgrown_{1.0};   ///< So much larger than what most was reckoned with is what is applied.
+  double likely_variance_{1.0};  ///< Most likely variance of the IMU, significant or not.
+  double outgrown_{1.0};         ///< Applied variance relative to that of most of the state.
 };
 
 }  // namespace fiducap::world

@@ -1,18 +1,17 @@
-#include "estimation/world/prior_exchange.hpp"
+#include "estimation/world/calibration_monitor.hpp"
 
 #include <Eigen/Cholesky>
 
 namespace fiducap::world {
 
 namespace {
-
-// What held tags share may be all that is unsure about them.
+// Held tags may have only a common error.
 constexpr double kRelativeRounding = 1e-9;
 
 /// A column of the covariance in two parts.
 struct Column {
-  Eigen::VectorXd given_held;  ///< While held tags are where the state has them; theirs: zero.
-  Eigen::VectorXd by_held;     ///< … and what comes from not knowing where they are.
+  Eigen::VectorXd given_held;  ///< Conditional on the held tags; theirs: zero.
+  Eigen::VectorXd by_held;     ///< By the uncertainty of the held tags.
 };
 
 Column column_of(const FilterState& state, int column) {
@@ -30,7 +29,6 @@ Column column_of(const FilterState& state, int column) {
   out.given_held -= out.by_held;
   return out;
 }
-
 }  // namespace
 
 double information_of(const FilterState& state, int column, double prior_sigma) {

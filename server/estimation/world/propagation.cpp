@@ -2,22 +2,20 @@
 
 #include <cmath>
 
-#include "base/so3.hpp"
-#include "estimation/filter/kalman_gain.hpp"
-#include "estimation/world/pose_error.hpp"
+#include "estimation/filter/dense_kernels.hpp"
 
 namespace fiducap::world {
 
-using namespace layout;  // NOLINT: the block names are the subject of this file
+using namespace layout;  // NOLINT: block names
 
 namespace {
-// Two clocks drift apart with temperature; after an hour by a millisecond at most.
+// Random walk of a clock with temperature: below a millisecond per hour.
 constexpr double kShiftWalk_s_rts = 1e-5;
-// Speed and rate by odometry are those between two of its poses.
+// Error of speed and rate between two odometry poses.
 constexpr double kOdometrySpeed_m_s = 0.3;
 constexpr double kOdometryRate_rad_s = 0.01;
 
-/// Φ ← F Φ, whose blocks are those of F.
+/// Φ ← F Φ, with the sparsity of F.
 void add_step(const BodyMatrix& F, BodyMatrix& Phi) {
   const auto add = [&](int to, int by, int from) {
     Phi.block<3, 3>(to, from) += F.block<3, 3>(to, by).lazyProduct(Phi.block<3, 3>(by, from));
@@ -25,14 +23,41 @@ void add_step(const BodyMatrix& F, BodyMatrix& Phi) {
   for (const int from : {kAttitude, kBiasF, kBiasW}) add(kPosition, kVelocity, from);
   add(kPosition, kAttitude, kBiasW);
   add(kVelocity, kAttitude, kBiasW);
-  // And what goes straight there.
+  // Direct terms.
   Phi.middleCols<12>(kAttitude).topRows<9>() += F.middleCols<12>(kAttitude).topRows<9>();
   Phi.diagonal().segment<6>(kAttitude).array() -= 1;
 }
 
+/// Only the pose continues; speed and rate are those of the odometry.
+void propagate_by_odometry(FilterState& state, MotionSinceImage& motion, const InertialInput& input,
+                           double dt) {
+  state.v_WB = state.X_WB.q * *input.v_B;
+  state.X_WB = state.X_WB * Pose{exp_so3(dt * input.w_B), dt * *input.v_B};
+  state.gyro_B = input.w_B;
+  state.a_WB.setZero();
+  state.bias_f.setZero();
+  state.bias_w.setZero();
+  motion.Phi.bottomRows<kBodySize - kVelocity>().setZero();
+  motion.Q.bottomRows<kBodySize - kVelocity>().setZero();
+  motion.Q.rightCols<kBodySize - kVelocity>().setZero();
+  motion.Q.diagonal().segment<3>(kVelocity).setConstant(kOdometrySpeed_m_s * kOdometrySpeed_m_s);
+  motion.Q.diagonal().tail<6>().setConstant(kOdometryRate_rad_s * kOdometryRate_rad_s);
+  // The earlier world-side error does not change; the added one is the body's.
+  Matrix6d drift = adjoint(state.X_WB);
+  drift.leftCols<3>() *= input.velocity_noise;
+  drift.rightCols<3>() *= input.gyro_noise;
+  motion.Q.topLeftCorner<6, 6>() += dt * drift * drift.transpose();
+}
+
+/// M ← M + m Gᵀ with G the derivative of the body by gravity.
+void fall(const MotionSinceImage& motion, const Eigen::Ref<const Eigen::VectorXd>& m,
+          Eigen::Ref<BodyColumns> M) {
+  M.col(kPosition + 2) -= motion.fall_s2 * m;
+  M.col(kVelocity + 2) -= motion.fall_s * m;
+}
 }  // namespace
 
-// No column needs one that is changed before it.
+// In an order in which no column is read after it changed.
 void move_columns(const BodyMatrix& F, Eigen::Ref<BodyColumns> M) {
   const auto add = [&](int to, int first, int count) {
     dense::add_product({M.col(first).data(), M.outerStride()}, count, {&F(to, first), kBodySize},
@@ -71,7 +96,7 @@ StepJacobians step_mean(FilterState& state, const InertialInput& input,
   state.v_WB += dt * a_W;
   state.X_WB.q = (state.X_WB.q * exp_so3(dt * w_B)).normalized();
 
-  // Gyro bias turns the body at the end of the step, and the force halfway.
+  // The gyro bias rotates the body at the end of the step and the force in its middle.
   const Eigen::Matrix3d turn = -dt * (state.X_WB.rotation() * right_jacobian_so3(dt * w_B));
   const Eigen::Matrix3d a_gyro = 0.5 * dt * R_half * skew(f_B) * right_jacobian_so3(0.5 * dt * w_B);
   const Eigen::Matrix3d g_tilt = skew(g_W);
@@ -98,31 +123,6 @@ StepJacobians step_mean(FilterState& state, const InertialInput& input,
   return out;
 }
 
-namespace {
-
-/// Nothing of the body but its pose goes on from before: speed and rate are what is told.
-void propagate_by_odometry(FilterState& state, MotionSinceImage& motion, const InertialInput& input,
-                           double dt) {
-  state.v_WB = state.X_WB.q * *input.v_B;
-  state.X_WB = state.X_WB * Pose{exp_so3(dt * input.w_B), dt * *input.v_B};
-  state.gyro_B = input.w_B;
-  state.a_WB.setZero();
-  state.bias_f.setZero();
-  state.bias_w.setZero();
-  motion.Phi.bottomRows<kBodySize - kVelocity>().setZero();
-  motion.Q.bottomRows<kBodySize - kVelocity>().setZero();
-  motion.Q.rightCols<kBodySize - kVelocity>().setZero();
-  motion.Q.diagonal().segment<3>(kVelocity).setConstant(kOdometrySpeed_m_s * kOdometrySpeed_m_s);
-  motion.Q.diagonal().tail<6>().setConstant(kOdometryRate_rad_s * kOdometryRate_rad_s);
-  // On the world's side the error of before stays what it is; what is added is the body's.
-  Matrix6d drift = adjoint(state.X_WB);
-  drift.leftCols<3>() *= input.velocity_noise;
-  drift.rightCols<3>() *= input.gyro_noise;
-  motion.Q.topLeftCorner<6, 6>() += dt * drift * drift.transpose();
-}
-
-}  // namespace
-
 void propagate(FilterState& state, MotionSinceImage& motion, const InertialInput& input,
                const Eigen::Vector3d& gravity_W, double dt) {
   if (dt <= 0) return;
@@ -143,17 +143,6 @@ void propagate(FilterState& state, MotionSinceImage& motion, const InertialInput
   motion.Q.diagonal().segment<3>(kBiasF).array() += input.accel_walk * input.accel_walk * dt;
   motion.Q.diagonal().segment<3>(kBiasW).array() += input.gyro_walk * input.gyro_walk * dt;
 }
-
-namespace {
-
-/// M ← M + m Gᵀ, where G is what gravity does to the body.
-void fall(const MotionSinceImage& motion, const Eigen::Ref<const Eigen::VectorXd>& m,
-          Eigen::Ref<BodyColumns> M) {
-  M.col(kPosition + 2) -= motion.fall_s2 * m;
-  M.col(kVelocity + 2) -= motion.fall_s * m;
-}
-
-}  // namespace
 
 void apply(FilterState& state, MotionSinceImage& motion) {
   if (!motion.begun) return;

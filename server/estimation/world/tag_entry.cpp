@@ -6,20 +6,19 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
-#include "base/so3.hpp"
-#include "detection/corner_projection.hpp"
+#include "base/pose.hpp"
+#include "detection/tag_geometry.hpp"
 #include "estimation/filter/chi_square.hpp"
+#include "estimation/filter/growing_covariance.hpp"
 #include "estimation/filter/kalman_gain.hpp"
-#include "estimation/filter/linear_term.hpp"
 #include "estimation/world/corner_measurement.hpp"
 
 namespace fiducap::world {
 
 namespace {
-
-// A lens that is off by more has put the tag, as its corners were first read, too far from where it
-// is for one linear step.
+// Lens errors above which the initial pose of a tag is too far away for one linear step.
 constexpr double kFocalFarOff = 1e-3;
 constexpr double kCentreFarOff_px = 1.0;
 constexpr double kDistortionFarOff = 1e-2;
@@ -32,11 +31,11 @@ int steps_to_place(const LensOffset& lens) {
   return is_far_off ? kStepsWhenFarOff : 0;
 }
 
-/// What its corners make of a tag's place: H_T ξ_T = y − Σ H_b ξ_b − n over the other blocks b,
-/// solved for ξ_T, each corner by how well it is known.
+/// A tag's pose by its corners: H_T ξ_T = y − Σ H_b ξ_b − n over the other blocks b, solved for ξ_T
+/// by weighted least squares.
 struct PlaceByCorners {
   Eigen::Matrix<double, 6, 8> solve;  ///< ∂ ξ_T / ∂ y
-  Matrix6d own;                       ///< Covariance of what n makes of it.
+  Matrix6d own;                       ///< Covariance by n.
 };
 
 PlaceByCorners place_by_corners(const TagMeasurement& m, int at) {
@@ -50,8 +49,7 @@ PlaceByCorners place_by_corners(const TagMeasurement& m, int at) {
   return {own * weighted, 0.5 * (own + own.transpose())};
 }
 
-/// Moves the newest tag to where its corners show it through the lens as it is thought to be: its
-/// place was found through the configured one.
+/// Corrects the pose of the newest tag, found with the configured lens, for the estimated lens.
 void correct_place(FilterState& state, int camera, const CameraModel& model, const TagToUse& tag,
                    const CornerNoise& noise) {
   const int at = state.tag_at(static_cast<std::size_t>(tag.local));
@@ -65,6 +63,45 @@ void correct_place(FilterState& state, int camera, const CameraModel& model, con
   }
 }
 
+// Held tags out of view, the last ones seen: their correlation with the body is kept for a while at
+// bounded cost.
+constexpr std::size_t kHeldOutOfView = 12;
+// Differences of pose and relative covariance at which a held tag is updated.
+constexpr double kSamePlace = 1e-9;
+constexpr double kSameVariance = 0.01;
+
+bool is_in_view(const TagObservations& seen, int tag_id) {
+  return std::ranges::find(seen.tags, tag_id, &TagObservation::tag_id) != seen.tags.end();
+}
+
+bool differs(const FilterState& state, std::size_t i, const KnownTag& now) {
+  const Pose& X_WT = state.tags[i].X_WT;
+  if ((X_WT.p - now.X_WT.p).norm() > kSamePlace || angle_between(X_WT.q, now.X_WT.q) > kSamePlace)
+    return true;
+  const Matrix6d held = tag_in_workspace(state, i).covariance;
+  return (held - now.covariance).norm() > kSameVariance * held.norm();
+}
+
+/// Updates the held tags by the map.
+void follow_map(FilterState& state, const TagObservations& seen, std::span<const KnownTag> known) {
+  for (std::size_t i = state.tags.size(); i-- > 0;) {
+    const WorldTag& tag = state.tags[i];
+    if (!tag.held) continue;
+    const auto now = std::ranges::find(known, tag.tag_id, &KnownTag::tag_id);
+    if (now == known.end()) {
+      if (is_in_view(seen, tag.tag_id)) state.remove_tag(i);  // not in the map any more
+    } else if (differs(state, i, *now)) {
+      const bool is_moved = !replace_held(state, i, *now);
+      if (is_moved || now->is_exact()) state.remove_tag(i);
+    }
+  }
+}
+
+/// Removes held tags that are not in the map any more.
+void forget_unknown(FilterState& state, const KnownMap& map) {
+  for (std::size_t i = state.tags.size(); i-- > 0;)
+    if (state.tags[i].held && map.find(state.tags[i].tag_id) == nullptr) state.remove_tag(i);
+}
 }  // namespace
 
 void augment(FilterState& state, int camera, const CameraModel& model, const TagObservation& seen,
@@ -90,7 +127,7 @@ void augment(FilterState& state, int camera, const CameraModel& model, const Tag
     if (m.blocks[b].at < at) terms[count++] = {m.blocks[b].at, -place.solve * m.blocks[b].H};
   }
   redefine(state.covariance, at, at + 3, std::span(terms).first(count), place.own);
-  // The mean is where the corners, linearised, say it is.
+  // The mean is the solution by the linearised corners.
   Eigen::VectorXd error = Eigen::VectorXd::Zero(state.size());
   error.tail<6>() = place.solve * m.y;
   state.add_error(error);
@@ -110,7 +147,7 @@ void hold(FilterState& state, const KnownTag& known, Instant at) {
 
 bool replace_held(FilterState& state, std::size_t tag, const KnownTag& now) {
   static const double kGate = chi_square_quantile(6, 0.9999);
-  constexpr double kLeastSigma = 1e-6;  // m and rad: a map's numbers are rounded
+  constexpr double kLeastSigma = 1e-6;  // m and rad: the map is rounded
   constexpr double kSingular = 1e-6;    // of the largest eigenvalue
   auto P = state.P();
   const int at = state.tag_at(tag);
@@ -122,8 +159,7 @@ bool replace_held(FilterState& state, std::size_t tag, const KnownTag& now) {
   apart.diagonal().array() += kLeastSigma * kLeastSigma;
   if (!(moved.dot(apart.ldlt().solve(moved)) < kGate)) return false;
 
-  // Place and heading of a reference tag are exact, so S may be singular; nothing is correlated
-  // with what is exact.
+  // Position and heading of a reference tag are exact, so S may be singular.
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(S);
   const double least =
       std::max(kLeastSigma * kLeastSigma, kSingular * std::max(0.0, eigen.eigenvalues()(5)));
@@ -135,7 +171,7 @@ bool replace_held(FilterState& state, std::size_t tag, const KnownTag& now) {
       P.middleCols<6>(at) *
       (eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose());
   const Eigen::Matrix<double, Eigen::Dynamic, 6> GD = G * (S - R);
-  // Rounding of a vague state divided by a sharp tag must not make a variance negative.
+  // A variance must not become negative by rounding.
   for (Eigen::Index k = 0; k < P.cols(); ++k) {
     const bool own = k >= at && k < at + 6;
     if (!own && P(k, k) > 0 && !(GD.row(k).dot(G.row(k)) < P(k, k))) return false;
@@ -179,6 +215,43 @@ void fuse_prior(FilterState& state, std::size_t tag, const KnownTag& prior) {
   const Eigen::MatrixXd correction = PHt * S.solve(PHt.transpose());
   P -= 0.5 * (correction + correction.transpose());
   state.add_error(dx);
+}
+
+std::optional<Pose> HeldTags::take_over(FilterState& state, const KnownMap& map, bool level) {
+  if (!has_changed(map)) return std::nullopt;
+  revision_ = map.revision;
+  return exchange(state, map, level);
+}
+
+void HeldTags::follow(FilterState& state, const TagObservations& seen,
+                      std::span<const KnownTag> known, const KnownMap* whole, bool is_anchored) {
+  if (whole == nullptr) follow_map(state, seen, known);
+  if (whole != nullptr) forget_unknown(state, *whole);
+  if (is_anchored) {
+    for (const KnownTag& tag : known)
+      if (is_in_view(seen, tag.tag_id)) hold_one(state, tag, whole, seen.exposed_at);
+  }
+  forget(state, seen);
+}
+
+/// Keeps the last ones seen of those out of view.
+void HeldTags::forget(FilterState& state, const TagObservations& seen) {
+  out_of_view_.clear();
+  for (std::size_t i = 0; i < state.tags.size(); ++i)
+    if (state.tags[i].held && !is_in_view(seen, state.tags[i].tag_id)) out_of_view_.push_back(i);
+  if (out_of_view_.size() <= kHeldOutOfView) return;
+  const auto is_older = [&](std::size_t a, std::size_t b) {
+    return std::pair(state.tags[a].last_seen, a) < std::pair(state.tags[b].last_seen, b);
+  };
+  std::ranges::sort(out_of_view_, is_older);
+  out_of_view_.resize(out_of_view_.size() - kHeldOutOfView);
+  std::ranges::sort(out_of_view_);
+  state.remove_tags(out_of_view_);
+}
+
+void hold_one(FilterState& state, const KnownTag& tag, const KnownMap* whole, Instant at) {
+  if (tag.is_exact() || state.find(tag.tag_id) >= 0) return;
+  whole != nullptr ? hold_beside(state, tag, *whole, at) : hold(state, tag, at);
 }
 
 }  // namespace fiducap::world

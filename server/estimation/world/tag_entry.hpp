@@ -1,33 +1,78 @@
 #pragma once
 
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
 #include "capture/lens/camera_model.hpp"
 #include "detection/tag_observation.hpp"
 #include "estimation/filter/corner_noise.hpp"
+#include "estimation/known_tag.hpp"
 #include "estimation/world/filter_state.hpp"
 
 namespace fiducap::world {
 
-/// A new tag joins the state where `camera` sees it, correlated with the camera, its own part of
-/// the covariance from its corners.
-/// @param X_VT  near its place, in the certain one of its two branches: the corners are linearised
-/// here
+/// Adds a new tag seen by `camera`, correlated with the camera, with covariance by its corners.
+/// @param X_VT  approximate pose, in the certain one of its two branches: linearisation point
 void augment(FilterState& state, int camera, const CameraModel& model, const TagObservation& seen,
              const Pose& X_VT, const CornerNoise& noise);
 
-/// A tag of the map joins with the map's covariance, as a tag that is used and not corrected.
+/// Fuses a surveyed pose of a tag in the state.
+void fuse_prior(FilterState& state, std::size_t tag, const KnownTag& prior);
+
+/// Adds a tag of the map, with its covariance, as a held tag.
 void hold(FilterState& state, const KnownTag& known, Instant at);
 
-/// The map says another place, or how well it is known, of a tag that is held: its marginal is
-/// replaced, and what the rest of the state shares with it goes along. What was learned through the
-/// tag stays learned, and being told the same again teaches nothing.
-/// @return false, and nothing changed, when it stands too far away to be where it was: it was moved
+/// Adds a held tag, correlated by `whole` when given. No effect when the tag is in the state or
+/// exact.
+void hold_one(FilterState& state, const KnownTag& tag, const KnownMap* whole, Instant at);
+
+/// Replaces the marginal of a held tag by the map's new one; the rest of the state follows its
+/// correlation. Information gained through the tag is kept, and the same marginal again has no
+/// effect.
+/// @return false, with nothing changed: the tag was moved
 [[nodiscard]] bool replace_held(FilterState& state, std::size_t tag, const KnownTag& now);
 
-/// The tag of the state and the held one are the same: the body learns from the difference, the
-/// held one does not (Schmidt).
+/// Fuses a tag of the state with the same held tag: corrects the body, not the held tag (Schmidt).
 void fuse_with_held(FilterState& state, std::size_t tag, std::size_t held);
 
-/// Fuses what a survey says about a tag in the state.
-void fuse_prior(FilterState& state, std::size_t tag, const KnownTag& prior);
+/// Replaces the tags of the state that are in the map, also own ones, by the map's joint mean and
+/// covariance after a change of the map.
+///
+/// The filter knows p(body | tags), the map p(tags). The body follows its correlation with the
+/// tags: no information is lost or counted twice, for any number of exchanges. The filter's
+/// information about the pose of the whole workspace is dropped.
+/// @param level  gravity defines the vertical: the common error is position and heading only
+/// @return X_WnewWold of the body; nullopt: the map has no tag of the state
+[[nodiscard]] std::optional<Pose> exchange(FilterState& state, const KnownMap& map, bool level);
+
+/// Adds a held tag of the map, correlated with the map's tags in the state and so with the body.
+void hold_beside(FilterState& state, const KnownTag& tag, const KnownMap& map, Instant at);
+
+/// Joint covariance of several tags of a map, six numbers each as KnownTag::covariance. Pairs that
+/// the map does not contain follow from intermediate tags.
+[[nodiscard]] Eigen::MatrixXd joint_covariance(std::span<const KnownTag* const> tags,
+                                               const KnownMap& map);
+
+/// The map's tags in a filter's state, used and not corrected (Schmidt): those in view and the last
+/// ones seen before.
+class HeldTags final {
+ public:
+  /// The map has another revision than the last exchange.
+  [[nodiscard]] bool has_changed(const KnownMap& map) const { return revision_ != map.revision; }
+  /// See exchange(); once per revision of the map.
+  std::optional<Pose> take_over(FilterState& state, const KnownMap& map, bool level);
+  /// Adds, updates and removes held tags by the map.
+  /// @param whole  the map with correlations, or nullptr: tags are independent
+  void follow(FilterState& state, const TagObservations& seen, std::span<const KnownTag> known,
+              const KnownMap* whole, bool is_anchored);
+
+ private:
+  void forget(FilterState& state, const TagObservations& seen);
+
+  std::optional<std::uint64_t> revision_;  ///< Of the last exchange.
+  std::vector<std::size_t> out_of_view_;   ///< Scratch.
+};
 
 }  // namespace fiducap::world

@@ -2,21 +2,19 @@
 
 #include <cmath>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap::world {
 
-using namespace layout;  // NOLINT: the block names are the subject of this file
+using namespace layout;  // NOLINT: block names
 
 namespace {
-
-/// A shift of the whole room, g = (translation, turning): four numbers with gravity (yaw only), six
-/// without. The columns say what it does to the error of any pose; only the first `size` are used.
+/// A motion of the whole workspace, g = (translation, rotation): four numbers with gravity (yaw
+/// only), six without. Only the first `size` columns are used.
 struct RoomShift {
   int size{};
-  Matrix6d N{Matrix6d::Zero()};  ///< ξ ← ξ + N g, the same for the body and every tag
-  Matrix6d L{
-      Matrix6d::Zero()};  ///< g = L ξ_T: the shift that takes the reference tag's own error back
+  Matrix6d N{Matrix6d::Zero()};  ///< ξ ← ξ + N g, the same for every pose
+  Matrix6d L{Matrix6d::Zero()};  ///< g = L ξ_T removes the reference tag's own error
 };
 
 RoomShift whole_shift() {
@@ -45,7 +43,7 @@ RoomShift shift_for(const Pose& X_WT, const HeadingRule& rule, bool level) {
   return level ? level_shift(X_WT.p, X_WT.q * Eigen::Vector3d::Unit(rule.axis)) : whole_shift();
 }
 
-/// First columns of all poses in the state: the body, the cameras, the clones, the tags.
+/// First columns of all poses in the state: body, cameras, clones, tags.
 int pose_at(const FilterState& state, std::size_t k) {
   const auto cameras = static_cast<std::size_t>(state.cameras());
   if (k == 0) return kPosition;
@@ -56,8 +54,8 @@ std::size_t poses(const FilterState& state) {
   return 1 + static_cast<std::size_t>(state.cameras()) + state.clones.size() + state.tags.size();
 }
 
-/// How errors change with the axes: every pose's is turned by `turn` and moved by `shift` of what
-/// the tag's was.
+/// Change of errors with the axes: of every pose by `turn` and by `shift` of the tag's earlier
+/// error.
 struct ErrorChange {
   Matrix6d turn;
   Eigen::Matrix3d turn_velocity;
@@ -96,7 +94,6 @@ void move_mean(FilterState& state, const Pose& G) {
   state.a_WB = G.q * state.a_WB;
   for (WorldTag& tag : state.tags) tag.X_WT = G * tag.X_WT;
 }
-
 }  // namespace
 
 void move_axes(FilterState& state, const Pose& G) {
@@ -110,8 +107,7 @@ Pose anchor_to_reference(FilterState& state, std::size_t tag, const HeadingRule&
   G.q = level ? turn_to_heading(rule, X_WT.q) : (rule.X_WT.q * X_WT.q.conjugate()).normalized();
   G.p = rule.X_WT.p - G.q * X_WT.p;
   move_mean(state, G);
-  // Then every pose's error loses the shift of the room that the tag's own error shows: ξ ← ξ + N L
-  // ξ_T.
+  // Then the motion of the workspace by the tag's own error is removed: ξ ← ξ + N L ξ_T.
   const RoomShift shift = shift_for(state.tags[tag].X_WT, rule, level);
   const Matrix6d turn = adjoint(G);
   change_errors(state, {turn, G.rotation(), state.tag_at(tag), shift.N * shift.L * turn});
@@ -134,8 +130,7 @@ Pose anchor_to_known(FilterState& state, int camera, const Pose& X_VT, const Pos
   const Pose seen = state.X_WV(camera) * X_VT;
   const Pose G = axes_between(seen, X_WT, level);
   move_axes(state, G);
-  // The room may be anywhere: the same unknown shift for the body and for every tag that came
-  // along.
+  // The same unknown motion for the body and all tags.
   Eigen::Matrix<double, 6, 1> unknown;
   unknown << Eigen::Vector3d::Constant(kUnknownPosition_m), 0, 0, kUnknownAngle_rad;
   if (!level) unknown.tail<3>().setConstant(kUnknownAngle_rad);

@@ -1,37 +1,30 @@
 #include "estimation/world/world_coordinates.hpp"
 
 #include <algorithm>
-#include <cmath>
 
-#include "base/assert.hpp"
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "estimation/filter/filter_rules.hpp"
-#include "estimation/world/camera_moment.hpp"
-#include "estimation/world/tag_entry.hpp"
-#include "estimation/world/teaching_image.hpp"
 
 namespace fiducap::world {
 
-using namespace layout;        // NOLINT: the block names are the subject of this file
-using namespace filter_rules;  // NOLINT: short names for what both filters go by
+using namespace layout;        // NOLINT: block names
+using namespace filter_rules;  // NOLINT: short names
 
 namespace {
-
 constexpr double kUnknownTurn_rad = 0.4;  // of the attitude, 1-sigma
 constexpr double kNisShare = 0.02;
-constexpr int kUnfitToLearnFrom = 3;  // more in a row without a tag that fits are no noise
+constexpr int kUnfitToLearnFrom = 3;  // more consecutive images without a fit are no noise
 constexpr double kExactReadout_s = 5.1e-5;
-// The reference tag defines W again when it has slipped, or seems unsure, by this: m and rad.
+// Slip and sigma of the reference tag at which it redefines W: m and rad.
 constexpr double kSlipped = 1e-6;
 constexpr double kUnsure = 1e-5;
-
 }  // namespace
 
 WorldCoordinates::WorldCoordinates(const BodySensors& sensors, const EstimatorConfig& config)
     : sensors_(sensors),
       config_(config),
       gravity_W_(0, 0, -sensors.gravity_m_s2),
-      suspects_(sensors.cameras, doubts()) {
+      calibration_monitor_(sensors.cameras, doubts()) {
   if (config.landmarks && sensors.imu) window_.emplace(sensors.cameras.size(), LandmarkRules{});
   for (const CameraMount& mount : sensors.cameras) {
     lenses_.push_back(mount.model);
@@ -39,16 +32,11 @@ WorldCoordinates::WorldCoordinates(const BodySensors& sensors, const EstimatorCo
   }
 }
 
-/// Without an IMU what is wrong elsewhere, as in a lens, is taken for what can be doubted.
-Suspects::Rules WorldCoordinates::doubts() const {
+/// Without an IMU the parameters cannot be distinguished.
+CalibrationMonitor::Rules WorldCoordinates::doubts() const {
   return {.doubts = config_.doubt_configuration && sensors_.imu.has_value(),
           .refines = config_.refine_intrinsics,
           .assumes = config_.doubt_configuration && !sensors_.imu};
-}
-
-const CameraModel& WorldCoordinates::model_of(int camera) const {
-  FIDUCAP_ASSERT(camera >= 0 && camera < static_cast<int>(sensors_.cameras.size()));
-  return sensors_.cameras[static_cast<std::size_t>(camera)].model;
 }
 
 void WorldCoordinates::reset(const ClockHypothesis& clocks) {
@@ -58,7 +46,7 @@ void WorldCoordinates::reset(const ClockHypothesis& clocks) {
   const int cameras = state_.cameras();
   for (int c = 0; c < cameras; ++c) reset_camera(c, clocks);
   if (sensors_.imu) state_.clear_column(gravity(cameras), sensors_.gravity_sigma_m_s2);
-  suspects_.begin(state_);
+  calibration_monitor_.begin(state_);
   noise_watch_.restart();
   nis_ = 1;
   motion_.restart();
@@ -81,7 +69,7 @@ void WorldCoordinates::reset_camera(int camera, const ClockHypothesis& clocks) {
   state_.clocks[k] = {.shift_s = clocks.shifts_s[k],
                       .readout_s = mount.readout_s,
                       .rows_apart = mount.readout_s != 0 || mount.readout_sigma_s != 0};
-  // Without an IMU there is no other clock to compare with.
+  // Without an IMU there is no reference clock.
   if (!config_.estimate_clocks || !sensors_.imu) return;
   P(layout::clock(camera) + 1, layout::clock(camera) + 1) =
       mount.readout_sigma_s * mount.readout_sigma_s;
@@ -97,19 +85,11 @@ void WorldCoordinates::open_clock(int camera, double sigma_s) {
   P(at, at) = sigma_s * sigma_s;
 }
 
-Eigen::Vector3d WorldCoordinates::acceleration_W(const Eigen::Vector3d& f_B) const {
-  return state_.X_WB.q * f_B;
-}
-
-double WorldCoordinates::speed_sigma_m_s() const {
-  return std::sqrt(state_.P().diagonal().segment<3>(layout::kVelocity).sum());
-}
-
 ClockEstimate WorldCoordinates::clock(int camera) const {
   const CameraClock& clock = state_.clocks[static_cast<std::size_t>(camera)];
   const int at = layout::clock(camera);
   const double readout_sigma_s = std::sqrt(state_.P()(at + 1, at + 1));
-  // One that is as configured, by all that is known.
+  // As configured.
   const bool is_exact = !clock.rows_apart && readout_sigma_s < kExactReadout_s;
   return {clock.shift_s, std::sqrt(state_.P()(at, at)), is_exact ? 0.0 : clock.readout_s,
           is_exact ? 0.0 : readout_sigma_s};
@@ -118,8 +98,9 @@ ClockEstimate WorldCoordinates::clock(int camera) const {
 BodyEstimate WorldCoordinates::body() const {
   BodyEstimate out = body_in_workspace(state_);
   const Matrix6d J = plain_from_world_error(out.X_WB.p);
-  out.covariance.topLeftCorner<6, 6>() += J * suspects_.unstated(state_) * J.transpose();
-  out.covariance *= noise_watch_.unstated_factor();
+  out.covariance.topLeftCorner<6, 6>() +=
+      J * calibration_monitor_.unmodelled_covariance(state_) * J.transpose();
+  out.covariance *= noise_watch_.variance_inflation();
   return out;
 }
 
@@ -151,11 +132,7 @@ void WorldCoordinates::start(Instant at, const std::optional<Eigen::Quaterniond>
 
 void WorldCoordinates::step(const InertialInput& input, double dt) {
   InertialInput noisy = input;
-  const double factor = std::sqrt(noise_watch_.imu_variance());
-  noisy.gyro_noise *= factor;
-  noisy.accel_noise *= factor;
-  noisy.gyro_walk *= factor;
-  noisy.accel_walk *= factor;
+  noisy.scale_noise(std::sqrt(noise_watch_.imu_variance()));
   world::propagate(state_, motion_, noisy, gravity_W_, dt);
 }
 
@@ -173,7 +150,8 @@ void WorldCoordinates::lose_motion() {
 
 BodyPlace WorldCoordinates::place() const {
   const auto J = plain_from_world_error(state_.X_WB.p).topRows<3>().eval();
-  const Matrix6d own = state_.P().topLeftCorner<6, 6>() + suspects_.unstated(state_);
+  const Matrix6d own =
+      state_.P().topLeftCorner<6, 6>() + calibration_monitor_.unmodelled_covariance(state_);
   return {state_.X_WB.p, J * own * J.transpose()};
 }
 
@@ -225,38 +203,21 @@ void WorldCoordinates::look_at(const TagObservations& seen) {
 
 void WorldCoordinates::moved_axes(const Pose& X_new_old) {
   memory_.move_axes(X_new_old);
-  noise_watch_.lose_motion();  // its covariance was in the old axes
-}
-
-const CornerNoise& WorldCoordinates::noise(int camera) const {
-  return corner_noise_[static_cast<std::size_t>(camera)];
-}
-
-LearnedSensors WorldCoordinates::learned(int camera) const {
-  return {&noise(camera), noise_watch_.imu_variance(), noise_watch_.jitter_s()};
-}
-
-void WorldCoordinates::hold_map_tags(const TagObservations& seen, std::span<const KnownTag> known,
-                                     const KnownMap* whole, bool is_anchored) {
-  held_tags_.follow(state_, seen, known, whole, is_anchored);
-}
-
-void WorldCoordinates::hold_one(const KnownTag& tag, const KnownMap* whole, Instant at) {
-  world::hold_one(state_, tag, whole, at);
+  noise_watch_.lose_motion();  // covariance in the old axes
 }
 
 std::optional<Pose> WorldCoordinates::follow_map(const KnownMap& map, int body_id) {
-  if (!held_tags_.has_news(map)) return std::nullopt;  // most images: nothing to do
-  const auto evidence = suspects_.evidence(state_);
+  if (!held_tags_.has_changed(map)) return std::nullopt;  // most images
+  const auto statistics = calibration_monitor_.test_statistics(state_);
   const auto moved = held_tags_.take_over(state_, map, sensors_.imu.has_value());
   if (!moved) return moved;
-  suspects_.keep_evidence(state_, evidence);
-  if (suspects_.follow_map(state_, map, body_id)) noise_watch_.unlearn();
+  calibration_monitor_.restore_test_statistics(state_, statistics);
+  if (calibration_monitor_.follow_map(state_, map, body_id)) noise_watch_.unlearn();
   apply_jitter();
-  unrest_.note(*moved, state_.X_WB, state_.time);
+  holdoff_.note(*moved, state_.X_WB, state_.time);
   memory_.forget_all();
   state_.forget_clones();
-  noise_watch_.lose_motion();  // its covariance was in the old axes
+  noise_watch_.lose_motion();  // covariance in the old axes
   return moved;
 }
 
@@ -286,12 +247,13 @@ UpdateReport WorldCoordinates::correct(const TagObservations& seen, std::span<co
   const auto camera = static_cast<std::size_t>(seen.camera);
   const bool watches = watches_noise();
   const bool learns =
-      watches && !unrest_.is_on(state_.time) && teaches_of_noise(state_, seen.camera, tags);
+      watches && !holdoff_.active(state_.time) && teaches_of_noise(state_, seen.camera, tags);
   const double seconds = state_.clocks[camera].seconds_to(0);
   const Vector6d on_time = camera_at(state_, seen.camera, seconds).on_time;
-  if (!sensors_.imu) hold_sensors(state_, suspects_, tags.size());
-  if (!sensors_.imu && linearisation_) hold_sensors(*linearisation_, suspects_, tags.size());
-  corner_noise_[camera].fall_quickly(suspects_.are_cleared(state_, seen.camera));
+  if (!sensors_.imu) calibration_monitor_.hold_parameters(state_, tags.size());
+  if (!sensors_.imu && linearisation_)
+    calibration_monitor_.hold_parameters(*linearisation_, tags.size());
+  corner_noise_[camera].fall_quickly(calibration_monitor_.are_confirmed(state_, seen.camera));
   const UpdateReport report =
       corner_update_.apply(state_, seen.camera, model_of(seen.camera), tags,
                            {.gate = gate,
@@ -310,19 +272,13 @@ UpdateReport WorldCoordinates::correct(const TagObservations& seen, std::span<co
   return report;
 }
 
-/// A second image in a row that fits ends a doubt: the first one may convict a tag.
+/// Only the second consecutive fit ends a doubt: the first one may remove a tag.
 void WorldCoordinates::note_fit(bool fits) {
   if (!fits && images_without_fit_ == 0) noise_watch_.begin_doubt();
   if (fits && images_without_fit_ == 0) noise_watch_.end_doubt();
   images_without_fit_ = fits ? 0 : images_without_fit_ + 1;
 }
 
-void WorldCoordinates::convict_tag() {
-  noise_watch_.take_back_doubted();
-  apply_jitter();
-}
-
-/// Contradicted until now, by images that were taken at another time.
 void WorldCoordinates::set_clock(int camera, double shift_s, double sigma_s) {
   noise_watch_.take_back();
   apply_jitter();
@@ -331,24 +287,19 @@ void WorldCoordinates::set_clock(int camera, double shift_s, double sigma_s) {
   open_clock(camera, sigma_s);
 }
 
-void WorldCoordinates::apply_jitter() {
-  for (CameraClock& clock : state_.clocks) clock.jitter_s = noise_watch_.jitter_s();
-}
-
-StartLessons WorldCoordinates::lessons() const {
-  StartLessons out{noise_watch_.learned(), {}, suspects_.found_wrong(state_)};
+InitialisationPriors WorldCoordinates::initialisation_priors() const {
+  InitialisationPriors out{noise_watch_.learned(), {}, calibration_monitor_.found_wrong(state_)};
   for (const CornerNoise& noise : corner_noise_) out.corners_px.push_back(noise.unexplained_px());
   return out;
 }
 
-void WorldCoordinates::begin_with(const StartLessons& lessons) {
-  noise_watch_.begin_with(lessons.sensors);
-  suspects_.begin_open(state_, lessons.wrong);
-  // A lens that is learned first bends what the same corners then explain.
-  for (std::size_t k = 0; k < lessons.corners_px.size(); ++k) {
-    if (!suspects_.is_lens_open(state_, static_cast<int>(k)))
-      corner_noise_[k].begin_with(lessons.corners_px[k]);
-  }
+void WorldCoordinates::begin_with(const InitialisationPriors& priors) {
+  noise_watch_.begin_with(priors.sensors);
+  calibration_monitor_.open_found(state_, priors.wrong);
+  // While a lens is learned its errors appear as corner noise.
+  for (std::size_t k = 0; k < priors.corners_px.size(); ++k)
+    if (!calibration_monitor_.is_lens_open(state_, static_cast<int>(k)))
+      corner_noise_[k].begin_with(priors.corners_px[k]);
 }
 
 bool WorldCoordinates::watches_noise() const {
@@ -356,24 +307,19 @@ bool WorldCoordinates::watches_noise() const {
 }
 
 void WorldCoordinates::doubt(const TagObservations& seen, const UpdateReport& report) {
-  if (!state_.has_suspects() || report.nis_dof == 0) return;
-  if (unrest_.is_on(state_.time)) return suspects_.acquit(state_);
+  if (!state_.has_tested_parameters() || report.nis_dof == 0) return;
+  if (holdoff_.active(state_.time)) return calibration_monitor_.reset_tests(state_);
   nis_ += kNisShare * (report.nis / report.nis_dof - nis_);
-  if (!suspects_.look(state_, seen.camera, nis_)) return;
+  if (!calibration_monitor_.update_tests(state_, seen.camera, nis_)) return;
   noise_watch_.unlearn();
   apply_jitter();
-}
-
-void WorldCoordinates::list_mismatches(std::vector<FoundMismatch>& out) const {
-  suspects_.list(state_, out);
-  noise_watch_.list(out);
 }
 
 void WorldCoordinates::correct_by_points(const TagObservations& seen, long image,
                                          UpdateReport& report) {
   if (!window_) return;
   const CameraClock& clock = state_.clocks[static_cast<std::size_t>(seen.camera)];
-  // A clone is one moment: not for images whose rows are exposed in turn.
+  // A clone has one exposure time: not for a rolling shutter.
   if (seen.points.size() < kFewestPoints || clock.rows_apart) return;
   CloneWindow::clone(state_, seen.camera, image);
   const CameraModel& lens = lenses_[static_cast<std::size_t>(seen.camera)];
@@ -387,7 +333,7 @@ void WorldCoordinates::correct_by_points(const TagObservations& seen, long image
 void WorldCoordinates::augment(const TagObservations& seen, const TagObservation& tag,
                                const Pose& X_VT) {
   world::augment(state_, seen.camera, model_of(seen.camera), tag, X_VT, noise(seen.camera));
-  suspects_.watch_print(state_, tag.tag_id);
+  calibration_monitor_.watch_print(state_, tag.tag_id);
 }
 
 void WorldCoordinates::keep_defined(std::size_t tag, const HeadingRule& rule) {

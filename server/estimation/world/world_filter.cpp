@@ -2,14 +2,14 @@
 
 #include <algorithm>
 
-#include "estimation/conversation/admission_impl.hpp"
-#include "estimation/conversation/body_follower_impl.hpp"
-#include "estimation/conversation/filter_conversation_impl.hpp"
-#include "estimation/conversation/relocalisation_impl.hpp"
+#include "estimation/update/admission_impl.hpp"
+#include "estimation/update/body_follower_impl.hpp"
+#include "estimation/update/relocalisation_impl.hpp"
+#include "estimation/update/tag_filter_impl.hpp"
 #include "estimation/world/tag_entry.hpp"
 
 namespace fiducap {
-template class FilterConversation<world::WorldCoordinates>;
+template class TagFilter<world::WorldCoordinates>;
 }
 
 namespace fiducap::world {
@@ -25,7 +25,6 @@ WorldFilter::WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorCon
   if (!search_.is_open()) present_->end_start();
 }
 
-/// As configured or stored.
 HypothesisPlan::Prior WorldFilter::clock_prior() const {
   HypothesisPlan::Prior prior;
   for (std::size_t k = 0; k < sensors_.cameras.size(); ++k) {
@@ -37,12 +36,12 @@ HypothesisPlan::Prior WorldFilter::clock_prior() const {
 
 bool WorldFilter::are_clocks_vague() const {
   return sensors_.imu && config_.estimate_clocks &&
-         std::any_of(sensors_.cameras.begin(), sensors_.cameras.end(),
-                     [](const CameraMount& mount) { return mount.time_shift_sigma_s > 0; });
+         std::ranges::any_of(sensors_.cameras,
+                             [](const CameraMount& mount) { return mount.time_shift_sigma_s > 0; });
 }
 
 std::unique_ptr<StartingFilter> WorldFilter::make(const ClockHypothesis& clocks) const {
-  auto filter = std::make_unique<WorldConversation>(sensors_, gauge_, config_, clocks);
+  auto filter = std::make_unique<WorldTagFilter>(sensors_, gauge_, config_, clocks);
   filter->set_tag_priors(priors_);
   return filter;
 }
@@ -84,8 +83,7 @@ void WorldFilter::take_over(StartSearch::Start start, const StartingFilter::Axes
                             UpdateReport& report) {
   std::unique_ptr<StartingFilter>& better = start.filter;
   if (!better->running() || !present_->running()) return;
-  // Poses given out before this image stand in the axes of then. The same tag, or the map, defines
-  // the same axes.
+  // Earlier poses are in the previous axes: the same when defined by the same tag or the map.
   if (before.are_anchored && before == better->axes()) {
     report.gauge_shift.reset();
   } else {
@@ -96,17 +94,7 @@ void WorldFilter::take_over(StartSearch::Start start, const StartingFilter::Axes
   better->set_generation(generation_);
   better->set_restart_clocks(configured_clocks());
   present_ = std::move(better);
-  start_ = std::move(start.witness);
-}
-
-void WorldFilter::mismatches(std::vector<FoundMismatch>& out) const {
-  if (search_.is_open()) return out.clear();
-  present_->mismatches(out);
-}
-
-void WorldFilter::tag_beliefs(std::vector<TagBelief>& out) const {
-  if (search_.is_open()) return out.clear();
-  present_->tag_beliefs(out);
+  start_ = std::move(start.observer);
 }
 
 }  // namespace fiducap::world

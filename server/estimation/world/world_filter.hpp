@@ -4,21 +4,22 @@
 #include <utility>
 #include <vector>
 
-#include "estimation/conversation/filter_conversation.hpp"
+#include "estimation/start/hypothesis_plan.hpp"
 #include "estimation/start/start_search.hpp"
+#include "estimation/update/tag_filter.hpp"
 #include "estimation/world/world_coordinates.hpp"
 
 namespace fiducap::world {
 
-using WorldConversation = FilterConversation<WorldCoordinates>;
+using WorldTagFilter = TagFilter<WorldCoordinates>;
 
-/// The production filter: the measurements of RCARS II-D4, the state in workspace axes, errors on
-/// the world's side. While the cameras' clocks are vague and the filter young, its start is
-/// followed again from other hypotheses beside it, and the best of them takes its place.
+/// The production filter: measurements of RCARS II-D4, state in workspace axes, errors on the
+/// world's side. While the cameras' clocks are uncertain its start is processed again with other
+/// hypotheses, the best of which replaces it (StartSearch).
 class WorldFilter final : public BodyFilter {
  public:
   WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorConfig config);
-  WorldFilter(const WorldFilter&) = delete;  // the search makes filters by it
+  WorldFilter(const WorldFilter&) = delete;  // search_ refers to it
   WorldFilter& operator=(const WorldFilter&) = delete;
 
   void propagate(const ImuSample& imu) override;
@@ -31,13 +32,15 @@ class WorldFilter final : public BodyFilter {
   void release_tag(int tag_id) override { present_->release_tag(tag_id); }
   [[nodiscard]] bool running() const override { return present_->running(); }
   [[nodiscard]] BodyEstimate estimate() const override { return present_->estimate(); }
-  /// None while the start may be taken back: the map's knowledge may not.
-  void tag_beliefs(std::vector<TagBelief>& out) const override;
-  void own_tags(std::vector<TagBelief>& out) const override { present_->tag_beliefs(out); }
-  void witness_starts(std::unique_ptr<FilterWitness> afresh) override {
-    search_.witness(std::move(afresh));
+  /// None while the start may be replaced.
+  void tag_beliefs(std::vector<TagBelief>& out) const override {
+    search_.is_open() ? out.clear() : present_->tag_beliefs(out);
   }
-  [[nodiscard]] std::unique_ptr<FilterWitness> take_start() override { return std::move(start_); }
+  void own_tags(std::vector<TagBelief>& out) const override { present_->tag_beliefs(out); }
+  void observe_starts(std::unique_ptr<FilterObserver> prototype) override {
+    search_.observe(std::move(prototype));
+  }
+  [[nodiscard]] std::unique_ptr<FilterObserver> take_start() override { return std::move(start_); }
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override {
     return present_->extrinsics();
   }
@@ -46,11 +49,13 @@ class WorldFilter final : public BodyFilter {
     return present_->learned(camera);
   }
 
-  /// None while the start may be taken back.
-  void mismatches(std::vector<FoundMismatch>& out) const override;
+  /// None while the start may be replaced.
+  void mismatches(std::vector<FoundMismatch>& out) const override {
+    search_.is_open() ? out.clear() : present_->mismatches(out);
+  }
 
   [[nodiscard]] const FilterState& state() const {
-    return static_cast<const WorldConversation&>(*present_).state();  // make() makes no other
+    return static_cast<const WorldTagFilter&>(*present_).state();  // see make()
   }
 
  private:
@@ -68,12 +73,12 @@ class WorldFilter final : public BodyFilter {
   std::vector<KnownTag> priors_;
   StartSearch search_;
   std::unique_ptr<StartingFilter> present_;
-  std::unique_ptr<FilterWitness> start_;  ///< Of the start that has won, until it is taken.
+  std::unique_ptr<FilterObserver> start_;  ///< Record of the selected start.
   int generation_;
 };
 
 }  // namespace fiducap::world
 
 namespace fiducap {
-extern template class FilterConversation<world::WorldCoordinates>;
+extern template class TagFilter<world::WorldCoordinates>;
 }

@@ -5,10 +5,9 @@
 
 #include <Eigen/SVD>
 
-#include "detection/tag_family_list.hpp"
-#include "mapping/formats/map_doubts.hpp"
+#include "base/text.hpp"
+#include "detection/tag_family.hpp"
 #include "mapping/formats/map_exchange.hpp"
-#include "mapping/formats/text_number.hpp"
 #include "mapping/formats/yaml_place.hpp"
 
 namespace fiducap {
@@ -21,28 +20,23 @@ constexpr int kInPixels = 0;
 constexpr int kInMetres = 1;
 constexpr double kSquare = 0.01;    // farther from one, in edges: corners of something else
 constexpr double kSameSize = 0.02;  // of marker maps in pixels, which are rounded
+// Dictionaries of libapriltag's families: TAG36h11 of ArUco, DICT_APRILTAG_36h11 of OpenCV, …
+constexpr std::string_view kOfAruco = "TAG";
 constexpr std::string_view kOfOpenCv = "DICT_APRILTAG_";
+constexpr std::array<std::string_view, 4> kFamilies{"36h11", "36h10", "25h9", "16h5"};
 
-struct Dictionary {
-  const char* aruco;
-  const char* opencv;
-  const char* family;
-};
-constexpr std::array kDictionaries{
-    Dictionary{"TAG36h11", "DICT_APRILTAG_36h11", "tag36h11"},
-    Dictionary{"TAG36h10", "DICT_APRILTAG_36h10", "tag36h10"},
-    Dictionary{"TAG25h9", "DICT_APRILTAG_25h9", "tag25h9"},
-    Dictionary{"TAG16h5", "DICT_APRILTAG_16h5", "tag16h5"},
-};
+std::string joined(std::string_view prefix, std::string_view family) {
+  return std::string(prefix) + std::string(family);
+}
 
-/// A square with its corners as near as it gets to the given ones.
+/// The square whose corners are nearest to the given ones.
 struct Marker {
   int id{};
   double edge{};  ///< In the file's unit, like the pose.
   Pose X_WT;
 };
 
-/// What OpenCV wrote before version 4, `{ id:7, corners:[`, is no YAML: the blank is put in.
+/// OpenCV before version 4 wrote `{ id:7, corners:[`, which is not YAML: inserts the blank.
 std::string with_blanks(const std::string& text) {
   std::string out;
   out.reserve(text.size() + text.size() / 16);
@@ -80,7 +74,7 @@ Eigen::Vector3d corner_of_square(std::size_t i, double edge) {
   return {i == 1 || i == 2 ? half : -half, i < 2 ? half : -half, 0};
 }
 
-/// Best in the sense of least squares, for a given centre and edge.
+/// Least squares.
 Marker fitted(const MarkerCorners& corners, const YamlPlace& place) {
   Marker marker;
   marker.X_WT.p = 0.25 * (corners[0] + corners[1] + corners[2] + corners[3]);
@@ -102,7 +96,7 @@ Marker fitted(const MarkerCorners& corners, const YamlPlace& place) {
         worst, (marker.X_WT * corner_of_square(i, marker.edge) - corners[i]).norm() / marker.edge);
   }
   if (!(worst <= kSquare)) {
-    place.refuse("a corner is " + to_text(100 * worst) +
+    place.refuse("a corner is " + shortest(100 * worst) +
                  " % of the edge away from a square: must be at most 1");
   }
   return marker;
@@ -135,31 +129,30 @@ double scale_of(const YamlPlace& unit, const std::vector<std::pair<Marker, YamlP
   if (type != kInPixels)
     unit.refuse("is " + std::to_string(type) + ": must be 1 (metres) or 0 (pixels)");
   if (!options.edge_m) {
-    unit.refuse(
-        "is 0: the corners are in pixels, which says nothing of their size; add "
-        "--tag-size METRES");
+    unit.refuse("is 0: the corners are in pixels, so their size is unknown; add --tag-size METRES");
   }
   if (markers.empty()) return 1;
   const Marker& first = markers.front().first;
   for (const auto& [marker, place] : markers) {
     if (std::abs(marker.edge - first.edge) <= kSameSize * first.edge) continue;
-    place.refuse("marker " + std::to_string(marker.id) + " is " + to_text(marker.edge) +
-                 " pixels large, marker " + std::to_string(first.id) + " " + to_text(first.edge) +
+    place.refuse("marker " + std::to_string(marker.id) + " is " + shortest(marker.edge) +
+                 " pixels large, marker " + std::to_string(first.id) + " " + shortest(first.edge) +
                  ": one --tag-size cannot be right for both");
   }
-  remarks.push_back("the file is in pixels: " + to_text(first.edge) + " of them are taken as " +
-                    to_text(*options.edge_m) + " m");
+  remarks.push_back("the file is in pixels: " + shortest(first.edge) + " of them are taken as " +
+                    shortest(*options.edge_m) + " m");
   return *options.edge_m / first.edge;
 }
 
-/// Family of the dictionary, empty when it is not known. Remarks what it is then.
+/// Family of the dictionary; unknown: empty, with a remark.
 std::string family_of(const std::string& dictionary, std::vector<std::string>& remarks) {
-  for (const Dictionary& one : kDictionaries)
-    if (dictionary == one.aruco || dictionary == one.opencv) return one.family;
+  for (const std::string_view one : kFamilies)
+    if (dictionary == joined(kOfAruco, one) || dictionary == joined(kOfOpenCv, one))
+      return joined("tag", one);
   if (const TagFamilyFacts* listed = find_tag_family(dictionary)) return std::string(listed->name);
   if (!dictionary.empty()) {
     remarks.push_back("the dictionary " + dictionary +
-                      " is no family that is read here: tags of these ids must hang there instead");
+                      " is of no supported family: hang up tags with these ids instead");
   }
   return {};
 }
@@ -190,8 +183,8 @@ ImportedMap read_aruco(const YamlPlace& top, const MapImportOptions& options) {
 }
 
 std::string aruco_name(const std::string& family) {
-  for (const Dictionary& one : kDictionaries)
-    if (family == one.family) return one.aruco;
+  for (const std::string_view one : kFamilies)
+    if (family == joined("tag", one)) return joined(kOfAruco, one);
   const TagFamilyFacts* listed = find_tag_family(family);
   return listed != nullptr && listed->dictionary >= 0 ? family : std::string();
 }

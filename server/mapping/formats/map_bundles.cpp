@@ -1,11 +1,9 @@
 // apriltag_ros bundles. Tag axes x right, y up, z out, the pose takes them into the bundle's axes;
 // sizes are edges of the black square: so are ours. ROS asserts that a size is no whole number.
-#include <algorithm>
 #include <map>
 
-#include "mapping/formats/map_doubts.hpp"
+#include "base/text.hpp"
 #include "mapping/formats/map_exchange.hpp"
-#include "mapping/formats/text_number.hpp"
 #include "mapping/formats/yaml_place.hpp"
 
 namespace fiducap {
@@ -48,8 +46,8 @@ void add_bundle(const YamlPlace& bundle, std::map<int, double>& standalone, Fore
     const auto alone = standalone.find(tag.tag_id);
     if (alone == standalone.end()) continue;
     if (alone->second != tag.edge_m) {
-      place.at("size").refuse("is " + to_text(tag.edge_m) +
-                              ", but the standalone tag of this id has " + to_text(alone->second));
+      place.at("size").refuse("is " + shortest(tag.edge_m) +
+                              ", but the standalone tag of this id has " + shortest(alone->second));
     }
     standalone.erase(alone);
   }
@@ -57,24 +55,17 @@ void add_bundle(const YamlPlace& bundle, std::map<int, double>& standalone, Fore
 
 ImportedMap read_bundles(const YamlPlace& top) {
   std::vector<std::string> remarks;
-  std::string family;
-  std::string not_read;
-  for (const auto& [key, place] : top.members()) {
-    if (key == "tag_family")
-      family = place.text();
-    else if (key != "tag_bundles" && key != "standalone_tags")
-      not_read += (not_read.empty() ? "" : ", ") + key;
-  }
-  if (!not_read.empty()) remarks.push_back("not read: " + not_read);
+  const std::string family = top.has("tag_family") ? top.at("tag_family").text() : std::string();
+  top.remark_others({"tag_family", "tag_bundles", "standalone_tags"}, remarks);
   auto standalone = standalone_tags(top);
   ForeignTags tags;
   if (top.has("tag_bundles") && !top.at("tag_bundles").is_empty()) {
     const auto bundles = top.at("tag_bundles").entries();
     if (bundles.size() > 1) {
-      bundles[1].refuse(
-          "bundle " + name_of_bundle(bundles[1]) +
-          " has an origin of its own, and the file does not say where it is in bundle " +
-          name_of_bundle(bundles[0]) + "; keep one bundle in the file");
+      bundles[1].refuse("bundle " + name_of_bundle(bundles[1]) +
+                        " has an origin of its own, whose place in bundle " +
+                        name_of_bundle(bundles[0]) +
+                        " is not in the file; keep one bundle in the file");
     }
     for (const YamlPlace& bundle : bundles) add_bundle(bundle, standalone, tags);
   }
@@ -106,11 +97,10 @@ ExportedMap map_to_bundle_yaml(const TagMap& map) {
   text += tags.empty() ? "    layout: []\n" : "    layout:\n";
   for (const MapTag* entry : tags) {
     const auto& [q, p] = entry->tag.X_WT;
-    text += "      - {id: " + std::to_string(entry->tag.tag_id) +
-            ", size: " + to_point_text(entry->tag.edge_m) + ", x: " + to_point_text(p.x()) +
-            ", y: " + to_point_text(p.y()) + ", z: " + to_point_text(p.z()) +
-            ", qw: " + to_point_text(q.w()) + ", qx: " + to_point_text(q.x()) +
-            ", qy: " + to_point_text(q.y()) + ", qz: " + to_point_text(q.z()) + "}\n";
+    text += "      - {id: " + std::to_string(entry->tag.tag_id) + ", " +
+            yaml_fields({"size", "x", "y", "z", "qw", "qx", "qy", "qz"},
+                        {entry->tag.edge_m, p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()}) +
+            "}\n";
   }
   return exported;
 }

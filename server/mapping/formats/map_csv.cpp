@@ -1,10 +1,11 @@
+// The CSV format of the recordings.
 #include <array>
 #include <string_view>
 #include <vector>
 
-#include "mapping/formats/imported_tags.hpp"
-#include "mapping/formats/map_yaml.hpp"
-#include "mapping/formats/text_number.hpp"
+#include "base/text.hpp"
+#include "mapping/formats/map_exchange.hpp"
+#include "mapping/formats/map_format.hpp"
 
 namespace fiducap {
 
@@ -21,7 +22,7 @@ std::string_view trimmed(std::string_view text) {
   return text;
 }
 
-/// Cuts off and returns what stands before the next `end`.
+/// Cuts off and returns the text before the next `end`.
 std::string_view take_until(std::string_view& rest, char end) {
   const auto at = rest.find(end);
   const auto taken = rest.substr(0, at);
@@ -35,7 +36,7 @@ tl::unexpected<Error> broken(std::size_t column, std::string_view field, const c
               std::string(kColumns[column]) + " = '" + std::string(field) + "': " + rule, context);
 }
 
-Expected<MapTag> tag_from(std::string_view line, const std::string& context) {
+Expected<MapTag> csv_tag(std::string_view line, const std::string& context) {
   std::array<std::string_view, 9> fields;
   for (std::size_t i = 0; i < fields.size(); ++i) {
     if (line.empty()) {
@@ -73,7 +74,7 @@ std::string map_to_csv(const TagMap& map) {
     const auto& [q, p] = entry.tag.X_WT;
     text += std::to_string(entry.tag.tag_id);
     for (const double v : {entry.tag.edge_m, p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()}) {
-      text += ',' + to_text(v);
+      text += ',' + shortest(v);
     }
     text += '\n';
   }
@@ -92,7 +93,7 @@ Expected<TagMap> map_from_csv(const std::string& text, const std::string& contex
     const auto line = trimmed(take_until(rest, '\n'));
     if (line.empty() || line.front() == '#') continue;
     const std::string place = context + ":" + std::to_string(line_number);
-    auto entry = tag_from(line, place);
+    auto entry = csv_tag(line, place);
     if (!entry) return tl::unexpected<Error>(entry.error());
     if (auto added = imported.add(std::move(*entry), place); !added)
       return tl::unexpected<Error>(added.error());

@@ -1,13 +1,57 @@
 #include "mapping/formats/map_exchange.hpp"
 
 #include <algorithm>
+#include <utility>
 
-#include "mapping/formats/map_doubts.hpp"
-#include "mapping/formats/text_number.hpp"
+#include "base/text.hpp"
 
 namespace fiducap {
 
 namespace {
+
+// The quaternions of our own writer stay bit for bit as they are.
+constexpr double kUnitToRounding = 1e-14;
+
+constexpr double kLargestEdge_m = 10;
+constexpr double kSmallestEdge_m = 1e-3;
+constexpr double kFarthest_m = 1e6;
+constexpr double kFarFromOrigin_m = 1e3;  // more than a hall; metres or millimetres?
+constexpr double kBelowFloor_m = -0.05;
+constexpr double kNearFloor_m = 0.3;
+constexpr double kClearly = 0.7;  // cosine of 45 degrees
+constexpr std::size_t kMostNamed = 10;
+
+/// Numbers of tags on walls and near the floor, and of those that are upside down.
+struct Orientations {
+  std::size_t on_walls{0};
+  std::size_t on_head{0};
+  std::size_t on_floor{0};
+  std::size_t into_floor{0};
+};
+
+Orientations orientations_in(const TagMap& map) {
+  Orientations out;
+  for (const MapTag& entry : map.tags) {
+    const Eigen::Matrix3d R_WT = entry.tag.X_WT.rotation();
+    if (std::abs(R_WT(2, 2)) < 1 - kClearly) {
+      ++out.on_walls;
+      out.on_head += R_WT(2, 1) < -kClearly ? 1 : 0;
+    } else if (std::abs(R_WT(2, 2)) > kClearly && entry.tag.X_WT.p.z() < kNearFloor_m) {
+      ++out.on_floor;
+      out.into_floor += R_WT(2, 2) < 0 ? 1 : 0;
+    }
+  }
+  return out;
+}
+
+template <typename Measure>
+const MapTag& most_of(const TagMap& map, Measure measure) {
+  return *std::max_element(map.tags.begin(), map.tags.end(), [&](const MapTag& a, const MapTag& b) {
+    return measure(a) < measure(b);
+  });
+}
+
+std::string all_of(std::size_t count) { return "all " + std::to_string(count) + " tags "; }
 
 bool is_identity(const Pose& pose) {
   return pose.p.isZero(0) && pose.q.coeffs() == Eigen::Quaterniond::Identity().coeffs();
@@ -17,51 +61,157 @@ std::string edges_text(const std::vector<const MapTag*>& tags) {
   const auto [least, most] = std::minmax_element(
       tags.begin(), tags.end(),
       [](const MapTag* a, const MapTag* b) { return a->tag.edge_m < b->tag.edge_m; });
-  const std::string smallest = to_text((*least)->tag.edge_m);
-  const std::string largest = to_text((*most)->tag.edge_m);
+  const std::string smallest = shortest((*least)->tag.edge_m);
+  const std::string largest = shortest((*most)->tag.edge_m);
   if (smallest == largest)
     return "sizes are not part of this format: all tags are " + largest + " m";
-  return "sizes are not part of this format, which knows one for all; these tags are " + smallest +
+  return "sizes are not part of this format, which has one for all; these tags are " + smallest +
          " to " + largest + " m";
 }
 
 }  // namespace
 
-Expected<void> settle_family(ImportedMap& imported, const MapImportOptions& options,
-                             const std::string& context) {
+std::string to_point_text(double value) {
+  std::string text = shortest(value);
+  if (text.find('.') != std::string::npos) return text;
+  const auto exponent = text.find('e');
+  return text.insert(exponent == std::string::npos ? text.size() : exponent, ".0");
+}
+
+std::string yaml_fields(std::initializer_list<const char*> names,
+                        std::initializer_list<double> values, const std::string& between) {
+  std::string text;
+  const auto* name = names.begin();
+  for (const double value : values)
+    text += (text.empty() ? "" : between) + *name++ + ": " + to_point_text(value);
+  return text;
+}
+
+Expected<void> check_length(const std::string& text, const std::string& context) {
+  if (text.size() <= kLongestMapText) return {};
+  return fail(ErrorCode::kInvalid,
+              "has " + std::to_string(text.size()) + " bytes, a map has at most 64 MiB", context);
+}
+
+void restore_unit(Pose& pose) {
+  if (std::abs(pose.q.norm() - 1.0) > kUnitToRounding) pose.q.normalize();
+}
+
+Expected<void> ImportedTags::add(MapTag entry, const std::string& context) {
+  if (const auto fault = fault_in(entry)) return fail(ErrorCode::kInvalid, *fault, context);
+  restore_unit(entry.tag.X_WT);
+  const int id = entry.tag.tag_id;
+  const auto [first, is_new] = tags_.try_emplace(id, Placed{std::move(entry), context});
+  if (is_new) return {};
+  const std::string& place = first->second.context;
+  return fail(ErrorCode::kInvalid,
+              "tag id " + std::to_string(id) + " is there twice" +
+                  (place.empty() ? "" : ", first at " + place),
+              context);
+}
+
+std::vector<MapTag> ImportedTags::take() {
+  std::vector<MapTag> sorted;
+  sorted.reserve(tags_.size());
+  for (auto& [id, placed] : tags_) sorted.push_back(std::move(placed.entry));
+  tags_.clear();
+  return sorted;
+}
+
+Expected<ImportedMap> with_family(ImportedMap imported, const MapImportOptions& options,
+                                  const std::string& context) {
   std::string& family = imported.map.family;
   if (!family.empty() && !options.family.empty() && family != options.family) {
     return fail(ErrorCode::kInvalid,
                 "holds tags of the family " + family + ", not " + options.family, context);
   }
-  if (!family.empty()) return {};
-  family = options.family;
-  if (!family.empty()) return {};
+  if (family.empty()) family = options.family;
+  if (!family.empty()) return imported;
   family = TagMap{}.family;
   imported.remarks.push_back("the file does not name the family of its tags: " + family +
                              " is assumed");
-  return {};
+  return imported;
+}
+
+Expected<ImportedMap> checked_import(ImportedMap imported, const MapImportOptions& options,
+                                     const std::string& context) {
+  auto checked = with_family(std::move(imported), options, context);
+  if (!checked) return checked;
+  for (std::string& remark : plausibility_remarks(checked->map))
+    checked->remarks.push_back(std::move(remark));
+  return checked;
+}
+
+std::optional<std::string> unit_fault_of_edge(double edge_m) {
+  const std::string is = "edge is " + shortest(edge_m) + " m: must be at ";
+  if (edge_m > kLargestEdge_m) return is + "most 10; sizes are in metres, 160 mm is 0.16";
+  if (edge_m > 0 && edge_m < kSmallestEdge_m) return is + "least 0.001; sizes are in metres";
+  return std::nullopt;
+}
+
+std::optional<std::string> unit_fault_of_place(const Eigen::Vector3d& p_WT) {
+  if (p_WT.lpNorm<Eigen::Infinity>() <= kFarthest_m) return std::nullopt;
+  return "position must be finite and within 1000 km of the origin";
+}
+
+std::vector<std::string> plausibility_remarks(const TagMap& map) {
+  std::vector<std::string> remarks;
+  if (map.tags.empty()) return remarks;
+  const auto height = [](const MapTag& entry) { return entry.tag.X_WT.p.z(); };
+  const auto distance = [](const MapTag& entry) { return entry.tag.X_WT.p.norm(); };
+  const MapTag& highest = most_of(map, height);
+  if (map.tags.size() > 1 && height(highest) < kBelowFloor_m) {
+    remarks.push_back(all_of(map.tags.size()) + "are below z = 0, the highest at " +
+                      fixed(height(highest), 2) + " m: is z up in this file?");
+  }
+  const MapTag& farthest = most_of(map, distance);
+  if (distance(farthest) > kFarFromOrigin_m) {
+    remarks.push_back("tag " + std::to_string(farthest.tag.tag_id) + " is " +
+                      fixed(distance(farthest), 0) +
+                      " m from the origin: are the positions in metres?");
+  }
+  const Orientations tags = orientations_in(map);
+  if (tags.on_walls > 1 && tags.on_head == tags.on_walls) {
+    remarks.push_back(all_of(tags.on_walls) +
+                      "on walls are upside down: does this file count y down and z into the tag, "
+                      "as libapriltag does?");
+  }
+  if (tags.on_floor > 1 && tags.into_floor == tags.on_floor) {
+    remarks.push_back(all_of(tags.on_floor) +
+                      "that lie flat near z = 0 face down: does this file count z into the tag, or "
+                      "z down?");
+  }
+  return remarks;
+}
+
+std::string tags_text(const std::vector<int>& ids) {
+  std::string text = ids.size() == 1 ? "tag " : "tags ";
+  const std::size_t named = std::min(ids.size(), kMostNamed);
+  for (std::size_t i = 0; i < named; ++i) {
+    const bool is_last = i + 1 == ids.size();
+    text += (i == 0 ? "" : is_last ? " and " : ", ") + std::to_string(ids[i]);
+  }
+  if (ids.size() > named) text += " and " + std::to_string(ids.size() - named) + " more";
+  return text;
 }
 
 std::vector<const MapTag*> tags_to_export(const TagMap& map, Keeps keeps,
                                           std::vector<std::string>& remarks) {
   std::vector<const MapTag*> tags;
   std::vector<int> left_out;
-  bool has_sigmas = false;
   for (const MapTag& entry : map.tags) {
-    if (!is_trusted(entry)) {
+    if (entry.is_usable())
+      tags.push_back(&entry);
+    else
       left_out.push_back(entry.tag.tag_id);
-      continue;
-    }
-    tags.push_back(&entry);
-    has_sigmas = has_sigmas || !entry.tag.covariance.isZero(0);
   }
   if (!left_out.empty()) {
     remarks.push_back(tags_text(left_out) +
-                      " left out: quarantined, or not joined to the workspace");
+                      " left out: quarantined, or not connected to the workspace");
   }
   if (!keeps.sizes && !tags.empty()) remarks.push_back(edges_text(tags));
-  if (has_sigmas) {
+  if (!std::all_of(tags.begin(), tags.end(),
+                   [](const MapTag* entry) { return entry->tag.is_exact(); })) {
     remarks.push_back(keeps.sigmas ? "of the covariances only the sigma along each axis is written"
                                    : "covariances are not part of this format");
   }

@@ -5,25 +5,12 @@
 #include <filesystem>
 #include <utility>
 
-#include "mapping/formats/map_doubts.hpp"
+#include "base/text.hpp"
 #include "mapping/formats/map_exchange.hpp"
-#include "mapping/formats/map_yaml.hpp"
-#include "mapping/formats/text_number.hpp"
 
 namespace fiducap {
 
 namespace {
-
-struct FormatEntry {
-  MapFormat format;
-  std::string_view name;
-};
-constexpr std::array kMapFormats{
-    FormatEntry{MapFormat::kFiducap, "fiducap"}, FormatEntry{MapFormat::kCsv, "csv"},
-    FormatEntry{MapFormat::kTagslam, "tagslam"}, FormatEntry{MapFormat::kBundles, "apriltag_ros"},
-    FormatEntry{MapFormat::kRcars, "rcars"},     FormatEntry{MapFormat::kAruco, "aruco"},
-    FormatEntry{MapFormat::kWpilib, "wpilib"},
-};
 
 /// Keys that only one kind of YAML has at its top.
 struct TopKey {
@@ -42,7 +29,7 @@ std::string_view without_blanks(std::string_view text) {
   return text;
 }
 
-/// The first key at the beginning of a line that says what the text is.
+/// The first key at the beginning of a line that only one format has.
 std::optional<MapFormat> format_by_keys(std::string_view text) {
   while (!text.empty()) {
     const std::string_view line = text.substr(0, text.find('\n'));
@@ -68,70 +55,82 @@ std::string end_of(const std::string& file) {
   return std::filesystem::path(file).extension().string();
 }
 
-Expected<ImportedMap> surveyed(Expected<TagMap> map, const MapImportOptions& options,
-                               const std::string& context) {
+// --- one signature for all formats ---
+
+using Read = Expected<ImportedMap>(const std::string&, const MapImportOptions&, const std::string&);
+using Write = ExportedMap(const TagMap&, std::optional<FieldSize>);
+
+Expected<ImportedMap> read_own_map(const std::string& text, const MapImportOptions& options,
+                                   const std::string& context) {
+  auto map = map_from_yaml(text, context);
   if (!map) return tl::unexpected<Error>(map.error());
-  ImportedMap imported{std::move(*map), {}};
-  imported.map.family.clear();  // neither CSV nor WPILib says it
-  if (auto fits = settle_family(imported, options, context); !fits)
-    return tl::unexpected<Error>(fits.error());
-  for (std::string& doubt : doubts_about(imported.map))
-    imported.remarks.push_back(std::move(doubt));
-  return imported;
+  return with_family({std::move(*map), {}}, options, context);
 }
 
-Expected<ImportedMap> wpilib(const std::string& text, const MapImportOptions& options,
-                             const std::string& context) {
+/// Neither CSV nor WPILib names a family.
+Expected<ImportedMap> without_family(Expected<TagMap> map, const MapImportOptions& options,
+                                     const std::string& context) {
+  if (!map) return tl::unexpected<Error>(map.error());
+  map->family.clear();
+  return checked_import({std::move(*map), {}}, options, context);
+}
+
+Expected<ImportedMap> read_csv(const std::string& text, const MapImportOptions& options,
+                               const std::string& context) {
+  return without_family(map_from_csv(text, context), options, context);
+}
+
+Expected<ImportedMap> read_wpilib(const std::string& text, const MapImportOptions& options,
+                                  const std::string& context) {
   if (!options.edge_m) {
     return fail(ErrorCode::kInvalid,
-                "WPILib files do not say how large the tags are; add --tag-size METRES", context);
+                "WPILib files do not contain the size of the tags; add --tag-size METRES", context);
   }
-  auto imported = surveyed(map_from_wpilib_json(text, *options.edge_m, context), options, context);
+  auto imported =
+      without_family(map_from_wpilib_json(text, *options.edge_m, context), options, context);
   if (imported) {
-    imported->remarks.push_back("the file has no sizes: all tags are " + to_text(*options.edge_m) +
+    imported->remarks.push_back("the file has no sizes: all tags are " + shortest(*options.edge_m) +
                                 " m; length and width of the field are not kept");
   }
   return imported;
 }
 
-bool takes_edge(MapFormat format) {
-  return format == MapFormat::kRcars || format == MapFormat::kAruco || format == MapFormat::kWpilib;
+template <ExportedMap (*write)(const TagMap&)>
+ExportedMap write_as(const TagMap& map, std::optional<FieldSize> /*field*/) {
+  return write(map);
 }
 
-Expected<ImportedMap> read_as(MapFormat format, const std::string& text,
-                              const MapImportOptions& options, const std::string& context) {
-  switch (format) {
-    case MapFormat::kFiducap: {
-      auto map = map_from_yaml(text, context);
-      if (!map) return tl::unexpected<Error>(map.error());
-      ImportedMap imported{std::move(*map), {}};
-      if (auto fits = settle_family(imported, options, context); !fits)
-        return tl::unexpected<Error>(fits.error());
-      return imported;
-    }
-    case MapFormat::kCsv:
-      return surveyed(map_from_csv(text, context), options, context);
-    case MapFormat::kTagslam:
-      return map_from_tagslam_yaml(text, options, context);
-    case MapFormat::kBundles:
-      return map_from_bundle_yaml(text, options, context);
-    case MapFormat::kRcars:
-      return map_from_rcars_yaml(text, options, context);
-    case MapFormat::kAruco:
-      return map_from_aruco_yaml(text, options, context);
-    case MapFormat::kWpilib:
-      return wpilib(text, options, context);
-  }
-  return fail(ErrorCode::kUnsupported, "unknown format", context);
+template <std::string (*write)(const TagMap&)>
+ExportedMap write_whole(const TagMap& map, std::optional<FieldSize> /*field*/) {
+  return {write(map), {}};
+}
+
+struct FormatEntry {
+  MapFormat format;
+  std::string_view name;
+  bool takes_edge;  ///< The file has no sizes, or none in metres.
+  Read* read;
+  Write* write;
+};
+constexpr std::array<FormatEntry, 7> kMapFormats{{
+    {MapFormat::kFiducap, "fiducap", false, read_own_map, write_whole<map_to_yaml>},
+    {MapFormat::kCsv, "csv", false, read_csv, write_whole<map_to_csv>},
+    {MapFormat::kTagslam, "tagslam", false, map_from_tagslam_yaml, write_as<map_to_tagslam_yaml>},
+    {MapFormat::kBundles, "apriltag_ros", false, map_from_bundle_yaml,
+     write_as<map_to_bundle_yaml>},
+    {MapFormat::kRcars, "rcars", true, map_from_rcars_yaml, write_as<map_to_rcars_yaml>},
+    {MapFormat::kAruco, "aruco", true, map_from_aruco_yaml, write_as<map_to_aruco_yaml>},
+    {MapFormat::kWpilib, "wpilib", true, read_wpilib, map_to_wpilib_json},
+}};
+
+/// In the order of MapFormat.
+const FormatEntry& entry_of(MapFormat format) {
+  return kMapFormats[static_cast<std::size_t>(format)];
 }
 
 }  // namespace
 
-std::string_view name_of(MapFormat format) {
-  for (const FormatEntry& entry : kMapFormats)
-    if (entry.format == format) return entry.name;
-  return "fiducap";
-}
+std::string_view name_of(MapFormat format) { return entry_of(format).name; }
 
 std::optional<MapFormat> map_format_from(std::string_view name) {
   for (const FormatEntry& entry : kMapFormats)
@@ -152,7 +151,7 @@ Expected<MapFormat> map_format_of(const std::string& file, std::string_view text
   if (end == ".csv") return MapFormat::kCsv;
   if (end == ".json") return MapFormat::kWpilib;
   return fail(ErrorCode::kUnsupported,
-              "is none of the maps known by what stands in them; say which with --format: " +
+              "is a map of no known format, by its content; name the format with --format: " +
                   map_format_names(),
               file);
 }
@@ -164,7 +163,7 @@ Expected<MapFormat> map_format_of(const std::string& file) {
   if (end == ".json") return MapFormat::kWpilib;
   return fail(ErrorCode::kUnsupported,
               "maps are written as .yaml or .csv (ours) or .json (WPILib), not '" + end +
-                  "'; or say which with --format: " + map_format_names(),
+                  "'; or name the format with --format: " + map_format_names(),
               file);
 }
 
@@ -174,30 +173,14 @@ Expected<ImportedMap> read_map(MapFormat format, const std::string& text,
     if (const auto fault = unit_fault_of_edge(*options.edge_m))
       return fail(ErrorCode::kInvalid, "the given size: " + *fault, context);
   }
-  auto imported = read_as(format, text, options, context);
-  if (imported && options.edge_m && !takes_edge(format))
-    imported->remarks.push_back("--tag-size is not used: the file says how large its tags are");
+  auto imported = entry_of(format).read(text, options, context);
+  if (imported && options.edge_m && !entry_of(format).takes_edge)
+    imported->remarks.push_back("--tag-size is not used: the file contains the size of its tags");
   return imported;
 }
 
 ExportedMap write_map(MapFormat format, const TagMap& map, std::optional<FieldSize> field) {
-  switch (format) {
-    case MapFormat::kFiducap:
-      return {map_to_yaml(map), {}};
-    case MapFormat::kCsv:
-      return {map_to_csv(map), {}};
-    case MapFormat::kTagslam:
-      return map_to_tagslam_yaml(map);
-    case MapFormat::kBundles:
-      return map_to_bundle_yaml(map);
-    case MapFormat::kRcars:
-      return map_to_rcars_yaml(map);
-    case MapFormat::kAruco:
-      return map_to_aruco_yaml(map);
-    case MapFormat::kWpilib:
-      return map_to_wpilib_json(map, field);
-  }
-  return {};
+  return entry_of(format).write(map, field);
 }
 
 }  // namespace fiducap

@@ -6,9 +6,8 @@
 #include <unordered_map>
 #include <utility>
 
-#include "mapping/formats/map_doubts.hpp"
+#include "base/text.hpp"
 #include "mapping/formats/map_exchange.hpp"
-#include "mapping/formats/text_number.hpp"
 #include "mapping/formats/yaml_place.hpp"
 
 namespace fiducap {
@@ -16,7 +15,7 @@ namespace fiducap {
 namespace {
 
 constexpr int kHighestRcarsId = 255;  // its messages have one byte for an id
-constexpr double kUnitTolerance_rcars = 1e-3;
+constexpr double kUnitLength_rcars = 1e-3;
 
 Pose rcars_pose(const YamlPlace& place) {
   place.only({"position", "orientation"});
@@ -27,7 +26,7 @@ Pose rcars_pose(const YamlPlace& place) {
           place.at("position").xyz()};
 }
 
-/// Id by name, `tag7`: in the order of the list.
+/// In the order of the list.
 std::vector<std::pair<int, YamlPlace>> calibrated_ids(const YamlPlace& top) {
   std::vector<std::pair<int, YamlPlace>> ids;
   std::unordered_map<int, std::string> places;
@@ -56,8 +55,8 @@ void align(const YamlPlace& top, ImportedMap& imported) {
   if (!top.has("T_workspace_refTag")) return;
   const YamlPlace place = top.at("T_workspace_refTag");
   Pose X_RT = rcars_pose(place);
-  if (std::abs(X_RT.q.norm() - 1) > kUnitTolerance_rcars)
-    place.refuse("quaternion has length " + to_text(X_RT.q.norm()) + ": must be 1");
+  if (std::abs(X_RT.q.norm() - 1) > kUnitLength_rcars)
+    place.refuse("quaternion has length " + shortest(X_RT.q.norm()) + ": must be 1");
   if (const auto fault = unit_fault_of_place(X_RT.p)) place.refuse(*fault);
   restore_unit(X_RT);
   imported.map.X_RW = X_RT * tag->tag.X_WT.inverse();
@@ -86,7 +85,8 @@ ImportedMap read_rcars(const YamlPlace& top, double edge_m) {
     tags.add(tag, place);
     by_name.erase(found);
   }
-  std::vector<std::string> remarks{"the file has no sizes: all tags are " + to_text(edge_m) + " m"};
+  std::vector<std::string> remarks{"the file has no sizes: all tags are " + shortest(edge_m) +
+                                   " m"};
   if (!by_name.empty()) {
     remarks.push_back(
         std::to_string(by_name.size()) +
@@ -103,11 +103,9 @@ ImportedMap read_rcars(const YamlPlace& top, double edge_m) {
 std::string rcars_lines(const Pose& pose, const std::string& indent) {
   const auto& [q, p] = pose;
   const std::string line = "\n" + indent + "  ";
-  return indent + "position:" + line + "x: " + to_point_text(p.x()) + line +
-         "y: " + to_point_text(p.y()) + line + "z: " + to_point_text(p.z()) + "\n" + indent +
-         "orientation:" + line + "w: " + to_point_text(q.w()) + line +
-         "x: " + to_point_text(q.x()) + line + "y: " + to_point_text(q.y()) + line +
-         "z: " + to_point_text(q.z()) + "\n";
+  return indent + "position:" + line + yaml_fields({"x", "y", "z"}, {p.x(), p.y(), p.z()}, line) +
+         "\n" + indent + "orientation:" + line +
+         yaml_fields({"w", "x", "y", "z"}, {q.w(), q.x(), q.y(), q.z()}, line) + "\n";
 }
 
 }  // namespace
@@ -116,7 +114,7 @@ Expected<ImportedMap> map_from_rcars_yaml(const std::string& text, const MapImpo
                                           const std::string& context) {
   if (!options.edge_m) {
     return fail(ErrorCode::kInvalid,
-                "RCARS workspaces do not say how large the tags are; add --tag-size METRES",
+                "RCARS workspaces do not contain the size of the tags; add --tag-size METRES",
                 context);
   }
   return read_foreign_yaml(text, options, context,
@@ -127,7 +125,7 @@ ExportedMap map_to_rcars_yaml(const TagMap& map) {
   ExportedMap exported;
   std::string& text = exported.text;
   const MapTag* reference = map.reference_tag ? map.find(*map.reference_tag) : nullptr;
-  if (reference != nullptr && !is_trusted(*reference)) reference = nullptr;
+  if (reference != nullptr && !reference->is_usable()) reference = nullptr;
   const auto tags =
       tags_to_export(map, {.sizes = false, .alignment = reference != nullptr}, exported.remarks);
   text = "# Tags of the family " + map.family + ".\ncalibratedTags: [";

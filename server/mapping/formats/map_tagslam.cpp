@@ -1,6 +1,6 @@
 // TagSLAM's tagslam.yaml and poses.yaml. X_world_tag = pose of the body × pose of the tag on it;
-// rotations are axis × angle in radians. Noises are 1-sigma of a turn and shift in the posed
-// thing's own axes (GTSAM perturbs on the right).
+// rotations are axis × angle in radians. Noises are 1-sigma of rotation and shift in the axes of
+// the posed object (GTSAM perturbs on the right).
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -8,10 +8,9 @@
 #include <numbers>
 #include <optional>
 
-#include "base/so3.hpp"
-#include "mapping/formats/map_doubts.hpp"
+#include "base/pose.hpp"
+#include "base/text.hpp"
 #include "mapping/formats/map_exchange.hpp"
-#include "mapping/formats/text_number.hpp"
 #include "mapping/formats/yaml_place.hpp"
 
 namespace fiducap {
@@ -22,9 +21,9 @@ using Eigen::Vector3d;
 
 constexpr int kMostTagsOfABoard = 100'000;
 constexpr double kLargestNoise = 1e6;
-constexpr double kSmallestNoise = 1e-6;  // GTSAM wants one that is not zero
+constexpr double kSmallestNoise = 1e-6;  // GTSAM needs one that is not zero
 
-/// What TagSLAM calls a family: the side of its code.
+/// TagSLAM names a family by the side of its code.
 struct Bits {
   int bits;
   const char* family;
@@ -37,7 +36,7 @@ struct SurePose {
   Matrix6d covariance{Matrix6d::Zero()};
 };
 
-/// What reading the bodies one by one adds up.
+/// Collected from all bodies.
 struct TagslamReading {
   ForeignTags tags{};
   std::string family{};
@@ -66,7 +65,7 @@ SurePose tagslam_pose(const YamlPlace& place, TagslamReading& reading) {
   const Vector3d rotation = place.at("rotation").xyz();
   if (rotation.norm() > 2 * std::numbers::pi) {
     place.at("rotation")
-        .refuse("is " + to_text(rotation.norm()) +
+        .refuse("is " + shortest(rotation.norm()) +
                 " long: must be axis x angle in radians, at most 2 pi; are these "
                 "degrees?");
   }
@@ -78,7 +77,7 @@ SurePose tagslam_pose(const YamlPlace& place, TagslamReading& reading) {
   return pose;
 }
 
-/// A turn of the body by δ shifts what stands at p on it by δ × p.
+/// A rotation of the body by δ shifts its point p by δ × p.
 SurePose operator*(const SurePose& X_WB, const SurePose& X_BT) {
   const Eigen::Matrix3d R = X_WB.X.rotation();
   Matrix6d lever = Matrix6d::Identity();
@@ -112,7 +111,7 @@ void add_on_body(int id, double edge_m, const SurePose& X_WB, const SurePose& X_
   reading.tags.add(tag, place);
 }
 
-/// @param X_WB  nullopt: nobody knows
+/// @param X_WB  nullopt: not known
 void read_listed_tags(const YamlPlace& body, const std::optional<SurePose>& X_WB,
                       TagslamReading& reading) {
   if (!body.has("tags") || body.at("tags").is_empty()) return;
@@ -135,7 +134,7 @@ void read_listed_tags(const YamlPlace& body, const std::optional<SurePose>& X_WB
 }
 
 /// Columns run along x, rows along y (down it, every other tag left out, on a staggered board).
-/// TagSLAM takes the inverse of the board's pose, whatever its page says.
+/// As TagSLAM's code, not its page, this takes the inverse of the board's pose.
 void read_board(const YamlPlace& board, bool staggered, const SurePose& X_WB,
                 TagslamReading& reading) {
   board.only({"tag_start_id", "tag_size", "tag_spacing", "tag_rows", "tag_columns", "tag_bits",
@@ -171,7 +170,7 @@ void read_board(const YamlPlace& board, bool staggered, const SurePose& X_WB,
 
 void read_body(const YamlPlace& body, TagslamReading& reading) {
   if (!body.is_map())
-    body.refuse("must be a map: what a body has stands one level deeper than its name");
+    body.refuse("must be a map: the keys of a body are one level deeper than its name");
   body.only({"type",
              "is_static",
              "default_tag_size",
@@ -213,13 +212,8 @@ void read_body(const YamlPlace& body, TagslamReading& reading) {
 
 ImportedMap read_tagslam(const YamlPlace& top) {
   TagslamReading reading;
-  std::string not_read;
-  for (const auto& [key, place] : top.members()) {
-    if (key != "bodies" && key != "tagslam_parameters" && key != "body_defaults" &&
-        key != "default_body")
-      not_read += (not_read.empty() ? "" : ", ") + key;
-  }
-  if (!not_read.empty()) reading.remarks.push_back("not read: " + not_read);
+  top.remark_others({"bodies", "tagslam_parameters", "body_defaults", "default_body"},
+                    reading.remarks);
   for (const YamlPlace& entry : top.at("bodies").entries()) {
     for (const auto& [name, body] : entry.members()) read_body(body, reading);
   }
@@ -229,12 +223,11 @@ ImportedMap read_tagslam(const YamlPlace& top) {
 }
 
 std::string tagslam_xyz(const char* name, const Vector3d& v, const std::string& indent) {
-  return indent + name + ": {x: " + to_point_text(v.x()) + ", y: " + to_point_text(v.y()) +
-         ", z: " + to_point_text(v.z()) + "}\n";
+  return indent + name + ": {" + yaml_fields({"x", "y", "z"}, {v.x(), v.y(), v.z()}) + "}\n";
 }
 
 /// @param sigmas  of position, then attitude, along the axes of what is posed
-std::string tagslam_pose_lines(const Pose& pose, const Eigen::Matrix<double, 6, 1>& sigmas,
+std::string tagslam_pose_lines(const Pose& pose, const Vector6d& sigmas,
                                const std::string& indent) {
   return tagslam_xyz("position", pose.p, indent) +
          tagslam_xyz("rotation", log_so3(pose.q), indent) +
@@ -242,12 +235,12 @@ std::string tagslam_pose_lines(const Pose& pose, const Eigen::Matrix<double, 6, 
          tagslam_xyz("rotation_noise", sigmas.tail<3>(), indent);
 }
 
-Eigen::Matrix<double, 6, 1> own_sigmas(const KnownTag& tag) {
+Vector6d own_sigmas(const KnownTag& tag) {
   const Eigen::Matrix3d R_TW = tag.X_WT.rotation().transpose();
   const auto variances = [&](const Eigen::Matrix3d& block) {
     return Vector3d((R_TW * block * R_TW.transpose()).diagonal());
   };
-  Eigen::Matrix<double, 6, 1> sigmas;
+  Vector6d sigmas;
   sigmas << variances(tag.covariance.topLeftCorner<3, 3>()),
       variances(tag.covariance.bottomRightCorner<3, 3>());
   return sigmas.cwiseMax(0.0).cwiseSqrt().cwiseMax(kSmallestNoise).cwiseMin(kLargestNoise);
@@ -273,11 +266,11 @@ ExportedMap map_to_tagslam_yaml(const TagMap& map) {
   const int bits = bits_of(map.family);
   if (bits == 0) {
     exported.remarks.push_back("TagSLAM has no name for the family " + map.family +
-                               "; its detector must be told");
+                               "; configure its detector for it");
   }
   if (std::any_of(tags.begin(), tags.end(),
                   [](const MapTag* entry) { return entry->tag.covariance.isZero(0); })) {
-    exported.remarks.push_back("TagSLAM wants noises: exact tags have 0.001 mm and 0.001 mrad");
+    exported.remarks.push_back("TagSLAM needs noises: exact tags have 0.001 mm and 0.001 mrad");
   }
   std::string& text = exported.text;
   text = "# Tags of the family " + map.family +
@@ -287,8 +280,7 @@ ExportedMap map_to_tagslam_yaml(const TagMap& map) {
          "bodies:\n  - workspace:\n      type: simple\n      is_static: true\n";
   if (!tags.empty())
     text += "      default_tag_size: " + to_point_text(tags.front()->tag.edge_m) + "\n";
-  text += "      pose:\n" +
-          tagslam_pose_lines({}, Eigen::Matrix<double, 6, 1>::Constant(kSmallestNoise), "        ");
+  text += "      pose:\n" + tagslam_pose_lines({}, Vector6d::Constant(kSmallestNoise), "        ");
   text += tags.empty() ? "      tags: []\n" : "      tags:\n";
   for (const MapTag* entry : tags) {
     text += "        - id: " + std::to_string(entry->tag.tag_id) + "\n";

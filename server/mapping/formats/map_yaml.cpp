@@ -1,17 +1,12 @@
-#include "mapping/formats/map_yaml.hpp"
-
-#include <yaml-cpp/yaml.h>
-
+// Our own map text.
 #include <algorithm>
 #include <array>
-#include <initializer_list>
-#include <set>
 #include <string_view>
 
-#include "base/yaml_text.hpp"
-#include "detection/tag_family_list.hpp"
-#include "mapping/formats/imported_tags.hpp"
-#include "mapping/formats/text_number.hpp"
+#include "base/text.hpp"
+#include "detection/tag_family.hpp"
+#include "mapping/formats/map_format.hpp"
+#include "mapping/formats/yaml_place.hpp"
 
 namespace fiducap {
 
@@ -58,7 +53,7 @@ std::string in_quotes(std::string_view text) {
 template <typename Numbers>
 std::string list_of(const Numbers& numbers) {
   std::string out = "[";
-  for (const double v : numbers) out += (out.size() > 1 ? ", " : "") + to_text(v);
+  for (const double v : numbers) out += (out.size() > 1 ? ", " : "") + shortest(v);
   return out + "]";
 }
 
@@ -70,7 +65,7 @@ std::string pose_lines(const Pose& pose, const std::string& indent) {
 
 std::string tag_lines(const MapTag& entry) {
   std::string out = "  - id: " + std::to_string(entry.tag.tag_id) + "\n";
-  out += "    edge_m: " + to_text(entry.tag.edge_m) + "\n";
+  out += "    edge_m: " + shortest(entry.tag.edge_m) + "\n";
   out += pose_lines(entry.tag.X_WT, "    ");
   out += "    state: " + std::string(name_of(entry.state)) + "\n";
   out += "    component: " + std::to_string(entry.component) + "\n";
@@ -87,166 +82,80 @@ std::string tag_lines(const MapTag& entry) {
 
 // --- reading ---
 
-/// First fault of the text; thrown and caught inside this file only, so that the readers below stay
-/// readable.
-struct Fault {
-  int line;  ///< From 1; 0: not known.
-  std::string what;
-};
+Pose pose_in(const YamlPlace& place) {
+  std::array<double, 3> p{};
+  std::array<double, 4> q{};
+  place.at("position").numbers(p);
+  place.at("quaternion_wxyz").numbers(q);
+  return {Eigen::Quaterniond(q[0], q[1], q[2], q[3]), {p[0], p[1], p[2]}};
+}
 
-int line_of(const YAML::Node& node) { return node.Mark().is_null() ? 0 : node.Mark().line + 1; }
-
-/// One mapping of the text: every key known, none twice, each read by name.
-class Section final {
- public:
-  Section(YAML::Node node, std::string name, std::initializer_list<std::string_view> keys)
-      : node_(std::move(node)), name_(std::move(name)) {
-    if (!node_.IsMap()) throw Fault{line_of(node_), label() + "must be a mapping"};
-    std::set<std::string> seen;
-    for (const auto& item : node_) {
-      const auto key = item.first.IsScalar() ? item.first.Scalar() : std::string("(not a name)");
-      if (std::find(keys.begin(), keys.end(), key) == keys.end()) {
-        throw Fault{line_of(item.first), path(key) + ": unknown key"};
-      }
-      if (!seen.insert(key).second)
-        throw Fault{line_of(item.first), path(key) + ": is there twice"};
-    }
-  }
-
-  [[nodiscard]] bool has(const std::string& key) const { return node_[key].IsDefined(); }
-  [[nodiscard]] std::string path(const std::string& key) const {
-    return name_.empty() ? key : name_ + "." + key;
-  }
-  [[nodiscard]] int line() const { return line_of(node_); }
-
-  [[nodiscard]] YAML::Node child(const std::string& key) const {
-    const YAML::Node found = node_[key];
-    if (!found.IsDefined()) throw Fault{line(), path(key) + ": is missing"};
-    return found;
-  }
-  [[nodiscard]] std::string text(const std::string& key) const {
-    const auto found = child(key);
-    if (!found.IsScalar()) throw Fault{line_of(found), path(key) + ": must be a text"};
-    return found.Scalar();
-  }
-  template <typename T>
-  [[nodiscard]] T number(const std::string& key) const {
-    return number_of<T>(child(key), path(key));
-  }
-  template <std::size_t N>
-  [[nodiscard]] std::array<double, N> numbers(const std::string& key) const {
-    const auto found = child(key);
-    if (!found.IsSequence() || found.size() != N) {
-      throw Fault{line_of(found),
-                  path(key) + ": must be a list of " + std::to_string(N) + " numbers"};
-    }
-    std::array<double, N> values{};
-    for (std::size_t i = 0; i < N; ++i) {
-      values[i] = number_of<double>(found[i], path(key) + "[" + std::to_string(i) + "]");
-    }
-    return values;
-  }
-  [[nodiscard]] Pose pose() const {
-    const auto p = numbers<3>("position");
-    const auto q = numbers<4>("quaternion_wxyz");
-    return {Eigen::Quaterniond(q[0], q[1], q[2], q[3]), {p[0], p[1], p[2]}};
-  }
-
- private:
-  [[nodiscard]] std::string label() const { return name_.empty() ? "" : name_ + ": "; }
-  template <typename T>
-  static T number_of(const YAML::Node& node, const std::string& path) {
-    const auto value = node.IsScalar() ? number_from<T>(node.Scalar()) : std::nullopt;
-    if (value) return *value;
-    const std::string found = node.IsScalar() ? " = '" + node.Scalar() + "'" : "";
-    throw Fault{line_of(node), path + found +
-                                   (std::is_integral_v<T> ? ": must be a whole number"
-                                                          : ": must be a finite number")};
-  }
-
-  YAML::Node node_;
-  std::string name_;
-};
-
-MapTag tag_of(const Section& section) {
-  MapTag entry;
-  entry.tag.tag_id = section.number<int>("id");
-  entry.tag.edge_m = section.number<double>("edge_m");
-  entry.tag.X_WT = section.pose();
-  const auto state = tag_state_from(section.text("state"));
-  if (!state) {
-    throw Fault{line_of(section.child("state")),
-                section.path("state") + " = '" + section.text("state") +
-                    "': must be local, calibrated, surveyed or quarantined"};
-  }
-  entry.state = *state;
-  if (section.has("component")) entry.component = section.number<int>("component");
-  if (section.has("sightings")) entry.sightings = section.number<int>("sightings");
-  if (section.has("first_seen_utc_ns"))
-    entry.first_seen_utc_ns = section.number<std::int64_t>("first_seen_utc_ns");
-  if (section.has("last_seen_utc_ns"))
-    entry.last_seen_utc_ns = section.number<std::int64_t>("last_seen_utc_ns");
-  if (!section.has("covariance")) return entry;
-  const auto upper = section.numbers<21>("covariance");
+void read_covariance(const YamlPlace& place, Matrix6d& covariance) {
+  std::array<double, 21> upper{};
+  place.numbers(upper);
   std::size_t next = 0;
   for (int row = 0; row < 6; ++row) {
-    for (int column = row; column < 6; ++column) {
-      entry.tag.covariance(row, column) = entry.tag.covariance(column, row) = upper[next++];
-    }
+    for (int column = row; column < 6; ++column)
+      covariance(row, column) = covariance(column, row) = upper[next++];
   }
+}
+
+MapTag tag_in(const YamlPlace& place) {
+  place.only({"id", "edge_m", "position", "quaternion_wxyz", "state", "component", "sightings",
+              "first_seen_utc_ns", "last_seen_utc_ns", "covariance"});
+  MapTag entry;
+  entry.tag.tag_id = place.at("id").integer();
+  entry.tag.edge_m = place.at("edge_m").number();
+  entry.tag.X_WT = pose_in(place);
+  const YamlPlace state = place.at("state");
+  if (const auto known = tag_state_from(state.text()))
+    entry.state = *known;
+  else
+    state.refuse_value("must be local, calibrated, surveyed or quarantined");
+  if (place.has("component")) entry.component = place.at("component").integer();
+  if (place.has("sightings")) entry.sightings = place.at("sightings").integer();
+  if (place.has("first_seen_utc_ns"))
+    entry.first_seen_utc_ns = place.at("first_seen_utc_ns").integer64();
+  if (place.has("last_seen_utc_ns"))
+    entry.last_seen_utc_ns = place.at("last_seen_utc_ns").integer64();
+  if (place.has("covariance")) read_covariance(place.at("covariance"), entry.tag.covariance);
   return entry;
 }
 
-void read_tags(const YAML::Node& tags, TagMap& map) {
-  if (!tags.IsSequence()) throw Fault{line_of(tags), "tags: must be a list"};
+std::vector<MapTag> read_tags(const YamlPlace& list) {
   ImportedTags imported;
-  std::size_t index = 0;
-  for (const YAML::Node& node : tags) {
-    const std::string name = "tags[" + std::to_string(index++) + "]";
-    const Section section(node, name,
-                          {"id", "edge_m", "position", "quaternion_wxyz", "state", "component",
-                           "sightings", "first_seen_utc_ns", "last_seen_utc_ns", "covariance"});
-    const std::string place = name + " in line " + std::to_string(section.line());
-    if (auto added = imported.add(tag_of(section), place); !added) {
-      throw Fault{section.line(), name + ": " + added.error().what};
-    }
+  for (const YamlPlace& place : list.entries()) {
+    if (auto added = imported.add(tag_in(place), place.named()); !added)
+      place.refuse(added.error().what);
   }
-  map.tags = imported.take();
+  return imported.take();
 }
 
-TagMap read_map(const YAML::Node& root) {
-  const Section top(root, "",
-                    {"format", "format_version", "family", "reference_tag", "version", "parent",
-                     "hash", "created_utc_ns", "comment", "room_from_workspace", "tags"});
-  if (const auto format = top.text("format"); format != kFormat) {
-    throw Fault{line_of(top.child("format")), "format = '" + format + "': must be " + kFormat};
-  }
-  if (const auto version = top.number<int>("format_version"); version != kFormatVersion) {
-    throw Fault{line_of(top.child("format_version")),
-                "format_version = " + std::to_string(version) + ": this Fiducap reads 1"};
-  }
+TagMap read_own(const YamlPlace& top) {
+  top.only({"format", "format_version", "family", "reference_tag", "version", "parent", "hash",
+            "created_utc_ns", "comment", "room_from_workspace", "tags"});
+  if (top.at("format").text() != kFormat)
+    top.at("format").refuse_value(std::string("must be ") + kFormat);
+  if (top.at("format_version").integer() != kFormatVersion)
+    top.at("format_version").refuse_value("this Fiducap reads 1");
   TagMap map;
-  map.family = listed_tag_family(top.text("family"));
-  if (top.has("reference_tag")) map.reference_tag = top.number<int>("reference_tag");
-  if (top.has("version")) map.version = top.number<std::int64_t>("version");
-  if (top.has("parent")) map.parent = top.number<std::int64_t>("parent");
-  if (top.has("created_utc_ns")) map.created_utc_ns = top.number<std::int64_t>("created_utc_ns");
-  if (top.has("comment")) map.comment = top.text("comment");
+  map.family = listed_tag_family(top.at("family").text());
+  if (top.has("reference_tag")) map.reference_tag = top.at("reference_tag").integer();
+  if (top.has("version")) map.version = top.at("version").integer64();
+  if (top.has("parent")) map.parent = top.at("parent").integer64();
+  if (top.has("created_utc_ns")) map.created_utc_ns = top.at("created_utc_ns").integer64();
+  if (top.has("comment")) map.comment = top.at("comment").text();
   if (top.has("room_from_workspace")) {
-    map.X_RW = Section(top.child("room_from_workspace"), "room_from_workspace",
-                       {"position", "quaternion_wxyz"})
-                   .pose();
+    const YamlPlace alignment = top.at("room_from_workspace");
+    alignment.only({"position", "quaternion_wxyz"});
+    map.X_RW = pose_in(alignment);
   }
-  read_tags(top.child("tags"), map);
-  if (const auto fault = fault_in(map)) throw Fault{0, *fault};
+  map.tags = read_tags(top.at("tags"));
+  if (const auto fault = fault_in(map)) top.at("room_from_workspace").refuse(*fault);
   restore_unit(map.X_RW);
-  // Somebody who edits the text by hand makes another map.
-  if (top.has("hash") && top.text("hash") == content_hash(map)) map.hash = top.text("hash");
+  // An edited text is another map.
+  if (top.has("hash") && top.at("hash").text() == content_hash(map)) map.hash = content_hash(map);
   return map;
-}
-
-tl::unexpected<Error> failure(int line, const std::string& what, const std::string& context) {
-  return fail(ErrorCode::kInvalid, what, line > 0 ? context + ":" + std::to_string(line) : context);
 }
 
 }  // namespace
@@ -269,17 +178,10 @@ std::string map_to_yaml(const TagMap& map) {
 }
 
 Expected<TagMap> map_from_yaml(const std::string& text, const std::string& context) {
-  if (auto fits = check_length(text, context); !fits) return tl::unexpected<Error>(fits.error());
-  const auto root = load_yaml(text);
-  if (!root) return failure(root.error().line, root.error().text(), context);
-  try {
-    return read_map(*root);
-  } catch (const Fault& fault) {
-    return failure(fault.line, fault.what, context);
-  } catch (const YAML::Exception& error) {
-    return failure(error.mark.is_null() ? 0 : error.mark.line + 1, "is not YAML: " + error.msg,
-                   context);
-  }
+  TagMap map;
+  return read_yaml(text, context, [&](const YamlPlace& top) { map = read_own(top); }).map([&] {
+    return std::move(map);
+  });
 }
 
 }  // namespace fiducap

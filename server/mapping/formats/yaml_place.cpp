@@ -1,80 +1,62 @@
 #include "mapping/formats/yaml_place.hpp"
 
-#include <yaml-cpp/yaml.h>
-
 #include <algorithm>
 #include <unordered_map>
 
-#include "base/yaml_text.hpp"
-#include "detection/tag_family_list.hpp"
-#include "mapping/formats/map_doubts.hpp"
-#include "mapping/formats/map_exchange.hpp"
-#include "mapping/formats/text_number.hpp"
+#include "base/yaml.hpp"
+#include "detection/tag_family.hpp"
 
 namespace fiducap {
 
 namespace {
 
-int line_in_text(const YAML::Node& node) {
-  return node.Mark().is_null() ? 0 : node.Mark().line + 1;
-}
+/// First fault of a text, thrown and caught in this file only.
+struct TextFault {
+  int line;
+  std::string what;
+};
+
+int line_in_text(const YAML::Mark& mark) { return mark.is_null() ? 0 : mark.line + 1; }
 
 std::string below(const std::string& path, std::string_view key) {
   return path.empty() ? std::string(key) : path + "." + std::string(key);
 }
 
-YamlValue value_of(const YAML::Node& node, const std::string& path);
-
-void append_member(const YAML::Node& key_node, const YAML::Node& node, const std::string& path,
-                   std::unordered_map<std::string, int>& lines, YamlValue& map) {
-  const int line = line_in_text(key_node);
-  if (!key_node.IsScalar()) throw TextFault{line, below(path, "?") + ": a key must be a name"};
-  const std::string& key = key_node.Scalar();
-  if (const auto [first, is_new] = lines.try_emplace(key, line); !is_new) {
-    throw TextFault{line, below(path, key) + ": is there twice, first in line " +
-                              std::to_string(first->second)};
-  }
-  map.keys.push_back(key);
-  map.values.push_back(value_of(node, below(path, key)));
+std::string below(const std::string& path, std::size_t index) {
+  return path + "[" + std::to_string(index) + "]";
 }
 
-YamlValue value_of(const YAML::Node& node, const std::string& path) {
-  YamlValue value;
-  value.line = line_in_text(node);
-  if (node.IsScalar()) {
-    value.kind = YamlValue::Kind::kText;
-    value.text = node.Scalar();
-  } else if (node.IsSequence()) {
-    value.kind = YamlValue::Kind::kList;
-    for (const YAML::Node& entry : node) {
-      value.values.push_back(
-          value_of(entry, path + "[" + std::to_string(value.values.size()) + "]"));
+/// All keys are names, and no map has one twice.
+void check_keys(const YAML::Node& node, const std::string& path) {
+  if (node.IsSequence()) {
+    std::size_t index = 0;
+    for (const YAML::Node& entry : node) check_keys(entry, below(path, index++));
+  }
+  if (!node.IsMap()) return;
+  std::unordered_map<std::string, int> lines;
+  for (const auto& member : node) {
+    const int line = line_in_text(member.first.Mark());
+    if (!member.first.IsScalar())
+      throw TextFault{line, below(path, "?") + ": a key must be a name"};
+    const std::string& key = member.first.Scalar();
+    if (const auto [first, is_new] = lines.try_emplace(key, line); !is_new) {
+      throw TextFault{line, below(path, key) + ": is there twice, first in line " +
+                                std::to_string(first->second)};
     }
-  } else if (node.IsMap()) {
-    value.kind = YamlValue::Kind::kMap;
-    std::unordered_map<std::string, int> lines;
-    for (const auto& member : node) append_member(member.first, member.second, path, lines, value);
+    check_keys(member.second, below(path, key));
   }
-  return value;
 }
 
-YamlValue parsed(const std::string& text) {
+YAML::Node parsed(const std::string& text) {
   const auto root = load_yaml(text);
   if (!root) throw TextFault{root.error().line, root.error().text()};
-  try {
-    return value_of(*root, {});
-  } catch (const YAML::Exception& error) {
-    throw TextFault{error.mark.is_null() ? 0 : error.mark.line + 1, "is not YAML: " + error.msg};
-  }
-}
-
-std::string without_tags(const std::vector<std::string>& remarks) {
-  std::string what = "has no tag whose place and size are known";
-  for (const std::string& one : remarks) what += "; " + one;
-  return what;
+  check_keys(*root, {});
+  return *root;
 }
 
 }  // namespace
+
+int YamlPlace::line() const { return line_in_text(node_.Mark()); }
 
 std::string YamlPlace::named() const {
   return (path_.empty() ? "the text" : path_) +
@@ -85,79 +67,88 @@ void YamlPlace::refuse(const std::string& what) const {
   throw TextFault{line(), path_.empty() ? what : path_ + ": " + what};
 }
 
-std::string YamlPlace::found() const {
-  if (value_->kind != YamlValue::Kind::kText) return "";
+void YamlPlace::refuse_value(const std::string& rule) const {
+  if (!node_.IsScalar() || path_.empty()) refuse(rule);
   constexpr std::size_t kLongestShown = 60;
-  const std::string& text = value_->text;
-  return " = '" + (text.size() > kLongestShown ? text.substr(0, kLongestShown) + "..." : text) +
-         "'";
+  const std::string& text = node_.Scalar();
+  throw TextFault{line(),
+                  path_ + " = '" +
+                      (text.size() > kLongestShown ? text.substr(0, kLongestShown) + "..." : text) +
+                      "': " + rule};
 }
 
-const YamlValue* YamlPlace::find(std::string_view key) const {
-  if (!is_map()) throw TextFault{line(), path_ + found() + ": must be a map"};
-  const auto begin = value_->keys.begin();
-  const auto at = std::find(begin, value_->keys.end(), key);
-  if (at == value_->keys.end()) return nullptr;
-  return &value_->values[static_cast<std::size_t>(at - begin)];
+bool YamlPlace::has(const std::string& key) const {
+  if (!is_map()) refuse_value("must be a map");
+  return node_[key].IsDefined();
 }
 
-YamlPlace YamlPlace::at(std::string_view key) const {
-  const YamlValue* value = find(key);
-  if (value == nullptr) throw TextFault{line(), below(path_, key) + ": is missing"};
-  return {*value, below(path_, key)};
+YamlPlace YamlPlace::at(const std::string& key) const {
+  if (!has(key)) throw TextFault{line(), below(path_, key) + ": is missing"};
+  return {node_[key], below(path_, key)};
 }
 
 std::vector<std::pair<std::string, YamlPlace>> YamlPlace::members() const {
-  if (!is_map()) throw TextFault{line(), path_ + found() + ": must be a map"};
+  if (!is_map()) refuse_value("must be a map");
   std::vector<std::pair<std::string, YamlPlace>> members;
-  for (std::size_t i = 0; i < value_->keys.size(); ++i) {
-    const std::string& key = value_->keys[i];
-    members.emplace_back(key, YamlPlace(value_->values[i], below(path_, key)));
+  for (const auto& member : node_) {
+    const std::string& key = member.first.Scalar();
+    members.emplace_back(key, YamlPlace(member.second, below(path_, key)));
   }
   return members;
 }
 
-void YamlPlace::only(std::initializer_list<std::string_view> keys) const {
-  if (!is_map()) throw TextFault{line(), path_ + found() + ": must be a map"};
-  for (std::size_t i = 0; i < value_->keys.size(); ++i) {
-    if (std::find(keys.begin(), keys.end(), value_->keys[i]) == keys.end())
-      throw TextFault{value_->values[i].line, below(path_, value_->keys[i]) + ": unknown key"};
+void YamlPlace::only(Keys keys) const {
+  for (const auto& [key, place] : members())
+    if (std::find(keys.begin(), keys.end(), key) == keys.end()) place.refuse("unknown key");
+}
+
+void YamlPlace::remark_others(Keys keys, std::vector<std::string>& remarks) const {
+  std::string others;
+  for (const auto& [key, place] : members()) {
+    if (std::find(keys.begin(), keys.end(), key) == keys.end())
+      others += (others.empty() ? "" : ", ") + key;
   }
+  if (!others.empty()) remarks.push_back("not read: " + others);
 }
 
 std::vector<YamlPlace> YamlPlace::entries() const {
-  if (value_->kind != YamlValue::Kind::kList)
-    throw TextFault{line(), path_ + found() + ": must be a list"};
+  if (!node_.IsSequence()) refuse_value("must be a list");
   std::vector<YamlPlace> entries;
-  for (std::size_t i = 0; i < value_->values.size(); ++i)
-    entries.emplace_back(value_->values[i], path_ + "[" + std::to_string(i) + "]");
+  for (const YAML::Node& entry : node_) entries.emplace_back(entry, below(path_, entries.size()));
   return entries;
 }
 
 const std::string& YamlPlace::text() const {
-  if (value_->kind != YamlValue::Kind::kText) throw TextFault{line(), path_ + ": must be a text"};
-  return value_->text;
+  if (!node_.IsScalar()) refuse("must be a text");
+  return node_.Scalar();
 }
 
-double YamlPlace::number() const {
-  const auto number =
-      value_->kind == YamlValue::Kind::kText ? number_from<double>(value_->text) : std::nullopt;
-  if (!number) throw TextFault{line(), path_ + found() + ": must be a finite number"};
+template <typename T>
+T YamlPlace::number_of(const char* rule) const {
+  const auto number = node_.IsScalar() ? number_from<T>(node_.Scalar()) : std::nullopt;
+  if (!number) refuse_value(rule);
   return *number;
 }
 
-int YamlPlace::integer() const {
-  const auto number =
-      value_->kind == YamlValue::Kind::kText ? number_from<int>(value_->text) : std::nullopt;
-  if (!number) throw TextFault{line(), path_ + found() + ": must be a whole number"};
-  return *number;
+double YamlPlace::number() const { return number_of<double>("must be a finite number"); }
+int YamlPlace::integer() const { return number_of<int>("must be a whole number"); }
+std::int64_t YamlPlace::integer64() const {
+  return number_of<std::int64_t>("must be a whole number");
+}
+
+void YamlPlace::numbers(std::span<double> out) const {
+  if (!node_.IsSequence() || node_.size() != out.size())
+    refuse("must be a list of " + std::to_string(out.size()) + " numbers");
+  const auto all = entries();
+  std::transform(all.begin(), all.end(), out.begin(),
+                 [](const YamlPlace& one) { return one.number(); });
 }
 
 bool YamlPlace::flag() const {
-  const std::string& text = value_->kind == YamlValue::Kind::kText ? value_->text : std::string();
+  const std::string text = node_.IsScalar() ? node_.Scalar() : std::string();
   if (text == "true" || text == "True" || text == "yes" || text == "on") return true;
   if (text == "false" || text == "False" || text == "no" || text == "off") return false;
-  throw TextFault{line(), path_ + found() + ": must be true or false"};
+  refuse_value("must be true or false");
 }
 
 Eigen::Vector3d YamlPlace::xyz() const {
@@ -165,7 +156,7 @@ Eigen::Vector3d YamlPlace::xyz() const {
   return {at("x").number(), at("y").number(), at("z").number()};
 }
 
-double YamlPlace::number_or(std::string_view key, double absent) const {
+double YamlPlace::number_or(const std::string& key, double absent) const {
   return has(key) ? at(key).number() : absent;
 }
 
@@ -173,7 +164,8 @@ void ForeignTags::add(const KnownTag& tag, const YamlPlace& place) {
   MapTag entry;
   entry.tag = tag;
   entry.state = TagState::kSurveyed;
-  if (const auto fault = unit_fault_in(tag)) place.refuse(*fault);
+  if (const auto fault = unit_fault_of_edge(tag.edge_m)) place.refuse(*fault);
+  if (const auto fault = unit_fault_of_place(tag.X_WT.p)) place.refuse(*fault);
   if (const auto added = tags_.add(std::move(entry), place.named()); !added)
     place.refuse(added.error().what);
 }
@@ -186,24 +178,30 @@ ImportedMap ForeignTags::take(std::string family, std::vector<std::string> remar
   return imported;
 }
 
-Expected<ImportedMap> read_foreign_yaml(const std::string& text, const MapImportOptions& options,
-                                        const std::string& context,
-                                        const std::function<ImportedMap(const YamlPlace&)>& read) {
-  if (auto fits = check_length(text, context); !fits) return tl::unexpected<Error>(fits.error());
+Expected<void> read_yaml(const std::string& text, const std::string& context,
+                         const std::function<void(const YamlPlace&)>& read) {
+  if (auto fits = check_length(text, context); !fits) return fits;
   try {
-    const YamlValue root = parsed(text);
-    ImportedMap imported = read({root, {}});
-    if (imported.map.tags.empty())
-      return fail(ErrorCode::kInvalid, without_tags(imported.remarks), context);
-    if (auto fits = settle_family(imported, options, context); !fits)
-      return tl::unexpected<Error>(fits.error());
-    for (std::string& doubt : doubts_about(imported.map))
-      imported.remarks.push_back(std::move(doubt));
-    return imported;
+    read({parsed(text), {}});
+    return {};
   } catch (const TextFault& fault) {
     return fail(ErrorCode::kInvalid, fault.what,
                 fault.line > 0 ? context + ":" + std::to_string(fault.line) : context);
+  } catch (const YAML::Exception& error) {
+    return fail(ErrorCode::kInvalid, "is not YAML: " + error.msg, context);
   }
+}
+
+Expected<ImportedMap> read_foreign_yaml(const std::string& text, const MapImportOptions& options,
+                                        const std::string& context,
+                                        const std::function<ImportedMap(const YamlPlace&)>& read) {
+  ImportedMap imported;
+  const auto done = read_yaml(text, context, [&](const YamlPlace& top) { imported = read(top); });
+  if (!done) return tl::unexpected<Error>(done.error());
+  if (!imported.map.tags.empty()) return checked_import(std::move(imported), options, context);
+  std::string what = "has no tag whose place and size are known";
+  for (const std::string& one : imported.remarks) what += "; " + one;
+  return fail(ErrorCode::kInvalid, what, context);
 }
 
 }  // namespace fiducap

@@ -6,7 +6,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "base/assert.hpp"
+#include "base/expected.hpp"
 
 namespace fiducap {
 

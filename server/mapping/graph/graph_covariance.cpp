@@ -1,16 +1,126 @@
 #include "mapping/graph/graph_covariance.hpp"
 
 #include <algorithm>
+#include <utility>
 
+#include <Eigen/LU>
+
+#include "base/pose.hpp"
 #include "estimation/world/filter_state.hpp"
 
 namespace fiducap {
 
 namespace {
 
+using Common = Eigen::Matrix<double, 6, 4>;
+
 constexpr double kDamping = 1e-12;
 
+/// Jacobian of a common shift and yaw.
+Common common_error() {
+  Common N = Common::Zero();
+  N.topLeftCorner<3, 3>().setIdentity();
+  N(5, 3) = 1;
+  return N;
+}
+
+/// From errors about W's origin to those about where a segment begins.
+Eigen::MatrixXd about(const Eigen::Vector3d& origin, const GraphSegment& segment,
+                      const Eigen::MatrixXd& covariance) {
+  using namespace segment_layout;  // NOLINT: the block names are the subject
+  const Matrix6d Ad = world::adjoint(Pose{Eigen::Quaterniond::Identity(), -origin});
+  Eigen::MatrixXd out = covariance;
+  const auto transform = [&](int at) {
+    out.middleRows<6>(at) = (Ad * out.middleRows<6>(at)).eval();
+    out.middleCols<6>(at) = (out.middleCols<6>(at) * Ad.transpose()).eval();
+  };
+  transform(kBegin);
+  transform(kEnd);
+  const int cameras = static_cast<int>(segment.factor.cameras.size());
+  for (std::size_t i = 0; i < segment.tags.size(); ++i)
+    transform(tag(cameras, static_cast<int>(i)));
+  return out;
+}
+
+PathPose pose_at(const BodyMoment& body, const Eigen::Vector3d& origin, const Matrix6d& error) {
+  const Matrix6d J = world::plain_from_world_error(body.X_WB.p - origin);
+  return {body.at, body.X_WB, J * error * J.transpose()};
+}
+
+/// Adds all instances but the first, which is the last of another segment, unless a chain begins
+/// here.
+bool add_path(const GraphState& graph, const GraphSegment& segment, bool begins_chain,
+              const Eigen::MatrixXd* of_rest, std::vector<PathPose>& out) {
+  MotionSegment now = segment_now(graph, segment);
+  const std::vector<PathPoint> between = path_between(now);
+  if (between.size() + 2 != now.instances.size()) return false;
+  const Eigen::Vector3d& origin = now.begin().X_WB.p;
+  if (of_rest == nullptr) {
+    for (std::size_t k = begins_chain ? 0 : 1; k < now.instances.size(); ++k)
+      out.push_back({now.instances[k].body.at, now.instances[k].body.X_WB});
+    return true;
+  }
+  const Eigen::MatrixXd rest = about(origin, segment, *of_rest);
+  const auto own = [&](int at) { return Matrix6d(rest.block<6, 6>(at, at)); };
+  if (begins_chain) out.push_back(pose_at(now.begin(), origin, own(segment_layout::kBegin)));
+  for (std::size_t k = 0; k < between.size(); ++k) {
+    const auto by_rest = between[k].by_rest.topRows<6>();
+    const Matrix6d error =
+        between[k].given.topLeftCorner<6, 6>() + by_rest * rest * by_rest.transpose();
+    out.push_back(pose_at(now.instances[k + 1].body, origin, error));
+  }
+  out.push_back(pose_at(now.end(), origin, own(segment_layout::kEnd)));
+  return true;
+}
+
 }  // namespace
+
+Datum::Datum(const std::vector<Tag>& defining, const std::vector<Pose>& poses,
+             const BlockCholesky& factor, const BlockMatrix& matrix) {
+  for (int i = 0; i < matrix.variables(); ++i) first_.push_back(matrix.first(i));
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const Tag& tag : defining) middle += tag.p_WT / static_cast<double>(defining.size());
+  Eigen::MatrixXd B = Eigen::MatrixXd::Zero(matrix.rows(), 4);
+  Eigen::Matrix4d BtN = Eigen::Matrix4d::Zero();
+  for (std::size_t k = 0; k < defining.size(); ++k) {
+    Common own = Common::Zero();
+    if (defining.size() == 1) {
+      own.topLeftCorner<3, 3>().setIdentity();
+      own.block<3, 3>(3, 0) = skew(poses[k].p);
+      own(5, 3) = 1;
+    } else {
+      const Eigen::Vector3d arm = Eigen::Vector3d::UnitZ().cross(defining[k].p_WT - middle);
+      Eigen::Matrix<double, 4, 3> on_place;
+      on_place << Eigen::Matrix3d::Identity(), arm.transpose();
+      own = (on_place * world::plain_from_world_error(poses[k].p).topRows<3>()).transpose();
+    }
+    B.middleRows<6>(matrix.first(defining[k].variable)) += own;
+    BtN += own.transpose() * common_error();
+  }
+  M_ = BtN.inverse();
+  C_ = factor.solve(B);
+  T_ = B.transpose() * C_;
+}
+
+Matrix6d Datum::between(int first, int second, const Matrix6d& raw) const {
+  const Common NM = common_error() * M_;
+  const auto Ci = C_.middleRows<6>(first_[static_cast<std::size_t>(first)]);
+  const auto Cj = C_.middleRows<6>(first_[static_cast<std::size_t>(second)]);
+  return raw - NM * Cj.transpose() - Ci * NM.transpose() + NM * T_ * NM.transpose();
+}
+
+Eigen::MatrixXd Datum::of(std::span<const Rows> rows, const Eigen::MatrixXd& raw) const {
+  Eigen::MatrixXd NM = Eigen::MatrixXd::Zero(raw.rows(), 4);
+  Eigen::MatrixXd C(raw.rows(), 4);
+  Eigen::Index at = 0;
+  for (const Rows& one : rows) {
+    if (one.is_in_workspace) NM.middleRows<6>(at) = common_error() * M_;
+    C.middleRows(at, one.size) =
+        C_.middleRows(first_[static_cast<std::size_t>(one.variable)], one.size);
+    at += one.size;
+  }
+  return raw - NM * C.transpose() - C * NM.transpose() + NM * T_ * NM.transpose();
+}
 
 std::set<std::pair<std::size_t, std::size_t>> bound_tags(const GraphState& graph) {
   std::set<std::pair<std::size_t, std::size_t>> out;
@@ -28,10 +138,10 @@ std::set<std::pair<std::size_t, std::size_t>> bound_tags(const GraphState& graph
       for (const std::size_t b : before->second->tags) bind(a, b);
   }
   const std::vector<std::size_t>& tags = graph.prior.tags;
-  for (const GraphPrior::Hanging& hanging : graph.prior.hangings) {
-    for (const std::size_t a : hanging.on) {
-      bind(tags[hanging.tag], tags[a]);
-      for (const std::size_t b : hanging.on) bind(tags[a], tags[b]);
+  for (const GraphPrior::Conditional& conditional : graph.prior.conditionals) {
+    for (const std::size_t a : conditional.given) {
+      bind(tags[conditional.tag], tags[a]);
+      for (const std::size_t b : conditional.given) bind(tags[a], tags[b]);
     }
   }
   return out;
@@ -83,12 +193,10 @@ std::optional<Eigen::MatrixXd> GraphCovariance::of(const GraphSegment& segment) 
     rows.push_back({variables_.tag(i), segment_layout::kTagSize, true});
   if (segment.raw.has_imu()) rows.push_back({variables_.gravity(), 1, false});
   const Eigen::Index numbers = segment.factor.H.rows();
-  Eigen::Index prints = 0;  // a segment without tags is not bound to them
-  if (!segment.tags.empty()) {
-    rows.push_back({variables_.prints(), 1, false});
-    prints = 1;
-  }
-  Eigen::MatrixXd raw(numbers + prints, numbers + prints);
+  // A segment without tags does not depend on the common scale.
+  const Eigen::Index scales = segment.tags.empty() ? 0 : 1;
+  if (scales > 0) rows.push_back({variables_.common_scale(), 1, false});
+  Eigen::MatrixXd raw(numbers + scales, numbers + scales);
   Eigen::Index row = 0;
   for (const Datum::Rows& a : rows) {
     Eigen::Index column = 0;
@@ -101,7 +209,7 @@ std::optional<Eigen::MatrixXd> GraphCovariance::of(const GraphSegment& segment) 
     row += a.size;
   }
   if (datum_) raw = datum_->of(rows, raw);
-  // A tag's print is larger by what all are, and by what it is beyond.
+  // The scale of a tag is the common one plus its own.
   const int cameras = static_cast<int>(segment.factor.cameras.size());
   for (std::size_t i = 0; i < segment.tags.size(); ++i) {
     const int at = segment_layout::scale(cameras, static_cast<int>(i));
@@ -137,6 +245,27 @@ Eigen::MatrixXd GraphCovariance::camera_rows(const Eigen::MatrixXd& columns,
                                              std::size_t body) const {
   const int variable = variables_.body(body);
   return columns.middleRows(H_.first(variable), H_.size(variable));
+}
+
+std::optional<std::vector<PathPose>> path_of(int body_id, const GraphState& graph,
+                                             const GraphCovariance* covariance, int component) {
+  std::vector<PathPose> path;
+  std::optional<std::size_t> last;
+  for (const GraphSegment& segment : graph.segments) {
+    if (segment.raw.body_id != body_id) continue;
+    if (graph.nodes[segment.begin].component != component) continue;
+    const auto of_rest = covariance != nullptr ? covariance->of(segment) : std::nullopt;
+    if (covariance != nullptr && !of_rest) return std::nullopt;
+    if (!add_path(graph, segment, last != segment.begin, of_rest ? &*of_rest : nullptr, path))
+      return std::nullopt;
+    last = segment.end;
+  }
+  std::stable_sort(path.begin(), path.end(),
+                   [](const PathPose& a, const PathPose& b) { return a.at < b.at; });
+  const bool is_finite = std::all_of(path.begin(), path.end(), [](const PathPose& pose) {
+    return pose.X_WB.p.allFinite() && pose.covariance.allFinite();
+  });
+  return is_finite ? std::optional(std::move(path)) : std::nullopt;
 }
 
 }  // namespace fiducap

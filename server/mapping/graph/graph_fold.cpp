@@ -1,26 +1,27 @@
-// How a map graph gives up segments.
+// How a map graph removes segments, and binds them to tags again that were moved.
 #include <algorithm>
 #include <utility>
 
-#include "mapping/graph/graph_components.hpp"
+#include "estimation/filter/heading_rule.hpp"
+#include "mapping/graph/calibration_terms.hpp"
 #include "mapping/graph/graph_covariance.hpp"
-#include "mapping/graph/graph_doubts.hpp"
+#include "mapping/graph/graph_state.hpp"
 #include "mapping/graph/map_graph.hpp"
 
 namespace fiducap {
 
 namespace {
 
-/// The segments of the workspace as far as equations need them: without the raw data.
+/// The segments of the workspace without the raw data, which the equations do not need.
 GraphState workspace_of(const GraphState& graph) {
   GraphState out;
   out.bodies = graph.bodies;
   out.nodes = graph.nodes;
   out.starts = graph.starts;
   out.level = graph.level;
-  out.prints_scale = graph.prints_scale;
-  out.prints = graph.prints;
-  out.doubts = graph.doubts;
+  out.common_scale = graph.common_scale;
+  out.common_scale_prior = graph.common_scale_prior;
+  out.tests_sizes = graph.tests_sizes;
   out.gravity_offset_m_s2 = graph.gravity_offset_m_s2;
   out.gravity_sigma_m_s2 = graph.gravity_sigma_m_s2;
   for (const GraphSegment& segment : graph.segments) {
@@ -36,12 +37,11 @@ GraphState workspace_of(const GraphState& graph) {
   return out;
 }
 
-/// What the segments of the workspace, and the prior that there is, say of tags and cameras.
-/// What is in no component with the workspace stays as segments; to be counted once, it may have no
-/// say here.
+/// The information of the workspace's segments, and of the present prior, about tags and cameras.
+/// Segments of other components are kept as they are, so they must not count here.
 std::optional<GraphPrior> prior_of(const GraphState& graph) {
   GraphState part = workspace_of(graph);
-  // Tags of other components are bound by nothing then.
+  // Tags of other components would be unconnected.
   std::vector<std::size_t> now(graph.tags.size(), 0);
   std::vector<std::size_t> was;
   for (std::size_t i = 0; i < graph.tags.size(); ++i) {
@@ -50,10 +50,8 @@ std::optional<GraphPrior> prior_of(const GraphState& graph) {
     was.push_back(i);
     part.tags.push_back(graph.tags[i]);
   }
-  for (GraphSegment& segment : part.segments)
-    for (std::size_t& tag : segment.tags) tag = now[tag];
   part.prior = graph.prior;
-  part.prior.renumber(now);
+  renumber_tags(now, part);
   const auto covariance = GraphCovariance::of(part);
   if (!covariance) return std::nullopt;
 
@@ -83,8 +81,8 @@ std::optional<GraphPrior> prior_of(const GraphState& graph) {
                     part.prior.is_absolute ? PriorUnknown::kNothing : relative);
 }
 
-/// Of a component with this many tags. A place has a size, however long it is looked at; memory
-/// (0.2 MB a segment) and the time of a solution are bounded by this.
+/// Of a component with this many tags: bounds memory (0.2 MB a segment) and the time of a solution
+/// by the size of the place, for sessions of any length.
 std::size_t most_segments(std::size_t tags) {
   constexpr std::size_t kFew = 150;
   constexpr std::size_t kPerTag = 6;
@@ -94,9 +92,9 @@ std::size_t most_segments(std::size_t tags) {
 
 }  // namespace
 
-/// What the segments of the workspace say becomes a prior. Of a component that is not placed yet,
-/// and of a workspace that never comes to rest, the oldest half goes.
-void MapGraph::keep_bounded(bool is_at_rest) {
+/// Folds the segments of the workspace. Of other components, and of a workspace that does not
+/// converge, the oldest half is removed.
+void MapGraph::keep_bounded(bool is_converged) {
   std::map<int, std::size_t> segments;
   std::map<int, std::size_t> tags;
   for (const GraphSegment& segment : state_.segments) ++segments[component_of(segment)];
@@ -104,7 +102,7 @@ void MapGraph::keep_bounded(bool is_at_rest) {
   for (const auto& [component, count] : segments) {
     const std::size_t most = most_segments(tags[component]);
     const bool is_placed = component == kInWorkspace;
-    if (is_placed && is_at_rest) {
+    if (is_placed && is_converged) {
       if (count > most) fold();
     } else if (count > (is_placed ? 2 * most : most)) {
       forget_oldest(component, count / 2);
@@ -132,16 +130,73 @@ void MapGraph::fold() {
   state_.prior = std::move(*prior);
   for (GraphTag& tag : state_.tags)
     if (tag.component == kInWorkspace) tag.sightings_before = tag.sightings;
-  fold_doubts(state_);
+  fold_tested_priors(state_);
 }
 
-/// After segments have lost tags, or a component segments.
+/// After segments were unbound from tags, or removed from a component.
 void MapGraph::drop_unbound(int component) {
   forget_unseen_tags(state_);
   count_sightings();
   // The workspace is 0; new ones are counted from 1.
   components_ = split_component(component, components_ + 1, state_) - 1;
   renumber_chains(forget_unbound_paths(state_));
+}
+
+void MapGraph::follow(const EpochOrder& order) {
+  const int last = epochs_.newest(order.tag_id);
+  epochs_.follow(order);
+  if (order.opens) {
+    for (GraphSegment& entry : state_.segments) {
+      const bool has_tag = std::any_of(entry.raw.tags.begin(), entry.raw.tags.end(),
+                                       [&](const auto& t) { return t.tag_id == order.tag_id; });
+      if (has_tag && entry.raw.end().at > order.opens->gone) rebind(entry);
+    }
+  } else {
+    for (GraphTag& tag : state_.tags)
+      if (tag.tag_id == order.tag_id && tag.epoch == last) --tag.epoch;
+    std::set<int> components;
+    for (const GraphTag& tag : state_.tags) components.insert(tag.component);
+    for (const int component : components) unite_tags(component, state_);
+  }
+  drop_unbound(kInWorkspace);
+}
+
+void MapGraph::count_sightings() {
+  for (GraphTag& tag : state_.tags) tag.sightings = tag.sightings_before;
+  for (const GraphSegment& entry : state_.segments) count_sightings(entry);
+}
+
+void MapGraph::renumber_chains(const std::vector<std::optional<std::size_t>>& now) {
+  for (auto& [body_id, chain] : chains_)
+    if (chain.node) chain.node = now[*chain.node];
+}
+
+void MapGraph::replace_body(int body_id, std::vector<MotionSegment> segments) {
+  renumber_chains(keep_segments(
+      [&](const GraphSegment& segment) {
+        const auto body = static_cast<std::size_t>(state_.nodes[segment.begin].body);
+        return state_.bodies[body].id != body_id;
+      },
+      state_));
+  chains_.erase(body_id);
+  // A tag of this body alone starts at the estimate of the new segments.
+  forget_unseen_tags(state_);
+  count_sightings();
+  renumber_chains(forget_unbound_paths(state_));
+  for (MotionSegment& segment : segments) (void)add(std::move(segment));
+}
+
+/// Binds sightings to other epochs of their tags, or to none.
+void MapGraph::rebind(GraphSegment& entry) {
+  MotionSegment raw = entry.raw;
+  const std::vector<int> epochs = epochs_.sort(raw);
+  auto factor = condense(raw);
+  if (!factor) return;
+  const GraphNode& begin = state_.nodes[entry.begin];
+  const Pose G = axes_between(raw.begin().X_WB, begin.at.X_WB, raw.has_imu());
+  entry.raw = std::move(raw);
+  entry.factor = std::move(*factor);
+  bind_tags(G, epochs, entry);
 }
 
 }  // namespace fiducap

@@ -13,65 +13,63 @@
 
 namespace fiducap {
 
-/// What is known of tags and cameras beside the segments: by a survey, by a stored map, by segments
-/// that were given up. The joint distribution as a product, each tag given a few of those before
-/// it:
+/// Joint prior of tags and cameras: from a survey, a stored map or folded segments. A product of
+/// conditional distributions, each tag given a few of those before it:
 ///
-///     e_tag = A e_on + C e_cameras + rest,   e: plain errors (KnownTag) against `expected`
+///     e_tag = A e_given + C e_cameras + rest,   e: plain errors (KnownTag) against `expected`
 ///
-/// A common shift and yaw of all tags costs nothing, unless a survey says where they are.
+/// A common shift and yaw of all tags costs nothing, unless a survey fixes them.
 struct GraphPrior {
-  struct Hanging {
-    std::size_t tag{};            ///< Index in `tags`.
-    std::vector<std::size_t> on;  ///< Likewise; all of them come before it.
-    Eigen::MatrixXd A;            ///< 6 x 6 |on|
-    Eigen::MatrixXd C;            ///< 6 x cameras' numbers; none: 6 x 0
-    Matrix6d information;         ///< Of the rest.
+  struct Conditional {
+    std::size_t tag{};               ///< Index in `tags`.
+    std::vector<std::size_t> given;  ///< Likewise; all of them come before it.
+    Eigen::MatrixXd A;               ///< 6 x 6 |given|
+    Eigen::MatrixXd C;               ///< 6 x cameras' parameters; none: 6 x 0
+    Matrix6d information;            ///< Of the rest.
   };
 
   std::vector<std::size_t> tags;  ///< Index in GraphState::tags of each.
   std::vector<Pose> expected;
-  std::vector<Hanging> hangings;
-  bool is_absolute{false};  ///< Something says where W is: a survey, or a tag that is held.
+  std::vector<Conditional> conditionals;
+  bool is_absolute{false};  ///< W is fixed: by a survey, or by a tag that is held.
 
   std::vector<std::vector<CameraBelief>> cameras;  ///< Of the first bodies, in their order …
   Eigen::MatrixXd camera_information;              ///< … in place of GraphBody::information.
 
   /// W is moved: X ← T X for all tags.
   void move(const Pose& T);
-  /// This tag stands there by definition, and says where W is: its place and the heading of its
-  /// most level axis (HeadingRule); when gravity does not say what is up, all of its attitude.
+  /// Fixes W by this tag: its place and the heading of its most level axis (HeadingRule); when the
+  /// vertical is not known, all of its attitude.
   void hold(std::size_t tag, const Pose& X_WT, bool level);
-  /// Tags have other indices now.
+  /// @param now  new index of each tag
   void renumber(const std::vector<std::size_t>& now);
 };
 
-/// One tag of those that a prior is made of.
 struct PriorTag {
   std::size_t tag{};  ///< Index in GraphState::tags.
   Pose X_WT;
   Matrix6d covariance;  ///< Plain, as KnownTag's.
-  bool is_surveyed{};   ///< The covariance is against W, and nothing else is known of it.
+  bool is_surveyed{};   ///< The covariance is against W, and there is no other information.
 };
 
-/// How the errors of two tags hang together, plain; nullopt: not known.
+/// Covariance of the errors of two tags, plain; nullopt: not known.
 using PriorBetween = std::function<std::optional<Matrix6d>(std::size_t a, std::size_t b)>;
 
-/// Cameras whose errors hang together with those of the tags.
+/// Cameras whose errors are correlated with those of the tags.
 struct PriorCameras {
   std::vector<std::vector<CameraBelief>> bodies;
-  Eigen::MatrixXd covariance;            ///< Of all their numbers.
-  std::vector<Eigen::MatrixXd> of_tags;  ///< Per tag: 6 x numbers, plain.
+  Eigen::MatrixXd covariance;            ///< Of all their parameters.
+  std::vector<Eigen::MatrixXd> of_tags;  ///< Per tag: 6 x parameters, plain.
 };
 
-/// What the covariances do not say, whatever their numbers.
+/// The gauge: what the covariances do not determine.
 enum class PriorUnknown {
   kNothing,       ///< They are against W, by a survey.
-  kPlaceAndYaw,   ///< Of all of it.
-  kPlaceAndTurn,  ///< No gravity is felt.
+  kPlaceAndYaw,   ///< Of the whole.
+  kPlaceAndTurn,  ///< The vertical is not known either.
 };
 
-/// @param between  asked with indices in `tags`
+/// @param between  called with indices in `tags`
 [[nodiscard]] GraphPrior make_prior(std::span<const PriorTag> tags, const PriorBetween& between,
                                     const PriorCameras& cameras, PriorUnknown unknown);
 

@@ -5,11 +5,24 @@
 
 #include "base/time.hpp"
 #include "estimation/found_mismatch.hpp"
-#include "estimation/known_map.hpp"
+#include "estimation/known_tag.hpp"
 
 namespace fiducap {
 
-/// A tag as the graph has it, in the axes of the map.
+/// A tag has left its place: sightings after `gone` are not of that place any more, those after
+/// `back` are of the next one; those between are of neither.
+struct TagEpoch {
+  Instant gone{};
+  Instant back{};  ///< Instant::max(): the tag is not used any more.
+};
+
+/// From the map to the graph, in order.
+struct EpochOrder {
+  int tag_id{};
+  std::optional<TagEpoch> opens{};  ///< nullopt: the newest place is the one before, after all.
+};
+
+/// The graph's estimate of a tag, in the axes of the map.
 struct GraphTagEstimate {
   int tag_id{};
   double edge_m{};
@@ -21,24 +34,24 @@ struct GraphTagEstimate {
   /// As KnownTag::covariance, against the mean place and heading of the tags that define W.
   Matrix6d covariance{Matrix6d::Zero()};
   int epoch{};            ///< How often it had been moved …
-  bool is_current{true};  ///< … and has not been since: this is where it is now.
+  bool is_current{true};  ///< … and has not been since.
 };
 
-/// What is not as the configuration says.
+/// A deviation from the configuration.
 struct GraphFinding {
-  int body_id{-1};  ///< Whose camera; -1: of prints.
+  int body_id{-1};  ///< Whose camera; -1: of tag sizes.
   FoundMismatch what;
 };
 
 struct GraphSolution {
-  std::vector<GraphTagEstimate> tags;  ///< By id; an id may be there once per component and epoch.
-  std::vector<KnownPair> pairs;        ///< Tags seen together, where they are now; sorted.
+  std::vector<GraphTagEstimate> tags;  ///< By id; an id may occur once per component and epoch.
+  std::vector<KnownPair> pairs;        ///< Tags seen together, at their present places; sorted.
   std::vector<GraphFinding> findings;
   double cost{};     ///< Twice: chi-square …
-  double numbers{};  ///< … of so many.
+  double numbers{};  ///< … and the number of its terms.
   int iterations{};
-  int condensed{};  ///< Segments linearised anew.
-  /// Of a tag, for the map to have it; nullopt: as the map is configured.
+  int condensed{};  ///< Segments linearised again.
+  /// Of a tag that joins the map; nullopt: as the map is configured.
   std::optional<int> least_sightings{};
 };
 

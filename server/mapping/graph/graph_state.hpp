@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <map>
 #include <optional>
 #include <vector>
@@ -8,13 +9,29 @@
 
 #include "estimation/segment/motion_segment.hpp"
 #include "estimation/segment/segment_smoother.hpp"
-#include "estimation/segment/world_error.hpp"
-#include "mapping/graph/graph_body.hpp"
 #include "mapping/graph/graph_prior.hpp"
 
 namespace fiducap {
 
-inline constexpr int kInWorkspace = 0;  ///< Component of those who stand in it.
+inline constexpr int kInWorkspace = 0;  ///< Component of the workspace.
+
+/// Prior of a parameter that is exact by configuration (calibration_terms.hpp).
+struct TestedPrior {
+  bool is_open{};   ///< The test has rejected the configured value: a wide prior.
+  double folded{};  ///< Part of the prior's information that the GraphPrior contains already.
+};
+
+/// The constants of a body.
+struct GraphBody {
+  int id{};
+  std::vector<CameraBelief> cameras;
+  std::vector<CameraBelief> expected;   ///< Prior mean of all cameras' parameters …
+  Eigen::MatrixXd information;          ///< … and its information.
+  std::map<int, TestedPrior> tested{};  ///< Of parameters that are tested, by their rows there.
+  /// Index in GraphState::bodies of the same body before a jump of its clocks: all parameters but
+  /// the clocks are shared. -1: none.
+  int same_as{-1};
+};
 
 /// A body where two of its segments meet.
 struct GraphNode {
@@ -32,9 +49,9 @@ struct GraphTag {
   int sightings_before{};  ///< Of those: in no segment, but in the prior.
   Instant first_seen{};
   Instant last_seen{};
-  int epoch{};     ///< How often it was moved before (TagEpochs).
-  double scale{};  ///< So much larger is its print than told, beyond what all are, relative …
-  Doubt print{};   ///< … and whether that is so.
+  int epoch{};                ///< How often it was moved before (TagEpochs).
+  double scale{};             ///< Relative error of its configured size, beyond the common one …
+  TestedPrior scale_prior{};  ///< … and its prior.
 };
 
 struct GraphSegment {
@@ -45,31 +62,78 @@ struct GraphSegment {
   std::vector<std::size_t> tags;  ///< … and tags, in the order of the factor.
 };
 
-/// A node whose velocity and biases are known a little without any segment: the first of a chain.
-/// Biases go on from where the body's last chain left them.
+/// Prior of velocity and biases at the first node of a chain of segments. The biases continue from
+/// the body's last chain.
 struct ChainStart {
   std::size_t node{};
   int after{-1};  ///< Node at which the body's last chain ended; -1: none, or there is no IMU.
   bool has_imu{true};
   double accel_walk{};
   double gyro_walk{};
-  std::optional<Eigen::Vector3d> up_B{};  ///< What is up there, as odometry knows it.
+  std::optional<Eigen::Vector3d> up_B{};  ///< The vertical there, by odometry.
 };
 
-/// All that is estimated, and all that says something about it.
+/// All variables, factors and priors of the map graph.
 struct GraphState {
   std::vector<GraphBody> bodies;
   std::vector<GraphNode> nodes;
   std::vector<GraphTag> tags;
   std::vector<GraphSegment> segments;
   std::vector<ChainStart> starts;
-  double prints_scale{};         ///< So much larger are all prints than told, relative …
-  Doubt prints;                  ///< … and whether that is so.
-  bool doubts{false};            ///< Prints may be other ones than told.
-  double gravity_offset_m_s2{};  ///< How much more gravity is than the sensors say …
-  double gravity_sigma_m_s2{kUsualGravitySigma_m_s2};  ///< … and may be, 1-sigma.
+  double common_scale{};  ///< Relative error of all configured tag sizes …
+  TestedPrior common_scale_prior;
+  bool tests_sizes{false};                             ///< … which may be wrong.
+  double gravity_offset_m_s2{};                        ///< Gravity minus the sensors' value …
+  double gravity_sigma_m_s2{kUsualGravitySigma_m_s2};  ///< … and its prior, 1-sigma.
   GraphPrior prior;
-  std::map<int, bool> level;  ///< Per component: gravity is felt in it, or odometry knows up.
+  std::map<int, bool> level;  ///< Per component: its vertical is known, by gravity or odometry.
 };
+
+// --- bodies ---
+
+/// All parameters as configured.
+[[nodiscard]] GraphBody body_by_configuration(int id, const SegmentSensors& sensors);
+/// The clocks and lenses found at the start are the first estimates: they may be far from the
+/// configuration.
+void initialise_cameras(const std::vector<CameraBelief>& found, GraphBody& body);
+/// The same body after a jump of its cameras' clocks.
+/// @param before  with this index
+[[nodiscard]] GraphBody after_clock_jump(const GraphBody& before, int index,
+                                         const MotionSegment& since);
+[[nodiscard]] bool clock_has_jumped(const GraphBody& body, const MotionSegment& segment);
+/// Information of the equality of a camera's parameters before and after the jump, in the order of
+/// segment_layout; of the clock 0.
+using SameNumbers = Eigen::Matrix<double, segment_layout::kCameraSize, 1>;
+[[nodiscard]] SameNumbers information_of_same();
+
+/// The raw segment with ends, cameras and tags at their present estimates; the path between is
+/// moved along.
+[[nodiscard]] MotionSegment segment_now(const GraphState& graph, const GraphSegment& segment);
+
+// --- components ---
+// A component is a connected part in axes of its own; 0: in the workspace's. Two that are not
+// joined may have the same tag, each at its own place.
+
+/// X ← T X for all of it.
+void move_component(int component, const Pose& T, GraphState& graph);
+/// Makes all of `from` a part of `into`, whose axes T leads to; their common tags become one.
+void merge_components(int from, int into, const Pose& T, GraphState& graph);
+/// Unites tags with the same id and epoch, at the first one's index in `graph.tags`.
+void unite_tags(int component, GraphState& graph);
+/// @param now  the new index of each tag; `graph.tags` has the new order
+void renumber_tags(const std::vector<std::size_t>& now, GraphState& graph);
+/// Removes tags that are in no segment and not in the prior.
+void forget_unseen_tags(GraphState& graph);
+/// Gives parts that are not connected to the largest one components of their own.
+/// @param next  number of a free component
+/// @return the same, afterwards
+[[nodiscard]] int split_component(int component, int next, GraphState& graph);
+/// Removes segments, and nodes of no other segment. Where a chain is cut, its rest becomes a chain
+/// of its own: velocity and biases there are unknown. Tags stay.
+/// @return the new number of each node that is left
+std::vector<std::optional<std::size_t>> keep_segments(
+    const std::function<bool(const GraphSegment&)>& is_kept, GraphState& graph);
+/// Removes the segments of components without a tag. @return as keep_segments()
+std::vector<std::optional<std::size_t>> forget_unbound_paths(GraphState& graph);
 
 }  // namespace fiducap

@@ -2,9 +2,10 @@
 
 #include <cmath>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "estimation/filter/heading_rule.hpp"
 #include "estimation/world/filter_state.hpp"
+#include "mapping/graph/calibration_terms.hpp"
 
 namespace fiducap {
 
@@ -13,18 +14,18 @@ namespace {
 using Matrix15d = Eigen::Matrix<double, 15, 15>;
 using segment_layout::kTagSize;
 
-// What is known of a body before any image: m/s, m/s², rad/s.
+// Prior sigmas of a body before any image: m/s, m/s², rad/s.
 constexpr double kStartVelocity = 5.0;
 constexpr double kStartBiasF = 0.5;
 constexpr double kStartBiasW = 0.05;
 constexpr double kOdometryUp = 0.005;  // of a phone or a robot that feels gravity
-constexpr double kStartRate = 5.0;     // without IMU the rate stands in the gyro bias's place
-// Nothing says where a component is: one of its tags is held, this well. What follows from it is
-// the same whatever the number; a weak hold would let the whole drift by what is not linear.
+constexpr double kStartRate = 5.0;     // without IMU the rate is stored as gyro bias
+// Information that holds one tag of a component with a free gauge. The result does not depend on
+// the number; with a weak one the whole would drift by non-linearity.
 constexpr double kGauge = 1e11;
 
-/// How a segment's variables stand in the normal equations, and how their errors there change with
-/// the estimate.
+/// A variable of a segment: its place in the normal equations and the Jacobian of its error with
+/// respect to the estimate.
 struct Part {
   int variable{};
   int at{};  ///< In the factor.
@@ -37,9 +38,9 @@ Matrix15d on_body(const Vector15d& error, const Pose& G_inverse) {
   Matrix15d J = Matrix15d::Identity();
   const Vector6d pose = error.head<6>();
   J.topLeftCorner<6, 6>() = inverse_left_jacobian(pose) * Ad;
-  Vector6d swing;
-  swing << error.segment<3>(6), error.segment<3>(3);
-  const Matrix6d left = inverse_left_jacobian(swing);
+  Vector6d velocity;
+  velocity << error.segment<3>(6), error.segment<3>(3);
+  const Matrix6d left = inverse_left_jacobian(velocity);
   J.block<3, 3>(6, 6) = left.topLeftCorner<3, 3>() * R;
   J.block<3, 3>(6, 3) = left.topRightCorner<3, 3>() * R;
   return J;
@@ -68,15 +69,16 @@ std::vector<Part> parts_of(const GraphState& graph, const GraphVariables& variab
   parts.push_back({variables.body(body), camera(0), std::move(J)});
   const Matrix6d Ad = world::adjoint(G_inverse);
   const auto tags = static_cast<int>(segment.tags.size());
-  Eigen::MatrixXd by_prints = Eigen::MatrixXd::Zero(kTagSize * tags, 1);
+  Eigen::MatrixXd by_common_scale = Eigen::MatrixXd::Zero(kTagSize * tags, 1);
   for (int i = 0; i < tags; ++i) {
     const int at = tag(cameras, i);
     J = Eigen::MatrixXd::Identity(kTagSize, kTagSize);
     J.topLeftCorner<6, 6>() = inverse_left_jacobian(Vector6d(error.segment<6>(at))) * Ad;
     parts.push_back({variables.tag(segment.tags[static_cast<std::size_t>(i)]), at, J});
-    by_prints(scale(cameras, i) - tag(cameras, 0)) = 1;
+    by_common_scale(scale(cameras, i) - tag(cameras, 0)) = 1;
   }
-  if (tags > 0) parts.push_back({variables.prints(), tag(cameras, 0), std::move(by_prints)});
+  if (tags > 0)
+    parts.push_back({variables.common_scale(), tag(cameras, 0), std::move(by_common_scale)});
   if (segment.raw.has_imu())
     parts.push_back({variables.gravity(), gravity(cameras, tags), Eigen::MatrixXd::Identity(1, 1)});
   return parts;
@@ -101,7 +103,7 @@ void add_segment(const GraphState& graph, const GraphVariables& variables,
   }
 }
 
-/// A body's velocity and biases where a chain begins, and its tilt where odometry knows that.
+/// Prior of velocity and biases where a chain begins, and of the tilt where odometry measures it.
 struct StartError {
   Vector15d error{Vector15d::Zero()};
   Vector15d information{Vector15d::Zero()};
@@ -159,7 +161,7 @@ Vector6d plain_error(const Pose& expected, const Pose& now) {
   return out;
 }
 
-/// Of all cameras that the prior knows of.
+/// Of all cameras in the prior.
 Eigen::VectorXd camera_error(const GraphState& graph) {
   Eigen::VectorXd out(graph.prior.camera_information.rows());
   Eigen::Index at = 0;
@@ -171,32 +173,24 @@ Eigen::VectorXd camera_error(const GraphState& graph) {
   return out;
 }
 
-Vector6d rest_of(const GraphState& graph, const GraphPrior::Hanging& hanging,
+Vector6d rest_of(const GraphState& graph, const GraphPrior::Conditional& conditional,
                  const Eigen::VectorXd& of_cameras) {
   const GraphPrior& prior = graph.prior;
   const auto error = [&](std::size_t i) {
     return plain_error(prior.expected[i], graph.tags[prior.tags[i]].X_WT);
   };
-  Vector6d out = error(hanging.tag);
-  for (std::size_t k = 0; k < hanging.on.size(); ++k)
-    out -= hanging.A.middleCols<6>(static_cast<Eigen::Index>(6 * k)) * error(hanging.on[k]);
-  if (hanging.C.cols() > 0) out -= hanging.C * of_cameras;
+  Vector6d out = error(conditional.tag);
+  for (std::size_t k = 0; k < conditional.given.size(); ++k)
+    out -=
+        conditional.A.middleCols<6>(static_cast<Eigen::Index>(6 * k)) * error(conditional.given[k]);
+  if (conditional.C.cols() > 0) out -= conditional.C * of_cameras;
   return out;
 }
 
-double prior_cost_of(const GraphState& graph) {
-  const Eigen::VectorXd cameras = camera_error(graph);
-  double cost = 0.5 * cameras.dot(graph.prior.camera_information * cameras);
-  for (const GraphPrior::Hanging& hanging : graph.prior.hangings) {
-    const Vector6d rest = rest_of(graph, hanging, cameras);
-    cost += 0.5 * rest.dot(hanging.information * rest);
-  }
-  return cost;
-}
-
-void add_hanging(const GraphState& graph, const GraphVariables& variables,
-                 const GraphPrior::Hanging& hanging, const Eigen::VectorXd& of_cameras,
-                 NormalEquations& out) {
+/// @return its cost
+double add_conditional(const GraphState& graph, const GraphVariables& variables,
+                       const GraphPrior::Conditional& conditional,
+                       const Eigen::VectorXd& of_cameras, NormalEquations& out) {
   const GraphPrior& prior = graph.prior;
   struct Term {
     int variable;
@@ -209,24 +203,26 @@ void add_hanging(const GraphState& graph, const GraphVariables& variables,
     J.leftCols<6>() = A * world::plain_from_world_error(graph.tags[tag].X_WT.p);
     terms.push_back({variables.tag(tag), std::move(J)});
   };
-  add_tag(hanging.tag, Matrix6d::Identity());
-  for (std::size_t k = 0; k < hanging.on.size(); ++k)
-    add_tag(hanging.on[k], -hanging.A.middleCols<6>(static_cast<Eigen::Index>(6 * k)));
-  if (hanging.C.cols() > 0) {
+  add_tag(conditional.tag, Matrix6d::Identity());
+  for (std::size_t k = 0; k < conditional.given.size(); ++k)
+    add_tag(conditional.given[k], -conditional.A.middleCols<6>(static_cast<Eigen::Index>(6 * k)));
+  if (conditional.C.cols() > 0) {
     Eigen::Index at = 0;
     for (std::size_t b = 0; b < prior.cameras.size(); ++b) {
       const int size = out.H.size(variables.body(b));
-      terms.push_back({variables.body(b), -hanging.C.middleCols(at, size)});
+      terms.push_back({variables.body(b), -conditional.C.middleCols(at, size)});
       at += size;
     }
   }
-  const Vector6d pull = hanging.information * rest_of(graph, hanging, of_cameras);
+  const Vector6d rest = rest_of(graph, conditional, of_cameras);
+  const Vector6d pull = conditional.information * rest;
   for (const Term& a : terms) {
     out.pull.segment(out.H.first(a.variable), a.J.cols()) -= a.J.transpose() * pull;
-    const Eigen::MatrixXd left = a.J.transpose() * hanging.information;
+    const Eigen::MatrixXd left = a.J.transpose() * conditional.information;
     for (const Term& b : terms)
       if (b.variable <= a.variable) out.H.add(a.variable, b.variable, left * b.J);
   }
+  return 0.5 * rest.dot(conditional.information * rest);
 }
 
 void add_prior(const GraphState& graph, const GraphVariables& variables, NormalEquations& out) {
@@ -246,12 +242,13 @@ void add_prior(const GraphState& graph, const GraphVariables& variables, NormalE
     }
     at += rows;
   }
-  for (const GraphPrior::Hanging& hanging : prior.hangings)
-    add_hanging(graph, variables, hanging, cameras, out);
-  out.cost += prior_cost_of(graph);
+  double cost = 0.5 * cameras.dot(prior.camera_information * cameras);
+  for (const GraphPrior::Conditional& conditional : prior.conditionals)
+    cost += add_conditional(graph, variables, conditional, cameras, out);
+  out.cost += cost;
 }
 
-/// Holds the tag seen most often of each component whose place nothing says.
+/// Holds the tag seen most often of each component with a free gauge.
 void add_gauges(const GraphState& graph, const GraphVariables& variables, NormalEquations& out) {
   std::map<int, std::size_t> held;
   for (std::size_t i = 0; i < graph.tags.size(); ++i) {
@@ -276,7 +273,7 @@ GraphVariables::GraphVariables(const GraphState& graph)
   sizes_.assign(nodes_, 15);
   for (const GraphBody& body : graph.bodies)
     sizes_.push_back(segment_layout::kCameraSize * static_cast<int>(body.cameras.size()));
-  sizes_.insert(sizes_.end(), {1, 1});  // of all prints, gravity
+  sizes_.insert(sizes_.end(), {1, 1});  // common scale, gravity
   sizes_.insert(sizes_.end(), graph.tags.size(), segment_layout::kTagSize);
 }
 
@@ -312,7 +309,7 @@ Eigen::VectorXd error_of(const GraphState& graph, const GraphSegment& segment) {
     const auto number = static_cast<int>(i);
     error.segment<6>(tag(cameras, number)) =
         world::world_error_between(f.tags[i].X_WT, G_inverse * now.X_WT);
-    error(scale(cameras, number)) = graph.prints_scale + now.scale - f.scales[i];
+    error(scale(cameras, number)) = graph.common_scale + now.scale - f.scales[i];
   }
   if (segment.raw.has_imu())
     error(gravity(cameras, static_cast<int>(segment.tags.size()))) =
@@ -328,21 +325,10 @@ NormalEquations normal_equations(const GraphState& graph, const GraphVariables& 
   NormalEquations out(variables);
   for (const GraphSegment& segment : graph.segments) add_segment(graph, variables, segment, out);
   for (const ChainStart& start : graph.starts) add_start(graph, variables, start, out);
-  out.cost += sensor_terms(graph, variables, &out);
+  add_sensor_terms(graph, variables, out);
   add_prior(graph, variables, out);
   add_gauges(graph, variables, out);
   return out;
-}
-
-double cost_of(const GraphState& graph) {
-  double cost = 0;
-  for (const GraphSegment& segment : graph.segments)
-    cost += cost_of(segment.factor, error_of(graph, segment));
-  for (const ChainStart& start : graph.starts) {
-    const StartError s = start_error(graph, start);
-    cost += 0.5 * s.error.dot(s.information.cwiseProduct(s.error));
-  }
-  return cost + sensor_terms(graph, GraphVariables(graph), nullptr) + prior_cost_of(graph);
 }
 
 void move_by(const Eigen::VectorXd& delta, const GraphVariables& variables, const BlockMatrix& H,
@@ -363,7 +349,7 @@ void move_by(const Eigen::VectorXd& delta, const GraphVariables& variables, cons
       at += segment_layout::kCameraSize;
     }
   }
-  graph.prints_scale += delta(H.first(variables.prints()));
+  graph.common_scale += delta(H.first(variables.common_scale()));
   graph.gravity_offset_m_s2 += delta(H.first(variables.gravity()));
   for (std::size_t i = 0; i < graph.tags.size(); ++i) {
     GraphTag& tag = graph.tags[i];

@@ -5,16 +5,16 @@
 
 namespace fiducap {
 
-/// Where the variables of a graph stand in its normal equations: nodes, then bodies' cameras, the
-/// scale of all prints, gravity, tags with the scale of their own.
+/// Positions of a graph's variables in its normal equations: nodes, then bodies' cameras, the
+/// common scale of all tags, gravity, tags with their own scales.
 class GraphVariables final {
  public:
   explicit GraphVariables(const GraphState& graph);
 
   [[nodiscard]] int node(std::size_t i) const { return static_cast<int>(i); }
   [[nodiscard]] int body(std::size_t i) const { return static_cast<int>(nodes_ + i); }
-  [[nodiscard]] int prints() const { return static_cast<int>(nodes_ + bodies_); }
-  [[nodiscard]] int gravity() const { return prints() + 1; }
+  [[nodiscard]] int common_scale() const { return static_cast<int>(nodes_ + bodies_); }
+  [[nodiscard]] int gravity() const { return common_scale() + 1; }
   [[nodiscard]] int tag(std::size_t i) const { return gravity() + 1 + static_cast<int>(i); }
   [[nodiscard]] std::vector<int> sizes() const { return sizes_; }
 
@@ -33,17 +33,13 @@ struct NormalEquations {
   double cost{0};
 };
 
-/// Where a segment's variables are now, as errors of where it was linearised (its own axes).
+/// The present estimate of a segment's variables, as errors against its linearisation point (in its
+/// own axes).
 [[nodiscard]] Eigen::VectorXd error_of(const GraphState& graph, const GraphSegment& segment);
 [[nodiscard]] double cost_of(const SegmentFactor& factor, const Eigen::VectorXd& error);
 
 [[nodiscard]] NormalEquations normal_equations(const GraphState& graph,
                                                const GraphVariables& variables);
-/// What is known of cameras, prints and gravity beside the segments and the GraphPrior.
-/// @param out  gets it; nullptr: nobody does   @return its cost
-double sensor_terms(const GraphState& graph, const GraphVariables& variables, NormalEquations* out);
-/// Without the equations.
-[[nodiscard]] double cost_of(const GraphState& graph);
 /// Every variable moves by its rows of δ.
 void move_by(const Eigen::VectorXd& delta, const GraphVariables& variables, const BlockMatrix& H,
              GraphState& graph);

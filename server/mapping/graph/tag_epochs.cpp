@@ -1,16 +1,15 @@
-#include "mapping/graph/tag_epochs.hpp"
-
+// TagEpochs: which place of its tag a sighting belongs to.
 #include <algorithm>
 #include <set>
 
-#include "detection/corner_projection.hpp"
+#include "detection/tag_geometry.hpp"
+#include "mapping/graph/map_graph.hpp"
 
 namespace fiducap {
 
 namespace {
 
-// A tag is not where the segment has it when it is seen, in the middle, this share of its side
-// away.
+// Median offset, in edges, from which a tag is not where the segment has it.
 constexpr double kElsewhere = 0.25;
 
 template <class Work>
@@ -24,7 +23,7 @@ void for_sightings(MotionSegment& segment, int tag_id, const Work& work) {
   }
 }
 
-/// How far off the tag is seen, in sides.
+/// Mean offset of the seen from the expected corners, in edges.
 double distance_off(const MotionSegment& segment, const MotionSegment::Instance& instance,
                     const SegmentImage& image, const TagObservation& seen, const KnownTag& tag) {
   const auto c = static_cast<std::size_t>(image.camera);

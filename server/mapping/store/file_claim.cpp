@@ -13,7 +13,7 @@ namespace fiducap {
 
 namespace {
 
-/// Written by the process that has the lock; only for people.
+/// Written by the process that has the lock, for messages only.
 std::string holder_of(int file) {
   std::array<char, 32> text{};
   const ssize_t size = ::pread(file, text.data(), text.size() - 1, 0);
@@ -21,7 +21,7 @@ std::string holder_of(int file) {
                   : "another process";
 }
 
-/// One lock, by whatever name the file is called.
+/// The same lock for all names of the file.
 std::string lock_of(const std::string& path) {
   std::error_code unknown;
   const auto real = std::filesystem::weakly_canonical(path, unknown);
@@ -36,7 +36,7 @@ Expected<FileClaim> FileClaim::take(const std::string& path) {
   if (file < 0)
     return fail(ErrorCode::kUnavailable,
                 std::string("cannot be opened (") + std::strerror(errno) +
-                    "): the folder must be writable, and the file the user's who runs the server",
+                    "): the folder must be writable, and the file must belong to the server's user",
                 lock);
   FileClaim claim(file);
   if (::flock(file, LOCK_EX | LOCK_NB) != 0) {
@@ -47,7 +47,7 @@ Expected<FileClaim> FileClaim::take(const std::string& path) {
   }
   const std::string pid = std::to_string(::getpid());
   if (::ftruncate(file, 0) != 0 || ::pwrite(file, pid.data(), pid.size(), 0) < 0) {
-    // Then nobody is told the number; the lock holds.
+    // The lock holds without the number.
   }
   return claim;
 }

@@ -8,13 +8,13 @@
 
 namespace fiducap {
 
-/// One process at a time has a file: an advisory lock on `<path>.lock`, given back when this is
-/// destroyed or when its process ends, however it ends. Links to the file share its lock.
+/// Exclusive use of a file by one process: an advisory lock on `<path>.lock`, released when this is
+/// destroyed or its process ends, in any way. Links to the file share its lock.
 class FileClaim final {
  public:
   /// @return Error `kUnavailable` naming the process that has it
   [[nodiscard]] static Expected<FileClaim> take(const std::string& path);
-  /// Who has it now, e.g. `process 4711`; nullopt: nobody, as far as we may look.
+  /// The process that has it now, e.g. `process 4711`; nullopt: none, or not readable.
   [[nodiscard]] static std::optional<std::string> holder(const std::string& path);
   ~FileClaim();
   FileClaim(FileClaim&& other) noexcept : file_(std::exchange(other.file_, -1)) {}

@@ -25,19 +25,14 @@ constexpr std::int64_t kMostTried = 100'000;
 
 std::string number(std::int64_t value) { return std::to_string(value); }
 
-/// Collects the numbers that a query gives, until a page cannot be read. @return the whole query?
+/// Collects the numbers of a query, until a page cannot be read. @return whether all were read
 bool collect(const SqliteFile& file, const char* sql, std::set<std::int64_t>& numbers) {
   auto rows = file.prepare(sql);
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return false;
-    if (!*row) return true;
-    numbers.insert(rows.integer(0));
-  }
+  return rows.each_row([&] { numbers.insert(rows.integer(0)); }).has_value();
 }
 
-/// A damaged page stops a walk through a table, so the walk is done from both ends, and what lies
-/// between is tried.
+/// A damaged page ends the iteration over a table, so it is read from both ends, and the numbers
+/// between are tried.
 std::set<std::int64_t> version_numbers(const SqliteFile& file, std::vector<std::string>& losses) {
   std::set<std::int64_t> numbers;
   if (!collect(file, "SELECT DISTINCT version FROM tag ORDER BY version", numbers))
@@ -76,11 +71,11 @@ MapStoreHealth health_of(const SqliteFile& file) {
       health.damaged.push_back({version, map.error().what});
   }
   if (const auto learned = load_extrinsics(file); !learned)
-    health.losses.push_back("what was learned about the cameras cannot be read");
+    health.losses.push_back("the estimates about the cameras cannot be read");
   return health;
 }
 
-/// Through versions that are not sound, as far as their parents can be read.
+/// Skips damaged versions, as far as their parents can be read.
 std::int64_t sound_ancestor(const SqliteFile& file, const std::vector<std::int64_t>& sound,
                             const TagMap& map) {
   std::int64_t ancestor = map.parent;
@@ -129,11 +124,11 @@ Expected<SqliteFile> open_damaged(const std::string& path) {
 
 // --- the place of the damaged file ---
 
-Expected<void> system_fault(const std::string& doing, const std::string& path) {
+tl::unexpected<Error> system_fault(const std::string& doing, const std::string& path) {
   return fail(ErrorCode::kUnavailable, "cannot " + doing + ": " + std::strerror(errno), path);
 }
 
-/// What was renamed in a folder is on the disk after this.
+/// Makes renaming in a folder permanent.
 Expected<void> sync_folder_of(const std::string& path) {
   const fs::path parent = fs::path(path).parent_path();
   const std::string folder = parent.empty() ? "." : parent.string();
@@ -141,27 +136,27 @@ Expected<void> sync_folder_of(const std::string& path) {
   if (file < 0) return system_fault("open the folder", folder);
   const int done = ::fsync(file);
   ::close(file);
-  return done == 0 ? Expected<void>{} : system_fault("sync the folder", folder);
+  if (done != 0) return system_fault("sync the folder", folder);
+  return {};
 }
 
-/// Whoever ran the server must be able to go on.
+/// The user of the server must be able to use the repaired store.
 Expected<void> same_owner(const std::string& model, const std::string& path) {
   struct stat was {};
   if (::stat(model.c_str(), &was) != 0) return {};
   struct stat is {};
   if (::stat(path.c_str(), &is) != 0) return system_fault("look at the repaired store", path);
-  // Not asked for without need: a service may not give files away (deploy/fiducapd.service).
+  // Only when needed: a service may not change owners (deploy/fiducapd.service).
   const bool is_same = is.st_uid == was.st_uid && is.st_gid == was.st_gid;
   if (!is_same && ::chown(path.c_str(), was.st_uid, was.st_gid) != 0)
-    return system_fault("give the repaired store to the owner of the damaged one; run it as he",
-                        path);
-  return ::chmod(path.c_str(), was.st_mode & 07777) == 0
-             ? Expected<void>{}
-             : system_fault("set the mode of the repaired store", path);
+    return system_fault(
+        "give the repaired store to the owner of the damaged one; run this as that user", path);
+  if (::chmod(path.c_str(), was.st_mode & 07777) != 0)
+    return system_fault("set the mode of the repaired store", path);
+  return {};
 }
 
-/// Gives the damaged file a second name, with the log that belongs to it. An earlier try may have
-/// done so.
+/// Gives the damaged file and its log a second name, if an earlier attempt has not done so.
 Expected<std::string> keep_aside(const std::string& path) {
   std::error_code ignored;
   int n = 1;
@@ -171,14 +166,14 @@ Expected<std::string> keep_aside(const std::string& path) {
   for (const char* end : {"", "-wal", "-journal"}) {
     if (!fs::exists(path + end, ignored) || fs::exists(kept + end, ignored)) continue;
     if (::link((path + end).c_str(), (kept + end).c_str()) != 0)
-      return tl::unexpected(system_fault("keep the damaged file as " + kept + end, path).error());
+      return system_fault("keep the damaged file as " + kept + end, path);
   }
   return kept;
 }
 
-/// The repaired store comes into the place in one step; before it the log of the damaged one must
-/// go, or SQLite would write it into the new one. In between, `repaired_name` says what is to be
-/// done.
+/// Renames the repaired store to its place in one step; before that the log of the damaged one is
+/// removed, or SQLite would write it into the new one. In between, the file `repaired_name` marks
+/// an unfinished repair.
 Expected<std::string> put_in_place(const std::string& path) {
   std::string kept;
   std::error_code ignored;
@@ -190,11 +185,11 @@ Expected<std::string> put_in_place(const std::string& path) {
   }
   for (const char* end : {"-wal", "-shm", "-journal"}) {
     if (::unlink((path + end).c_str()) != 0 && errno != ENOENT)
-      return tl::unexpected(system_fault("take away the damaged log", path + end).error());
+      return system_fault("take away the damaged log", path + end);
   }
   if (auto synced = sync_folder_of(path); !synced) return tl::unexpected(synced.error());
   if (::rename(repaired_name(path).c_str(), path.c_str()) != 0)
-    return tl::unexpected(system_fault("put the repaired store in place", path).error());
+    return system_fault("put the repaired store in place", path);
   return sync_folder_of(path).map([&kept] { return kept; });
 }
 
@@ -225,8 +220,8 @@ Expected<MapStoreHealth> salvage_map_store(const std::string& from, const std::s
   MapStoreHealth health = health_of(*damaged);
   if (health.sound.empty())
     return fail(ErrorCode::kInvalid,
-                "holds no version that is as it was stored; it was not changed: restore a copy of "
-                "it, or move it away",
+                "holds no undamaged version; it was not changed: restore a copy of it, or move it "
+                "away",
                 from);
   auto fresh = SqliteFile::open(to);
   if (!fresh) return tl::unexpected(fresh.error());
@@ -256,7 +251,7 @@ Expected<MapRepair> repair_map_store(const std::string& path) {
       return tl::unexpected(owned.error());
     }
     if (::rename(part.c_str(), repaired_name(path).c_str()) != 0)
-      return tl::unexpected(system_fault("name the repaired store", part).error());
+      return system_fault("name the repaired store", part);
   } else if (auto found = check_map_store(path)) {
     repair.found = std::move(*found);
   }

@@ -4,10 +4,8 @@
 #include <span>
 #include <utility>
 
-#include "base/byte_reader.hpp"
-#include "base/byte_writer.hpp"
+#include "base/bytes.hpp"
 #include "mapping/store/sqlite_file.hpp"
-#include "mapping/store/tie_rows.hpp"
 
 namespace fiducap {
 
@@ -126,8 +124,7 @@ Expected<MapTag> tag_from(const SqliteStatement& row, const std::string& context
 Expected<void> load_tags(const SqliteFile& file, TagMap& map, const std::string& context) {
   auto rows = file.prepare(
       "SELECT tag_id, edge_m, px, py, pz, qw, qx, qy, qz, covariance, state, first_seen_utc_ns, "
-      "last_seen_utc_ns, "
-      "sightings, component FROM tag WHERE version = ? ORDER BY tag_id");
+      "last_seen_utc_ns, sightings, component FROM tag WHERE version = ? ORDER BY tag_id");
   rows.bind(map.version);
   for (;;) {
     const auto row = rows.step();
@@ -137,6 +134,36 @@ Expected<void> load_tags(const SqliteFile& file, TagMap& map, const std::string&
     if (!entry) return tl::unexpected(entry.error());
     map.tags.push_back(std::move(*entry));
   }
+}
+
+Expected<void> save_lens(const SqliteFile& file, const StoredExtrinsics& one) {
+  if (one.lens.is_none()) {
+    auto remove = file.prepare("DELETE FROM camera_lens WHERE body = ? AND camera = ?");
+    return remove.bind(one.body).bind(std::int64_t{one.camera}).run();
+  }
+  auto insert = file.prepare("INSERT OR REPLACE INTO camera_lens VALUES (?,?, ?,?,?,?)");
+  insert.bind(one.body).bind(std::int64_t{one.camera});
+  for (const auto& number :
+       {one.lens.focal, one.lens.centre_u_px, one.lens.centre_v_px, one.lens.k1})
+    number ? insert.bind(*number) : insert.bind_null();
+  return insert.run();
+}
+
+/// An older store that is only read has no such table.
+Expected<void> load_lenses(const SqliteFile& file, std::vector<StoredExtrinsics>& all) {
+  const auto tables = file.integer("SELECT count(*) FROM sqlite_master WHERE name = 'camera_lens'");
+  if (!tables) return tl::unexpected(tables.error());
+  if (*tables == 0) return {};
+  auto rows =
+      file.prepare("SELECT body, camera, focal, centre_u_px, centre_v_px, k1 FROM camera_lens");
+  const auto number = [&](int column) {
+    return rows.is_null(column) ? std::nullopt : std::optional(rows.real(column));
+  };
+  return rows.each_row([&] {
+    for (StoredExtrinsics& one : all)
+      if (one.body == rows.text(0) && one.camera == static_cast<int>(rows.integer(1)))
+        one.lens = {number(2), number(3), number(4), number(5)};
+  });
 }
 
 }  // namespace
@@ -230,51 +257,13 @@ Expected<std::vector<MapVersionInfo>> list_maps(const SqliteFile& file) {
       "(SELECT count(*) FROM tag WHERE tag.version = version.version) FROM version ORDER BY "
       "version DESC");
   std::vector<MapVersionInfo> versions;
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return tl::unexpected(row.error());
-    if (!*row) return versions;
-    versions.push_back({rows.integer(0), rows.integer(1), rows.integer(2), rows.text(3),
-                        rows.text(4), static_cast<int>(rows.integer(5))});
-  }
+  return rows
+      .each_row([&] {
+        versions.push_back({rows.integer(0), rows.integer(1), rows.integer(2), rows.text(3),
+                            rows.text(4), static_cast<int>(rows.integer(5))});
+      })
+      .map([&] { return std::move(versions); });
 }
-
-namespace {
-
-Expected<void> save_lens(const SqliteFile& file, const StoredExtrinsics& one) {
-  if (one.lens.is_none()) {
-    auto remove = file.prepare("DELETE FROM camera_lens WHERE body = ? AND camera = ?");
-    return remove.bind(one.body).bind(std::int64_t{one.camera}).run();
-  }
-  auto insert = file.prepare("INSERT OR REPLACE INTO camera_lens VALUES (?,?, ?,?,?,?)");
-  insert.bind(one.body).bind(std::int64_t{one.camera});
-  for (const auto& number :
-       {one.lens.focal, one.lens.centre_u_px, one.lens.centre_v_px, one.lens.k1})
-    number ? insert.bind(*number) : insert.bind_null();
-  return insert.run();
-}
-
-/// Who only looks at an older store finds no such table.
-Expected<void> load_lenses(const SqliteFile& file, std::vector<StoredExtrinsics>& all) {
-  const auto tables = file.integer("SELECT count(*) FROM sqlite_master WHERE name = 'camera_lens'");
-  if (!tables) return tl::unexpected(tables.error());
-  if (*tables == 0) return {};
-  auto rows =
-      file.prepare("SELECT body, camera, focal, centre_u_px, centre_v_px, k1 FROM camera_lens");
-  const auto number = [&](int column) {
-    return rows.is_null(column) ? std::nullopt : std::optional(rows.real(column));
-  };
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return tl::unexpected(row.error());
-    if (!*row) return {};
-    for (StoredExtrinsics& one : all)
-      if (one.body == rows.text(0) && one.camera == static_cast<int>(rows.integer(1)))
-        one.lens = {number(2), number(3), number(4), number(5)};
-  }
-}
-
-}  // namespace
 
 Expected<void> save_extrinsics(const SqliteFile& file, const StoredExtrinsics& one) {
   auto insert = file.prepare("INSERT OR REPLACE INTO extrinsics VALUES (?,?, ?,?,?,?,?,?,?)");
@@ -293,15 +282,13 @@ Expected<std::vector<StoredExtrinsics>> load_extrinsics(const SqliteFile& file) 
       "SELECT body, camera, px, py, pz, qw, qx, qy, qz, shift_s, readout_s FROM extrinsics "
       "LEFT JOIN camera_clock USING (body, camera) ORDER BY body, camera");
   std::vector<StoredExtrinsics> all;
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return tl::unexpected(row.error());
-    if (!*row) break;
-    all.push_back({rows.text(0), static_cast<int>(rows.integer(1)), pose_from(rows, 2)});
-    if (!rows.is_null(9)) all.back().clock = {rows.real(9), rows.real(10)};
-  }
-  if (auto loaded = load_lenses(file, all); !loaded) return tl::unexpected(loaded.error());
-  return all;
+  return rows
+      .each_row([&] {
+        all.push_back({rows.text(0), static_cast<int>(rows.integer(1)), pose_from(rows, 2)});
+        if (!rows.is_null(9)) all.back().clock = {rows.real(9), rows.real(10)};
+      })
+      .and_then([&] { return load_lenses(file, all); })
+      .map([&] { return std::move(all); });
 }
 
 }  // namespace fiducap

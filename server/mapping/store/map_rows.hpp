@@ -25,11 +25,11 @@ struct MapVersionInfo {
 
 /// When a camera's rows are exposed (ClockEstimate).
 struct StoredClock {
-  double shift_s{};  ///< All of it: what the configuration told, and what was learned beyond.
+  double shift_s{};  ///< The configured shift plus the estimated one.
   double readout_s{};
 };
 
-/// What of a lens was found to be otherwise than configured (LensOffset).
+/// Parameters of a lens that differ from the configuration (LensOffset).
 struct StoredLens {
   std::optional<double> focal{};
   std::optional<double> centre_u_px{};
@@ -39,16 +39,16 @@ struct StoredLens {
   [[nodiscard]] bool is_none() const { return !focal && !centre_u_px && !centre_v_px && !k1; }
 };
 
-/// What was learned about one camera of one body.
+/// Estimates about one camera of one body.
 struct StoredExtrinsics {
   std::string body;
   int camera{};
   Pose X_BV;
   std::optional<StoredClock> clock{};  ///< Once it is known well.
-  StoredLens lens{};                   ///< What was found before, and is not any more, goes.
+  StoredLens lens{};                   ///< Replaces the stored one.
 };
 
-// How maps lie in the tables of a store. Writers are called inside a transaction.
+// Maps in the tables of a store. Writers are called inside a transaction.
 
 /// In a file that has no tables yet.
 [[nodiscard]] Expected<void> create_tables(SqliteFile& file);
@@ -56,8 +56,8 @@ struct StoredExtrinsics {
 [[nodiscard]] Expected<void> migrate(SqliteFile& file);
 /// @param map  with version, parent and hash
 [[nodiscard]] Expected<void> insert_map(const SqliteFile& file, const TagMap& map);
-/// @return Error `kInvalid` when what lies there is not what was stored (hash), `kNotFound` when
-/// there is no such version
+/// @return Error `kInvalid` when the content does not have the stored hash, `kNotFound` when there
+/// is no such version
 [[nodiscard]] Expected<TagMap> load_map(const SqliteFile& file, std::int64_t version);
 /// @return Error `kNotFound` when there is no such version
 [[nodiscard]] Expected<void> set_comment(const SqliteFile& file, std::int64_t version,
@@ -70,8 +70,25 @@ struct StoredExtrinsics {
 
 /// PRAGMA application_id of a store: "FDCP".
 inline constexpr std::int64_t kMapStoreId = 0x46444350;
-/// PRAGMA user_version: what this program writes; it reads all before. 2: with ties (tie_rows.hpp);
-/// 3: with what is wrong about lenses.
+/// PRAGMA user_version: written by this program, which reads all earlier ones. 2: with
+/// correlations; 3: with lenses.
 inline constexpr std::int64_t kMapStoreSchema = 3;
+
+// Correlations of a version's tags (TagMap::known), the prior of the next session, with the tags
+// whose size differs from the configured one: one row per version that has them (tie_rows.cpp).
+
+/// In a new store, or in one of schema 1, which has no such table.
+[[nodiscard]] Expected<void> create_ties(SqliteFile& file);
+/// Nothing when the map has none.
+[[nodiscard]] Expected<void> insert_ties(const SqliteFile& file, const TagMap& map);
+/// Sets `map.known`; it stays nullptr when the version has none.
+/// @return Error `kInvalid` when the content does not have the stored hash
+[[nodiscard]] Expected<void> load_ties(const SqliteFile& file, TagMap& map,
+                                       const std::string& context);
+[[nodiscard]] Expected<void> remove_ties(const SqliteFile& file, std::int64_t version);
+/// Removes those of automatic versions before this one: they are as large as the rest of the store,
+/// and a map that is rolled back to such a version estimates them again.
+[[nodiscard]] Expected<void> remove_old_ties(const SqliteFile& file, std::int64_t newest,
+                                             const std::string& automatic_comment);
 
 }  // namespace fiducap

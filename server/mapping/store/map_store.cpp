@@ -1,48 +1,71 @@
 #include "mapping/store/map_store.hpp"
 
 #include <algorithm>
+#include <array>
+#include <chrono>
 #include <filesystem>
 #include <string_view>
 #include <utility>
 
 #include "mapping/store/file_claim.hpp"
-#include "mapping/store/map_thinning.hpp"
+#include "mapping/store/map_rows.hpp"
 #include "mapping/store/sqlite_file.hpp"
-#include "mapping/store/tie_rows.hpp"
 
 namespace fiducap {
 
 namespace {
 
+struct Spacing {
+  std::chrono::seconds younger_than;
+  std::chrono::seconds one_per;
+};
+
+using std::chrono::hours;
+using std::chrono::minutes;
+constexpr std::array<Spacing, 6> kSpacings{{{minutes(10), {}},
+                                            {hours(1), minutes(1)},
+                                            {hours(24), minutes(10)},
+                                            {hours(24 * 7), hours(1)},
+                                            {hours(24 * 365), hours(24)},
+                                            {std::chrono::seconds::max(), hours(24 * 30)}}};
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
+
+/// Whole seconds: differences of damaged times must not overflow.
+std::int64_t seconds_of(const VersionAge& one) { return one.created_utc_ns / kSecond_ns; }
+
+std::int64_t spacing_at(std::int64_t age_s) {
+  return std::find_if(kSpacings.begin(), kSpacings.end() - 1,
+                      [&](const Spacing& one) { return age_s < one.younger_than.count(); })
+      ->one_per.count();
+}
+
 constexpr const char* kWhatToDo =
-    "; it was not changed: `fiducap map repair` saves what is readable; or restore a copy of it, "
-    "or "
-    "move it away";
+    "; it was not changed: `fiducap map repair` saves its readable part; or restore a copy of it, "
+    "or move it away";
 constexpr std::size_t kLongestName = 200;
-constexpr int kMostThinned = 16;  // at once: beside a commit it takes no time
-// What becomes free is used by the next versions; only much of it goes back to the disk.
-constexpr std::int64_t kMuchRoom_pages = 4096;
+constexpr int kMostThinned = 16;  // at once: short compared with a commit
+// Free pages are used by the next versions; more than this are returned to the disk.
+constexpr std::int64_t kMostFree_pages = 4096;
+
+tl::unexpected<Error> damaged(const SqliteFile& file, const std::string& how) {
+  return fail(ErrorCode::kInvalid, "is damaged " + how + kWhatToDo, file.path());
+}
 
 /// SQLite takes a file with less than one page for an empty one and fills a cut last page with
-/// zeros. Not ours to repair, unless a log is there: then a crash during its write-back looks the
-/// same and SQLite knows how.
+/// zeros. That is refused, unless a log is there: SQLite repairs a crash during its write-back,
+/// which looks the same.
 Expected<void> check_shape(const SqliteFile& file) {
   const auto shape = file.shape();
   if (!shape) return tl::unexpected(shape.error());
   const auto& head = shape->head;
-  // SQLite says 0 of a file of one byte, too.
+  // SQLite reports 0 for a file of one byte, too.
   if ((shape->bytes == 0 && head[0] == 0) || shape->has_log) return {};
   constexpr std::string_view kMagic("SQLite format 3\0", 16);
   if (!std::equal(kMagic.begin(), kMagic.end(), head.begin()))
-    return fail(ErrorCode::kInvalid,
-                std::string("is damaged or not a map store (no SQLite header)") + kWhatToDo,
-                file.path());
+    return damaged(file, "or not a map store (no SQLite header)");
   const unsigned stored = head[16] * 256u + head[17];
   const unsigned page = stored == 1 ? 65536u : stored;
-  if (page == 0 || shape->bytes % page != 0) {
-    return fail(ErrorCode::kInvalid, std::string("is damaged (cut off inside a page)") + kWhatToDo,
-                file.path());
-  }
+  if (page == 0 || shape->bytes % page != 0) return damaged(file, "(cut off inside a page)");
   return {};
 }
 
@@ -68,29 +91,26 @@ Expected<bool> check_kind(const SqliteFile& file) {
                     "); update Fiducap or give another path",
                 file.path());
   }
-  if (*schema < 1)
-    return fail(ErrorCode::kInvalid,
-                "is damaged (schema " + std::to_string(*schema) + ")" + kWhatToDo, file.path());
+  if (*schema < 1) return damaged(file, "(schema " + std::to_string(*schema) + ")");
   return false;
 }
 
-/// Nothing of the file is touched before it is known to be ours and sound.
+/// The file is not changed before it is known to be a sound map store.
 Expected<bool> is_fresh(const SqliteFile& file) {
   auto fresh = check_kind(file);
   if (!fresh || *fresh) return fresh;
   const auto broken = file.structural_fault();
   if (!broken) return tl::unexpected(broken.error());
-  if (!broken->empty())
-    return fail(ErrorCode::kInvalid, "is damaged (" + *broken + ")" + kWhatToDo, file.path());
+  if (!broken->empty()) return damaged(file, "(" + *broken + ")");
   return false;
 }
 
 Expected<void> set_up(SqliteFile& file, bool fresh) {
-  // EXTRA: the rollback journal of the first page does not come back after a power cut, when it
-  // would undo everything. With a write-ahead log it is the same as FULL.
+  // EXTRA: the rollback journal of the first page does not reappear after a power cut, which would
+  // undo everything. With a write-ahead log it is the same as FULL.
   if (auto set = file.execute("PRAGMA synchronous = EXTRA; PRAGMA foreign_keys = ON"); !set)
     return set;
-  // Only an empty file can be told that its pages may be given back.
+  // Can be set for an empty file only.
   if (fresh) {
     if (auto set = file.execute("PRAGMA auto_vacuum = INCREMENTAL"); !set) return set;
   }
@@ -115,15 +135,14 @@ Expected<std::vector<VersionAge>> ages_of(const SqliteFile& file) {
       "SELECT version, created_utc_ns, comment = ? FROM version ORDER BY version DESC");
   rows.bind(std::string(kAutomaticComment));
   std::vector<VersionAge> ages;
-  for (;;) {
-    const auto row = rows.step();
-    if (!row) return tl::unexpected(row.error());
-    if (!*row) return ages;
-    ages.push_back({rows.integer(0), rows.integer(1), rows.integer(2) != 0});
-  }
+  return rows
+      .each_row([&] {
+        ages.push_back({rows.integer(0), rows.integer(1), rows.integer(2) != 0});
+      })
+      .map([&] { return std::move(ages); });
 }
 
-/// Those whose content is what was stored: a damaged one is for a person to look at.
+/// The undamaged ones: a damaged one is left to the user.
 Expected<std::vector<std::int64_t>> few_sound(const SqliteFile& file,
                                               const std::vector<std::int64_t>& versions) {
   std::vector<std::int64_t> few;
@@ -138,23 +157,32 @@ Expected<std::vector<std::int64_t>> few_sound(const SqliteFile& file,
   return few;
 }
 
-Expected<void> give_back_room(SqliteFile& file) {
+Expected<void> return_free_pages(SqliteFile& file) {
   const auto free = file.integer("PRAGMA freelist_count");
   if (!free) return tl::unexpected(free.error());
-  return *free < kMuchRoom_pages ? Expected<void>{}
+  return *free < kMostFree_pages ? Expected<void>{}
                                  : file.execute("PRAGMA incremental_vacuum(512)");
 }
 
 }  // namespace
 
-class MapStore::Impl {
- public:
-  explicit Impl(SqliteFile opened) : file(std::move(opened)) {}
-  SqliteFile file;
-  std::optional<FileClaim> claim{};
-};
+std::vector<std::int64_t> versions_to_thin(std::span<const VersionAge> newest_first) {
+  std::vector<std::int64_t> old;
+  std::int64_t last_spacing_s = 0;
+  std::int64_t last_span = 0;
+  for (const VersionAge& one : newest_first) {
+    if (!one.automatic || &one == &newest_first.front()) continue;
+    const std::int64_t spacing_s = spacing_at(seconds_of(newest_first.front()) - seconds_of(one));
+    if (spacing_s == 0) continue;
+    const std::int64_t span = seconds_of(one) / spacing_s;
+    if (spacing_s == last_spacing_s && span == last_span) old.push_back(one.version);
+    last_spacing_s = spacing_s;
+    last_span = span;
+  }
+  return old;
+}
 
-MapStore::MapStore(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+MapStore::MapStore(SqliteFile file) : file_(std::make_unique<SqliteFile>(std::move(file))) {}
 MapStore::~MapStore() = default;
 MapStore::MapStore(MapStore&&) noexcept = default;
 MapStore& MapStore::operator=(MapStore&&) noexcept = default;
@@ -175,25 +203,25 @@ Expected<MapStore> MapStore::open(const std::string& path) {
   if (!fresh) return tl::unexpected(fresh.error());
   if (auto ready = set_up(*file, *fresh); !ready) return tl::unexpected(ready.error());
   file->write_back_on_close(true);
-  return MapStore(std::make_unique<Impl>(std::move(*file)));
+  return MapStore(std::move(*file));
 }
 
 Expected<MapStore> MapStore::open_to_read(const std::string& path) {
   auto file = SqliteFile::open(path, SqliteFile::Access::kSalvage);
   if (!file) return tl::unexpected(file.error());
   if (const auto fresh = check_kind(*file); !fresh) return tl::unexpected(fresh.error());
-  return MapStore(std::make_unique<Impl>(std::move(*file)));
+  return MapStore(std::move(*file));
 }
 
 Expected<void> MapStore::claim() {
-  auto claim = FileClaim::take(impl_->file.path());
+  auto claim = FileClaim::take(file_->path());
   if (!claim) return tl::unexpected(claim.error());
-  impl_->claim.emplace(std::move(*claim));
+  claim_ = std::make_unique<FileClaim>(std::move(*claim));
   return {};
 }
 
 Expected<TagMap> MapStore::commit(const TagMap& map, const std::string& comment) {
-  SqliteFile& file = impl_->file;
+  SqliteFile& file = *file_;
   if (const auto fault = fault_in(map))
     return fail(ErrorCode::kInvalid, "not stored: " + *fault, file.path());
   auto transaction = SqliteTransaction::begin(file);
@@ -203,7 +231,7 @@ Expected<TagMap> MapStore::commit(const TagMap& map, const std::string& comment)
 
   TagMap stored = map;
   stored.version = *newest_version + 1;
-  // A map from elsewhere may carry a number this store never gave out.
+  // A map from elsewhere may have a number that this store never assigned.
   stored.parent = map.version >= 1 && map.version <= *newest_version ? map.version : 0;
   stored.comment = comment;
   stored.hash = content_hash(stored);
@@ -226,14 +254,14 @@ Expected<void> check_version_name(const std::string& name) {
 
 Expected<void> MapStore::name_version(std::int64_t version, const std::string& name) {
   if (auto good = check_version_name(name); !good) return good;
-  auto transaction = SqliteTransaction::begin(impl_->file);
+  auto transaction = SqliteTransaction::begin(*file_);
   if (!transaction) return tl::unexpected(transaction.error());
-  if (auto set = set_comment(impl_->file, version, name); !set) return set;
+  if (auto set = set_comment(*file_, version, name); !set) return set;
   return transaction->commit();
 }
 
 Expected<int> MapStore::thin() {
-  SqliteFile& file = impl_->file;
+  SqliteFile& file = *file_;
   const auto ages = ages_of(file);
   if (!ages) return tl::unexpected(ages.error());
   const auto going = few_sound(file, versions_to_thin(*ages));
@@ -244,19 +272,19 @@ Expected<int> MapStore::thin() {
   for (const std::int64_t version : *going) {
     if (auto removed = remove_map(file, version); !removed) return tl::unexpected(removed.error());
   }
-  if (auto given = give_back_room(file); !given) return tl::unexpected(given.error());
+  if (auto given = return_free_pages(file); !given) return tl::unexpected(given.error());
   if (auto done = transaction->commit(); !done) return tl::unexpected(done.error());
   return static_cast<int>(going->size());
 }
 
 Expected<TagMap> MapStore::newest() const {
-  const auto version = impl_->file.integer("SELECT coalesce(max(version), 0) FROM version");
+  const auto version = file_->integer("SELECT coalesce(max(version), 0) FROM version");
   if (!version) return tl::unexpected(version.error());
   return *version == 0 ? Expected<TagMap>(TagMap{}) : load(*version);
 }
 
 Expected<SoundVersion> MapStore::newest_sound() const {
-  const auto ages = ages_of(impl_->file);
+  const auto ages = ages_of(*file_);
   if (!ages) return tl::unexpected(ages.error());
   SoundVersion sound;
   for (const VersionAge& one : *ages) {
@@ -269,27 +297,23 @@ Expected<SoundVersion> MapStore::newest_sound() const {
     sound.damaged.push_back({one.version, map.error().what});
   }
   if (sound.damaged.empty()) return sound;
-  return fail(ErrorCode::kInvalid,
-              "is damaged in every one of its " + std::to_string(sound.damaged.size()) +
-                  " versions" + kWhatToDo,
-              impl_->file.path());
+  return damaged(*file_,
+                 "in every one of its " + std::to_string(sound.damaged.size()) + " versions");
 }
 
-Expected<TagMap> MapStore::load(std::int64_t version) const {
-  return load_map(impl_->file, version);
-}
+Expected<TagMap> MapStore::load(std::int64_t version) const { return load_map(*file_, version); }
 
-Expected<std::vector<MapVersionInfo>> MapStore::log() const { return list_maps(impl_->file); }
+Expected<std::vector<MapVersionInfo>> MapStore::log() const { return list_maps(*file_); }
 
 Expected<void> MapStore::save_extrinsics(const StoredExtrinsics& extrinsics) {
-  auto transaction = SqliteTransaction::begin(impl_->file);
+  auto transaction = SqliteTransaction::begin(*file_);
   if (!transaction) return tl::unexpected(transaction.error());
-  if (auto saved = fiducap::save_extrinsics(impl_->file, extrinsics); !saved) return saved;
+  if (auto saved = fiducap::save_extrinsics(*file_, extrinsics); !saved) return saved;
   return transaction->commit();
 }
 
 Expected<std::vector<StoredExtrinsics>> MapStore::extrinsics() const {
-  return load_extrinsics(impl_->file);
+  return load_extrinsics(*file_);
 }
 
 }  // namespace fiducap

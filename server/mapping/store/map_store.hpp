@@ -3,11 +3,11 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "base/expected.hpp"
-#include "mapping/map_diff.hpp"
 #include "mapping/store/map_rows.hpp"
 #include "mapping/tag_map.hpp"
 
@@ -19,10 +19,10 @@ inline constexpr const char* kAutomaticComment = "mapped by fiducapd";
 /// 1 to 200 characters, none of them a control character, and not the server's own comment.
 [[nodiscard]] Expected<void> check_version_name(const std::string& name);
 
-/// What a repair has written and not yet put in the place of the damaged store.
+/// The file that a repair has written and not yet put in the place of the damaged store.
 [[nodiscard]] std::string repaired_name(const std::string& path);
 
-/// A version that is there but not what was stored.
+/// A version whose content does not have the stored hash.
 struct DamagedVersion {
   std::int64_t version{};
   std::string fault;
@@ -33,19 +33,21 @@ struct SoundVersion {
   std::vector<DamagedVersion> damaged;  ///< Newer ones, newest first.
 };
 
+class FileClaim;
+
 /// Accepted versions of one map, in one SQLite file (WAL, synced at each commit). A kill or a power
 /// cut at any instant loses at most the version being written; a version that `commit` returned is
 /// on the disk. One process writes; others may read. Each version carries the hash of its content,
 /// checked when it is loaded. Not thread-safe.
 class MapStore final {
  public:
-  /// Opens or creates. A damaged file is an Error (`kInvalid`) that says so and what to do; it is
-  /// never overwritten.
+  /// Opens or creates. A damaged file is never overwritten.
+  /// @return Error `kInvalid` for a damaged file, with what to do
   [[nodiscard]] static Expected<MapStore> open(const std::string& path);
-  /// For who only looks, also into a damaged file: nothing is created, changed or checked before it
-  /// is asked for.
+  /// For reading, also of a damaged file: nothing is created or changed, and versions are checked
+  /// when they are loaded.
   [[nodiscard]] static Expected<MapStore> open_to_read(const std::string& path);
-  /// For whoever will commit: until this is destroyed no other process can claim it.
+  /// For writers: until this is destroyed no other process can claim the store.
   /// @return Error naming the process that has it
   [[nodiscard]] Expected<void> claim();
   ~MapStore();
@@ -58,18 +60,18 @@ class MapStore final {
   /// @return the map with version, parent and hash filled in; Error on a full or read-only disk,
   /// the store as it was.
   [[nodiscard]] Expected<TagMap> commit(const TagMap& map, const std::string& comment);
-  /// Its comment is the name from now on, and it is kept (see kAutomaticComment).
+  /// The name replaces its comment, so that it is not thinned out (see kAutomaticComment).
   /// @return Error `kInvalid` when that is no name (check_version_name), `kNotFound` when there is
   /// no such version
   [[nodiscard]] Expected<void> name_version(std::int64_t version, const std::string& name);
-  /// Takes away automatic versions that have grown old (map_thinning.hpp), a few at a time, in one
-  /// transaction, and gives the room back to the disk when it is much. Damaged ones stay.
-  /// @return how many went
+  /// Removes old automatic versions (versions_to_thin), a few at a time, in one transaction, and
+  /// returns free space to the disk when it is much. Damaged ones stay.
+  /// @return number of removed versions
   [[nodiscard]] Expected<int> thin();
   /// @return the newest version, or an empty map of version 0 when nothing was committed yet; Error
   /// when it is damaged
   [[nodiscard]] Expected<TagMap> newest() const;
-  /// @return the newest version that is as it was stored; Error when there are only others
+  /// @return the newest undamaged version; Error when there are only damaged ones
   [[nodiscard]] Expected<SoundVersion> newest_sound() const;
   [[nodiscard]] Expected<TagMap> load(std::int64_t version) const;
   [[nodiscard]] Expected<std::vector<MapVersionInfo>> log() const;  ///< Newest first.
@@ -77,9 +79,22 @@ class MapStore final {
   [[nodiscard]] Expected<std::vector<StoredExtrinsics>> extrinsics() const;
 
  private:
-  class Impl;
-  explicit MapStore(std::unique_ptr<Impl> impl);
-  std::unique_ptr<Impl> impl_;
+  explicit MapStore(SqliteFile file);
+  std::unique_ptr<SqliteFile> file_;
+  std::unique_ptr<FileClaim> claim_;
 };
+
+struct VersionAge {
+  std::int64_t version{};
+  std::int64_t created_utc_ns{};
+  bool automatic{};  ///< Stored by the server itself; others are never thinned out.
+};
+
+/// The automatic versions that may be removed. Kept are all of the last ten minutes, one a minute
+/// of the hour before, one per ten minutes of the day, one an hour of the week, one a day of the
+/// year, then one per 30 days: the last of each such span. Ages count from the newest version,
+/// which is kept, so that a server that was off for a year finds its versions.
+/// @param newest_first  all versions of the store
+[[nodiscard]] std::vector<std::int64_t> versions_to_thin(std::span<const VersionAge> newest_first);
 
 }  // namespace fiducap

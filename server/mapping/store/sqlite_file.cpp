@@ -27,7 +27,7 @@ Error error_of(int code, const std::string& detail, const std::string& path) {
       return {ErrorCode::kUnavailable, "cannot be opened; the folder must exist and be writable",
               path};
     case SQLITE_IOERR:
-      return {ErrorCode::kUnavailable, "the disk refuses (" + detail + "); nothing was stored",
+      return {ErrorCode::kUnavailable, "the disk failed (" + detail + "); nothing was stored",
               path};
     case SQLITE_NOMEM:
     case SQLITE_INTERRUPT:
@@ -37,15 +37,15 @@ Error error_of(int code, const std::string& detail, const std::string& path) {
     case SQLITE_CORRUPT:
       return {ErrorCode::kInvalid,
               "is damaged or not a map store (" + detail +
-                  "); it was not changed: `fiducap map repair` saves what is "
-                  "readable; or restore a copy of it, or move it away",
+                  "); it was not changed: `fiducap map repair` saves its readable "
+                  "part; or restore a copy of it, or move it away",
               path};
     default:
-      return {ErrorCode::kInvalid, "SQLite says: " + detail, path};
+      return {ErrorCode::kInvalid, "SQLite reports: " + detail, path};
   }
 }
 
-/// @return the first error of a disk that does not give all bytes of the file
+/// @return the first error of the disk when all bytes of the file are read
 int read_whole(sqlite3_file* file) {
   constexpr sqlite3_int64 kAtOnce = 4096;
   sqlite3_int64 bytes = 0;
@@ -167,7 +167,7 @@ Expected<SqliteFile> SqliteFile::open(const std::string& path, Access access) {
   sqlite3_busy_timeout(file, kBusyTimeout_ms);
   if (access == Access::kSalvage) {
     opened.write_back_on_close(false);
-    // writable_schema: also a file that is shorter than it says is read.
+    // writable_schema: reads a file that is shorter than its header claims, too.
     for (const char* pragma : {"PRAGMA trusted_schema = OFF", "PRAGMA cell_size_check = ON",
                                "PRAGMA writable_schema = ON", "PRAGMA query_only = ON"}) {
       if (auto set = opened.execute(pragma); !set) return tl::unexpected<Error>(set.error());
@@ -193,7 +193,7 @@ Expected<std::string> SqliteFile::text(std::string_view sql) const {
   return query.step().map([&query](bool row) { return row ? query.text(0) : std::string{}; });
 }
 
-/// SQLite's check takes what the disk does not give for a fault of the file.
+/// SQLite's check reports unreadable parts of the disk as faults of the file.
 Expected<std::string> SqliteFile::structural_fault() const {
   auto verdict = text("PRAGMA quick_check(1)");
   if (!verdict || *verdict == "ok") return verdict.map([](const auto&) { return std::string{}; });
@@ -203,7 +203,7 @@ Expected<std::string> SqliteFile::structural_fault() const {
     if (const int code = read_whole(disk); code != SQLITE_OK)
       return tl::unexpected<Error>(error_of(code, sqlite3_errstr(code), path_));
   }
-  // The disk gives everything, now at least.
+  // The disk is readable, at least now.
   verdict = text("PRAGMA quick_check(1)");
   if (!verdict || *verdict == "ok") return verdict.map([](const auto&) { return std::string{}; });
   std::replace(verdict->begin(), verdict->end(), '\n', ' ');
@@ -248,7 +248,7 @@ SqliteTransaction::SqliteTransaction(SqliteTransaction&& other) noexcept
     : file_(std::exchange(other.file_, nullptr)) {}
 
 SqliteTransaction::~SqliteTransaction() {
-  // Fails only when SQLite has rolled back by itself, which is what is wanted.
+  // Fails only when SQLite has rolled back already.
   if (file_ != nullptr) (void)file_->execute("ROLLBACK");
 }
 

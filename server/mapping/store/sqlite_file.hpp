@@ -27,7 +27,16 @@ class SqliteStatement final {
   SqliteStatement& bind_null();
   /// @return true when a row is there, false at the end.
   [[nodiscard]] Expected<bool> step();
-  /// Runs a statement that gives no rows and makes it ready for the next values.
+  /// Calls `read` at each row.
+  template <typename Read>
+  [[nodiscard]] Expected<void> each_row(Read read) {
+    for (auto row = step();; row = step()) {
+      if (!row) return tl::unexpected(row.error());
+      if (!*row) return {};
+      read();
+    }
+  }
+  /// Runs a statement without rows and prepares it for the next values.
   [[nodiscard]] Expected<void> run();
 
   [[nodiscard]] bool is_null(int column) const;
@@ -52,15 +61,15 @@ class SqliteStatement final {
   Error error_;
 };
 
-/// What SQLite takes for an empty or a shorter database without a word: the file as it lies on the
-/// disk, without the logs beside it.
+/// The file on the disk, without the logs beside it: SQLite accepts damages of it silently, as an
+/// empty or a shorter database.
 struct SqliteShape {
   std::int64_t bytes{};
   std::array<unsigned char, 18> head{};  ///< With zeros behind the end.
   bool has_log{};                        ///< A write-ahead log or a rollback journal is there.
 };
 
-/// One open SQLite file. Every failure says what to do about it; none throws.
+/// One open SQLite file. Every Error contains what to do about it; nothing throws.
 class SqliteFile final {
  public:
   enum class Access {
@@ -80,9 +89,9 @@ class SqliteFile final {
   [[nodiscard]] Expected<std::string> text(std::string_view sql) const;
   /// @return what is wrong with its structure, in one line; empty: nothing
   [[nodiscard]] Expected<std::string> structural_fault() const;
-  /// False: closing writes nothing, so that a file that is not ours stays as it is.
+  /// False: closing writes nothing, so that a foreign file stays as it is.
   void write_back_on_close(bool allowed);
-  /// Before anything else is asked of the file: SQLite may set it up then.
+  /// To be called before any other access, which may initialise the file.
   [[nodiscard]] Expected<SqliteShape> shape() const;
   [[nodiscard]] const std::string& path() const { return path_; }
 

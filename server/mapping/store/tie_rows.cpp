@@ -1,4 +1,4 @@
-#include "mapping/store/tie_rows.hpp"
+#include "mapping/store/map_rows.hpp"
 
 #include <algorithm>
 #include <cstddef>
@@ -6,15 +6,14 @@
 #include <utility>
 #include <vector>
 
-#include "base/byte_reader.hpp"
-#include "base/byte_writer.hpp"
+#include "base/bytes.hpp"
 #include "mapping/store/sqlite_file.hpp"
 
 namespace fiducap {
 
 namespace {
 
-constexpr const char* kCreate = R"(
+constexpr const char* kCreateTies = R"(
 CREATE TABLE tie (
   version INTEGER PRIMARY KEY REFERENCES version(version), hash TEXT NOT NULL,
   content BLOB NOT NULL) STRICT;
@@ -23,7 +22,7 @@ constexpr std::size_t kBytesOfTag = 4;
 constexpr std::size_t kBytesOfPair = 2 * 4 + 36 * 8;
 
 /// Number of tags, their ids; number of pairs, of each both ids and 36 numbers by rows; number of
-/// prints that were found to be of another size, their ids (not in older rows). Little endian.
+/// tags of another size than configured, their ids (not in older rows). Little endian.
 std::vector<std::byte> bytes_of(const KnownMap& known) {
   std::vector<std::byte> bytes;
   bytes.reserve(12 + kBytesOfTag * (known.tags.size() + known.wrong_prints.size()) +
@@ -42,8 +41,7 @@ std::vector<std::byte> bytes_of(const KnownMap& known) {
   return bytes;
 }
 
-/// Places and variances are those of the version's tags. Ties of tags that are not there, or may
-/// not be used, count for nothing.
+/// Places and variances are those of the version's tags. Correlations of unusable tags are ignored.
 Expected<KnownMap> known_from(const std::vector<std::byte>& bytes, const TagMap& map,
                               const std::string& context) {
   LittleEndianReader reader(bytes);
@@ -52,8 +50,7 @@ Expected<KnownMap> known_from(const std::vector<std::byte>& bytes, const TagMap&
   const std::uint32_t tags = reader.u32();
   for (std::uint32_t i = 0; i < tags && !reader.failed(); ++i) {
     const MapTag* entry = map.find(reader.i32());
-    if (entry != nullptr && entry->component == 0 && entry->state != TagState::kQuarantined)
-      known.tags.push_back(entry->tag);
+    if (entry != nullptr && entry->is_usable()) known.tags.push_back(entry->tag);
   }
   const std::uint32_t pairs = reader.u32();
   for (std::uint32_t i = 0; i < pairs && !reader.failed(); ++i) {
@@ -80,7 +77,7 @@ Expected<KnownMap> known_from(const std::vector<std::byte>& bytes, const TagMap&
 
 }  // namespace
 
-Expected<void> create_ties(SqliteFile& file) { return file.execute(kCreate); }
+Expected<void> create_ties(SqliteFile& file) { return file.execute(kCreateTies); }
 
 Expected<void> insert_ties(const SqliteFile& file, const TagMap& map) {
   if (!map.known || map.known->pairs.empty()) return {};

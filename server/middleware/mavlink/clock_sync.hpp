@@ -6,33 +6,32 @@
 #include <optional>
 
 #include "base/time.hpp"
-#include "middleware/mavlink/messages.hpp"
+#include "middleware/mavlink/frame.hpp"
 
 namespace fiducap::mavlink {
 
-/// How far the autopilot's clock is from ours, by TIMESYNC: question and answer, of the last
-/// answers the one that was quickest. Often at first, once a second later.
+/// Clock offset of the autopilot by TIMESYNC, from the reply with the shortest round trip of the
+/// last seconds. Ten requests a second at first, later one.
 ///
-/// A question carries a random number where others write their clock, which the autopilot gives
-/// back as it is: whoever answers has read the question, so the address that it went to is its own.
+/// A request carries a random number in the field for the own clock, which the autopilot returns
+/// unchanged. A reply therefore proves that the autopilot received the request at its address.
 class ClockSync final {
  public:
-  /// @return the question to send now, if one is due
-  [[nodiscard]] std::optional<Timesync> question(Instant now);
-  /// @return false: not an answer to a question of ours of the last seconds
-  bool answer(const Timesync& answer, Instant now);
+  /// @return the request to send now, if one is due
+  [[nodiscard]] std::optional<Timesync> next_request(Instant now);
+  /// @return false: not a reply to a request of the last second
+  bool accept_reply(const Timesync& reply, Instant now);
 
   struct Offset {
     Duration to_autopilot{};  ///< Its clock − ours.
-    Duration doubt{};         ///< Half the round trip: the truth is not further away.
+    Duration bound{};         ///< Bound of the error: half the round trip.
   };
-  /// @param drift  of its clock against ours, seconds a second, by which an older answer is carried
-  /// on
-  /// @return nullopt: no answer within the last ten seconds
+  /// @param drift  of its clock against ours, s/s; extrapolates older replies to `now`
+  /// @return nullopt: no reply within the last ten seconds
   [[nodiscard]] std::optional<Offset> offset(Instant now, double drift = 0) const;
 
  private:
-  struct Question {
+  struct Request {
     Instant at{};
     std::int64_t number{};
   };
@@ -42,11 +41,11 @@ class ClockSync final {
   };
   static constexpr std::size_t kKept = 16;
 
-  std::array<std::optional<Question>, kKept> asked_{};
-  std::size_t next_asked_{0};
-  std::optional<Instant> next_question_;
+  std::array<std::optional<Request>, kKept> requests_{};
+  std::size_t request_count_{0};
+  std::optional<Instant> next_request_at_;
   std::array<std::optional<Measured>, kKept> measured_{};
-  std::size_t answers_{0};
+  std::size_t reply_count_{0};
 };
 
 }  // namespace fiducap::mavlink

@@ -1,44 +1,36 @@
 #include "middleware/mavlink/frame.hpp"
 
-#include "base/assert.hpp"
+#include <utility>
+
+#include "base/expected.hpp"
 
 namespace fiducap::mavlink {
 
 namespace {
 
-// Name, types and order of a message's fields, folded into one byte by the protocol's rule: both
-// sides mean the same.
+// CRC_EXTRA: a hash of the names, types and order of a message's fields.
+constexpr std::array<std::pair<MessageId, std::uint8_t>, 12> kChecksumSeeds{{
+    {MessageId::kHeartbeat, 50},
+    {MessageId::kScaledImu, 170},
+    {MessageId::kRawImu, 144},
+    {MessageId::kRequestDataStream, 148},
+    {MessageId::kCommandLong, 152},
+    {MessageId::kCommandAck, 143},
+    {MessageId::kVisionPositionEstimate, 158},
+    {MessageId::kHighresImu, 93},
+    {MessageId::kTimesync, 34},
+    {MessageId::kScaledImu2, 76},
+    {MessageId::kScaledImu3, 46},
+    {MessageId::kOdometry, 91},
+}};
+
 std::optional<std::uint8_t> checksum_seed(std::uint32_t message) {
-  switch (static_cast<MessageId>(message)) {
-    case MessageId::kHeartbeat:
-      return 50;
-    case MessageId::kScaledImu:
-      return 170;
-    case MessageId::kRawImu:
-      return 144;
-    case MessageId::kRequestDataStream:
-      return 148;
-    case MessageId::kCommandLong:
-      return 152;
-    case MessageId::kCommandAck:
-      return 143;
-    case MessageId::kVisionPositionEstimate:
-      return 158;
-    case MessageId::kHighresImu:
-      return 93;
-    case MessageId::kTimesync:
-      return 34;
-    case MessageId::kScaledImu2:
-      return 76;
-    case MessageId::kScaledImu3:
-      return 46;
-    case MessageId::kOdometry:
-      return 91;
-  }
+  for (const auto& [id, seed] : kChecksumSeeds)
+    if (static_cast<std::uint32_t>(id) == message) return seed;
   return std::nullopt;
 }
 
-/// CRC-16/MCRF4XX, a byte at a time.
+/// CRC-16/MCRF4XX.
 class Checksum final {
  public:
   void add(std::uint8_t byte) {
@@ -74,7 +66,7 @@ std::optional<Shape> shape_of(std::span<const std::byte> in) {
   const std::uint8_t magic = u8(in, 0);
   if (magic != kMagic1 && magic != kMagic2) return std::nullopt;
   const std::size_t header = magic == kMagic1 ? kHeader1 : kHeader2;
-  // Means something that we do not know.
+  // Unknown incompatibility flags.
   if (magic == kMagic2 && in.size() > 2 && (u8(in, 2) & ~kSigned) != 0) return std::nullopt;
   if (in.size() < header) return Shape{};
   const std::size_t payload = u8(in, 1);
@@ -95,12 +87,12 @@ bool is_intact(std::span<const std::byte> in, const Shape& shape, std::uint8_t s
   return u8(in, at) == (sum.value() & 0xff) && u8(in, at + 1) == sum.value() >> 8;
 }
 
-// In noise a frame begins where another one ended once in 128 times.
-constexpr int kBelieved = 4;
+// In noise, a frame begins directly after another one once in 128 times.
+constexpr int kCredibleRun = 4;
 
 enum class Step { kFrame, kOther, kNoise, kCutOff };
 
-/// One step through `in`: a frame, or something passed over, or what may become a frame.
+/// Removes a frame or noise from the front of `in`; nothing when the frame is cut off.
 Step step(std::span<const std::byte>& in, Frame& frame, std::uint64_t& broken) {
   const auto shape = shape_of(in);
   if (shape && (shape->whole == 0 || in.size() < shape->whole)) return Step::kCutOff;
@@ -113,7 +105,7 @@ Step step(std::span<const std::byte>& in, Frame& frame, std::uint64_t& broken) {
     return Step::kNoise;
   }
   in = in.subspan(shape->whole);
-  if (!seed) return Step::kOther;  // not for us; its length has to be believed
+  if (!seed) return Step::kOther;  // unknown message: its length cannot be tested
   frame = {shape->message, shape->system, shape->component,
            bytes.subspan(shape->header, shape->payload)};
   return Step::kFrame;
@@ -128,7 +120,7 @@ void begin_frame(const Sender& from, MessageId message, std::vector<std::byte>& 
   to.u16(static_cast<std::uint16_t>(id)).u8(static_cast<std::uint8_t>(id >> 16));
 }
 
-/// What depends on the fields: length without trailing zeros, checksum.
+/// Writes the length without trailing zeros, and the checksum.
 void end_frame(std::size_t start, MessageId message, std::vector<std::byte>& out) {
   while (out.size() > start + kHeader2 + 1 && out.back() == std::byte{0}) out.pop_back();
   out[start + 1] = static_cast<std::byte>(out.size() - start - kHeader2);
@@ -150,16 +142,16 @@ std::optional<Frame> next_frame(std::span<const std::byte>& in) {
 }
 
 std::size_t FrameStream::keep(std::span<const std::byte> piece) {
-  // A frame that is cut off is shorter than kMaxFrame: there is room once it stands in front.
+  // A cut-off frame is shorter than kMaxFrame: moved to the front it leaves room.
   if (begin_ > 0) {
-    std::copy(waiting_.begin() + static_cast<std::ptrdiff_t>(begin_),
-              waiting_.begin() + static_cast<std::ptrdiff_t>(end_), waiting_.begin());
+    std::copy(buffer_.begin() + static_cast<std::ptrdiff_t>(begin_),
+              buffer_.begin() + static_cast<std::ptrdiff_t>(end_), buffer_.begin());
     end_ -= begin_;
     begin_ = 0;
   }
-  const std::size_t taken = std::min(piece.size(), waiting_.size() - end_);
+  const std::size_t taken = std::min(piece.size(), buffer_.size() - end_);
   FIDUCAP_ASSERT(taken > 0);
-  std::copy_n(piece.begin(), taken, waiting_.begin() + static_cast<std::ptrdiff_t>(end_));
+  std::copy_n(piece.begin(), taken, buffer_.begin() + static_cast<std::ptrdiff_t>(end_));
   end_ += taken;
   return taken;
 }
@@ -167,17 +159,54 @@ std::size_t FrameStream::keep(std::span<const std::byte> piece) {
 std::optional<Frame> FrameStream::next() {
   Frame frame;
   while (begin_ < end_) {
-    auto in = std::span<const std::byte>(waiting_).subspan(begin_, end_ - begin_);
+    auto in = std::span<const std::byte>(buffer_).subspan(begin_, end_ - begin_);
     const Step taken = step(in, frame, broken_);
     begin_ = end_ - in.size();
     if (taken == Step::kCutOff) return std::nullopt;
-    in_a_row_ = taken == Step::kNoise ? 0 : std::min(in_a_row_ + 1, kBelieved);
-    if (taken == Step::kOther && in_a_row_ == kBelieved) ++others_;
+    in_a_row_ = taken == Step::kNoise ? 0 : std::min(in_a_row_ + 1, kCredibleRun);
+    if (taken == Step::kOther && in_a_row_ == kCredibleRun) ++others_;
     if (taken != Step::kFrame) continue;
     ++frames_;
     return frame;
   }
   return std::nullopt;
+}
+
+void encode_heartbeat(const Sender& from, const Heartbeat& heartbeat, std::vector<std::byte>& out) {
+  append_frame(from, MessageId::kHeartbeat, out, [&](LittleEndianWriter& to) {
+    to.u32(0)
+        .u8(heartbeat.type)
+        .u8(heartbeat.autopilot)
+        .u8(0)
+        .u8(heartbeat.system_status)
+        .u8(kProtocolVersion);
+  });
+}
+
+void encode_timesync(const Sender& from, const Timesync& timesync, std::vector<std::byte>& out) {
+  append_frame(from, MessageId::kTimesync, out,
+               [&](LittleEndianWriter& to) { to.i64(timesync.tc1_ns).i64(timesync.ts1_ns); });
+}
+
+Timesync decode_timesync(const Frame& frame) {
+  const auto payload = whole_payload<16>(frame);
+  LittleEndianReader from(payload);
+  Timesync timesync;
+  timesync.tc1_ns = from.i64();
+  timesync.ts1_ns = from.i64();
+  return timesync;
+}
+
+Heartbeat decode_heartbeat(const Frame& frame) {
+  const auto payload = whole_payload<9>(frame);
+  LittleEndianReader from(payload);
+  from.u32();  // custom mode
+  Heartbeat heartbeat;
+  heartbeat.type = from.u8();
+  heartbeat.autopilot = from.u8();
+  from.u8();  // base mode
+  heartbeat.system_status = from.u8();
+  return heartbeat;
 }
 
 }  // namespace fiducap::mavlink

@@ -15,7 +15,7 @@ namespace fiducap::net {
 namespace {
 
 constexpr int kIpv4Prefix = 96;  // ::ffff:0:0/96
-constexpr Duration kAskAgain = std::chrono::seconds(5);
+constexpr Duration kQueryAgain = std::chrono::seconds(5);
 constexpr Duration kForgetAfter = std::chrono::seconds(60);
 
 Peer::Address masked(Peer::Address address, int prefix) {
@@ -106,19 +106,19 @@ std::vector<Network> attached_networks() {
 }
 
 bool TrustedNetworks::contains(const Peer& peer, Instant now) {
-  const bool is_known = knows(peer);
-  if (!asked_at_ || now - *asked_at_ > (is_known ? kForgetAfter : kAskAgain)) {
-    asked_at_ = now;
-    known_ = attached_();
-    return knows(peer);
+  const bool is_trusted = has(peer);
+  if (!queried_at_ || now - *queried_at_ > (is_trusted ? kForgetAfter : kQueryAgain)) {
+    queried_at_ = now;
+    attached_now_ = attached_();
+    return has(peer);
   }
-  return is_known;
+  return is_trusted;
 }
 
-bool TrustedNetworks::knows(const Peer& peer) const {
-  const auto has_it = [&](const Network& network) { return network.contains(peer); };
-  return std::any_of(configured_.begin(), configured_.end(), has_it) ||
-         std::any_of(known_.begin(), known_.end(), has_it);
+bool TrustedNetworks::has(const Peer& peer) const {
+  const auto matches = [&](const Network& network) { return network.contains(peer); };
+  return std::any_of(configured_.begin(), configured_.end(), matches) ||
+         std::any_of(attached_now_.begin(), attached_now_.end(), matches);
 }
 
 }  // namespace fiducap::net

@@ -149,7 +149,7 @@ std::uint64_t siphash(const std::array<std::uint64_t, 2>& key, std::span<const s
 
 std::uint64_t random_word() {
   std::uint64_t word{};
-  // So few bytes come whole, once the kernel has gathered chance; a signal may end the wait before.
+  // Eight bytes are never cut off; a signal may end the wait for the first entropy.
   while (::getrandom(&word, sizeof word, 0) != sizeof word)
     if (errno != EINTR) throw std::system_error(errno, std::generic_category(), "getrandom");
   return word;

@@ -14,15 +14,15 @@
 
 namespace fiducap::net {
 
-/// Where a protocol listens, and how its user would change that.
+/// Local address and port of a protocol, with the configuration keys that set them.
 struct BindTarget {
   std::string address;   ///< IP address of one interface, or 0.0.0.0.
-  std::uint16_t port{};  ///< 0: any free one.
+  std::uint16_t port{};  ///< 0: any free port.
   std::string_view key;  ///< Section of the configuration, e.g. `streaming.natnet`.
   std::string_view port_key{"port"};
 };
 
-/// The other end of a connection or of a datagram, without a socket type.
+/// Address and port of the other end of a connection or datagram.
 struct Peer {
   using Address = std::array<std::uint8_t, 16>;
 
@@ -33,24 +33,11 @@ struct Peer {
   constexpr Peer() = default;
   constexpr Peer(const Address& host, std::uint16_t at) : address(host), port(at) {}
   /// @param ipv4  a.b.c.d as 0xaabbccdd
-  constexpr Peer(std::uint32_t ipv4, std::uint16_t at)
-      : address{0,
-                0,
-                0,
-                0,
-                0,
-                0,
-                0,
-                0,
-                0,
-                0,
-                0xff,
-                0xff,
-                static_cast<std::uint8_t>(ipv4 >> 24),
-                static_cast<std::uint8_t>(ipv4 >> 16),
-                static_cast<std::uint8_t>(ipv4 >> 8),
-                static_cast<std::uint8_t>(ipv4)},
-        port(at) {}
+  constexpr Peer(std::uint32_t ipv4, std::uint16_t at) : port(at) {
+    address[10] = address[11] = 0xff;
+    for (std::size_t i = 0; i < 4; ++i)
+      address[12 + i] = static_cast<std::uint8_t>(ipv4 >> (24 - 8 * i));
+  }
 
   [[nodiscard]] bool is_ipv4() const;
   /// a.b.c.d as 0xaabbccdd. @pre is_ipv4()
@@ -65,7 +52,7 @@ struct Peer {
 
 /// a.b.c.d as 0xaabbccdd. @return nullopt for any other text
 [[nodiscard]] std::optional<std::uint32_t> parse_address(const std::string& text);
-/// IPv4 or IPv6?
+/// Whether the text is an IPv4 or IPv6 address.
 [[nodiscard]] bool is_address(const std::string& text);
 /// `10.0.0.7:1511`. @return nullopt for any other text
 [[nodiscard]] std::optional<Peer> parse_peer(const std::string& text);
@@ -74,12 +61,12 @@ struct Peer {
 /// `10.0.0.7:1511`, `[2001:db8::7]:1511`
 [[nodiscard]] std::string text_of(const Peer& peer);
 
-/// A peer as the kernel takes it.
+/// A peer in the form of the socket API.
 class SocketAddress final {
  public:
   SocketAddress() = default;
   SocketAddress(const sockaddr* address, socklen_t size);
-  /// @param ipv4  for a socket that speaks IPv4 only
+  /// @param ipv4  for a socket of IPv4
   SocketAddress(const Peer& peer, bool ipv4);
 
   [[nodiscard]] Peer peer() const;
@@ -105,10 +92,10 @@ class SocketAddress final {
 [[nodiscard]] std::uint64_t random_word();
 [[nodiscard]] std::array<std::uint64_t, 2> random_key();
 
-/// Where a peer's address goes in a table that an attacker must not be able to steer. Ports do not
-/// matter, and of IPv6 only the network: one host owns all 2^64 addresses of its network.
+/// Keyed hash of an address, for tables whose collisions an attacker must not choose. Without the
+/// port; of IPv6 the network only, since one host owns all 2^64 addresses of its network.
 [[nodiscard]] std::uint64_t address_hash(const std::array<std::uint64_t, 2>& key, const Peer& peer);
-/// The same of address and port.
+/// Keyed hash of address and port.
 [[nodiscard]] std::uint64_t peer_hash(const std::array<std::uint64_t, 2>& key, const Peer& peer);
 
 }  // namespace fiducap::net

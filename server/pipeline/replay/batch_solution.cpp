@@ -6,7 +6,7 @@
 #include <memory>
 #include <utility>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "estimation/segment/segment_cutting.hpp"
 #include "estimation/segment/segment_recorder.hpp"
 #include "pipeline/replay/image_placement.hpp"
@@ -16,13 +16,13 @@ namespace {
 
 constexpr int kMostPlacements = 4;
 constexpr int kMostWithOdometry = 6;  // until its noise is known
-// Odometry may be worse than it says; at first it is taken for so much worse, and images decide.
+// Odometry may be worse than specified; at first its noise is inflated by this, and images decide.
 constexpr double kDoubtOfOdometry = 30;
-// Its noise is known well enough when it changes by no more than this.
+// Its noise has converged when it changes by no more than this factor.
 constexpr double kSameNoise = 1.2;
-constexpr double kWorthTelling = 3;
+constexpr double kReportedNoise = 3;
 
-/// Bodies without IMU.
+/// Places the images of bodies without IMU and solves for everything, alternately.
 class Placing final {
  public:
   Placing(BodiesReplay& replay, std::span<const BatchBody> bodies) : replay_(replay) {
@@ -53,17 +53,17 @@ class Placing final {
     const bool has_odometry = std::any_of(bodies_.begin(), bodies_.end(),
                                           [](const Body& one) { return one.odometry.has_value(); });
     const int most = has_odometry ? kMostWithOdometry : kMostPlacements;
-    bool goes_on = placement.settle();
+    bool has_moved = placement.settle();
     placement.define_workspace(bodies_.front().body.setup->gauge);
-    for (; goes_on && result.rounds < most; ++result.rounds) {
+    for (; has_moved && result.rounds < most; ++result.rounds) {
       for (std::size_t i = 0; i < bodies_.size(); ++i)
         replay_.refiner().replace_body(bodies_[i].body.id, segments_of(i, placement));
       const auto last = replay_.solve_to_rest(progress);
       result.last.is_at_rest = last.is_at_rest;
       result.last.has_found_workspace |= last.has_found_workspace;
-      const bool weighs_otherwise = learn(placement);
-      // With the noise that was found all of it weighs otherwise: once more in any case.
-      goes_on = placement.settle() || result.rounds == 0 || weighs_otherwise;
+      const bool has_other_weights = learn(placement);
+      // The first round changes all weights by the estimated noise.
+      has_moved = placement.settle() || result.rounds == 0 || has_other_weights;
     }
     result.is_by_odometry = !asks_filters_;
     for (const Body& one : bodies_)
@@ -76,9 +76,9 @@ class Placing final {
     BatchBody body;
     std::size_t index{};                 ///< In the replay.
     std::optional<double> noise_px{};    ///< By the last solution.
-    std::optional<Odometry> odometry{};  ///< As noisy as it seems to be …
-    bool is_learned{};                   ///< … by a solution.
-    bool is_of_other_times{};            ///< There is one, but none of the images is in its time.
+    std::optional<Odometry> odometry{};  ///< With its estimated noise.
+    bool is_learned{};                   ///< The noise is by a solution.
+    bool is_of_other_times{};            ///< The odometry covers none of the images.
   };
 
   static bool covers_any(const Odometry& odometry, const ImageLog& log) {
@@ -100,7 +100,7 @@ class Placing final {
     return out;
   }
 
-  /// Where map, graph and filters have the tags.
+  /// With the tags of map, graph and filters.
   void begin(ImagePlacement& placement) const {
     const auto map = replay_.map().snapshot();
     for (const MapTag& entry : map->tags) {
@@ -113,7 +113,7 @@ class Placing final {
     for (const Body& one : bodies_)
       for (const KnownTag& tag : one.body.setup->priors) placement.survey(tag);
     if (!asks_filters_) return suggest_stored(placement);
-    int component = 0;  // of the last one that was suggested
+    int component = 0;  // the last suggested one
     for (const GraphTag& tag : replay_.graph().state().tags) {
       if (tag.sightings == tag.sightings_before) continue;
       placement.suggest(tag.component, {tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()});
@@ -135,7 +135,7 @@ class Placing final {
     }
   }
 
-  /// What an earlier session has left.
+  /// Tags of earlier sessions.
   void suggest_stored(ImagePlacement& placement) const {
     for (const GraphTag& tag : replay_.graph().state().tags)
       if (tag.sightings_before > 0 && tag.component == kInWorkspace)
@@ -174,7 +174,7 @@ class Placing final {
     return all;
   }
 
-  /// With the noise that the last solution left, where the detector does not tell its own.
+  /// With the noise of the last solution, where the detector gives none.
   [[nodiscard]] SegmentImage noted(std::size_t i, const TagObservations& seen) const {
     const Body& one = bodies_[i];
     SegmentImage image = segment_image(seen, filter(one), one.body.setup->estimator);
@@ -184,7 +184,7 @@ class Placing final {
     return image;
   }
 
-  /// @return whether odometry is noisier or better than was thought
+  /// @return whether the noise of the odometry has changed
   bool learn(ImagePlacement& placement) {
     bool is_otherwise = false;
     const GraphState& graph = replay_.graph().state();
@@ -198,8 +198,8 @@ class Placing final {
       for (const PathPose& pose : *path) poses.push_back({pose.at, pose.X_WB});
       for (const GraphBody& body : graph.bodies)
         if (body.id == bodies_[i].body.id) placement.take(i, body.cameras, poses);
-      // With odometry once only, while that counts for little: what it is wrong about would be
-      // taken for noise of the corners.
+      // With odometry only once, while its weight is low: its errors would be taken for corner
+      // noise.
       Body& one = bodies_[i];
       if (!one.odometry || !one.noise_px) one.noise_px = placement.learn_noise(i);
       if (one.odometry) is_otherwise |= learn_odometry(poses, one);
@@ -207,12 +207,12 @@ class Placing final {
     return is_otherwise;
   }
 
-  /// Mean squares of what the solution moved otherwise than odometry, per number and second.
+  /// Mean squares of the difference between solution and odometry, per number and second.
   struct Drift {
     double turn{};
     double move{};
   };
-  /// @param lag  over so long at least
+  /// @param lag  least span
   static Drift drift_of(const Odometry& odometry, std::span<const StampedPose> poses,
                         Duration lag) {
     const Duration longest = lag + std::chrono::seconds(2);
@@ -235,8 +235,8 @@ class Placing final {
     return sum;
   }
 
-  /// It is never better than it says: what images say nothing of follows it. What is wrong about
-  /// it for long shows over long times, and hardly from image to image.
+  /// Never less than specified, since unobserved motion follows the odometry. Correlated errors
+  /// show over long spans, and hardly from image to image.
   static bool learn_odometry(std::span<const StampedPose> poses, Body& one) {
     Drift most;
     for (const double lag_s : {0.0, 1.0, 5.0}) {
@@ -253,10 +253,10 @@ class Placing final {
            differs(before.move_noise_m, one.odometry->move_noise_m);
   }
 
-  /// A camera that sits elsewhere than told, by odometry: one of both is wrong.
+  /// The camera's pose by odometry contradicts its configuration: one of both is wrong.
   [[nodiscard]] std::optional<std::string> camera_doubt(const Body& one) const {
-    constexpr double kTold_sigma = 4.0;
-    // Less is not worth a word, however surely it was told.
+    constexpr double kConfigured_sigma = 4.0;
+    // Less is never reported.
     constexpr double kLeast_rad = 0.01;
     constexpr double kLeast_m = 0.01;
     for (const GraphBody& body : replay_.graph().state().bodies) {
@@ -265,12 +265,12 @@ class Placing final {
         const CameraMount& mount = one.body.setup->sensors.cameras[k];
         const double turned = angle_between(mount.X_BV.q, body.cameras[k].X_BV.q);
         const double moved = (mount.X_BV.p - body.cameras[k].X_BV.p).norm();
-        if (turned > std::max(kLeast_rad, kTold_sigma * mount.rotation_sigma_rad) ||
-            moved > std::max(kLeast_m, kTold_sigma * mount.position_sigma_m))
+        if (turned > std::max(kLeast_rad, kConfigured_sigma * mount.rotation_sigma_rad) ||
+            moved > std::max(kLeast_m, kConfigured_sigma * mount.position_sigma_m))
           return fmt::format(
-              "by its odometry camera {} sits {:.0f} mm and {:.1f}° from where it is told to; one "
-              "of both is wrong. Look at T_BS of the odometry and of the camera: attitudes of the "
-              "body may be off by as much",
+              "by the odometry camera {} is {:.0f} mm and {:.1f}° from its configured pose; one of "
+              "both is wrong. Check T_BS of the odometry and of the camera: attitudes of the body "
+              "may be wrong by as much",
               k, 1e3 * moved, turned * 180 / M_PI);
       }
     }
@@ -279,25 +279,25 @@ class Placing final {
 
   [[nodiscard]] std::optional<std::string> doubt_of(const Body& one) const {
     if (one.is_of_other_times)
-      return "the odometry covers none of the images that show tags, and is not used: are its "
-             "stamps of another clock, or in other units?";
+      return "the odometry covers none of the images with tags and is not used: are its stamps of "
+             "another clock, or in other units?";
     if (!one.odometry || !one.is_learned) return std::nullopt;
     if (auto doubt = camera_doubt(one)) return doubt;
-    const Odometry& told = *one.body.odometry;
-    if (one.odometry->move_noise_m < kWorthTelling * told.move_noise_m &&
-        one.odometry->turn_noise_rad < kWorthTelling * told.turn_noise_rad)
+    const Odometry& given = *one.body.odometry;
+    if (one.odometry->move_noise_m < kReportedNoise * given.move_noise_m &&
+        one.odometry->turn_noise_rad < kReportedNoise * given.turn_noise_rad)
       return std::nullopt;
     return fmt::format(
-        "the odometry moves otherwise than the tags say, by {:.2g} mm and {:.2g} mrad after a "
-        "second, not {:.2g} and {:.2g} as it is told; it is taken for as noisy as that. Look at "
-        "its stamps, where it sits on the body (T_BS) and which way its axes point",
+        "the odometry differs from the motion by the tags, by {:.2g} mm and {:.2g} mrad after a "
+        "second instead of the specified {:.2g} and {:.2g}; its weight is reduced accordingly. "
+        "Check its stamps, its pose on the body (T_BS) and the direction of its axes",
         1e3 * one.odometry->move_noise_m, 1e3 * one.odometry->turn_noise_rad,
-        1e3 * told.move_noise_m, 1e3 * told.turn_noise_rad);
+        1e3 * given.move_noise_m, 1e3 * given.turn_noise_rad);
   }
 
   BodiesReplay& replay_;
   std::vector<Body> bodies_;
-  /// Filters do not know of odometry: where all bodies have it, it says more than they do.
+  /// False if all bodies have odometry, which is better than filters without it.
   bool asks_filters_{};
 };
 

@@ -4,10 +4,9 @@
 #include <map>
 #include <span>
 #include <string>
-#include <vector>
 
-#include "capture/odometry.hpp"
-#include "mapping/graph/graph_path.hpp"
+#include "capture/recording/odometry.hpp"
+#include "mapping/graph/graph_covariance.hpp"
 #include "pipeline/replay/bodies_replay.hpp"
 #include "pipeline/replay/image_log.hpp"
 
@@ -17,23 +16,22 @@ namespace fiducap {
 struct BatchBody {
   int id{};
   const PipelineSetup* setup{};
-  const ImageLog* log{};       ///< Of a body without IMU; else not looked at, like its …
-  const Odometry* odometry{};  ///< … or nullptr: nobody knows how it moved.
+  const ImageLog* log{};       ///< Of a body without IMU; else unused, like …
+  const Odometry* odometry{};  ///< … its odometry; nullptr: none.
 };
 
 struct BatchResult {
   BodiesReplay::LastRefinement last;
   int rounds{};  ///< Of placement, where a body has no IMU.
-  /// All bodies have odometry that covers what they saw, and no filter was asked for anything.
-  bool is_by_odometry{};
-  /// What odometry is doubted for, in words, by the id of its body.
-  std::map<int, std::string> doubts;
+  bool
+      is_by_odometry{};  ///< All bodies have odometry that covers their images; filters are unused.
+  std::map<int, std::string> doubts;  ///< Messages about odometry, by body id.
 };
 
-/// Solves for everything that was seen, after the last image. What a body with an IMU has seen is
-/// in the graph as its filter followed it. Without one every image is placed again in what is known
-/// by now (ImagePlacement) and by its odometry, and that goes into the graph in its place; again,
-/// while a better map takes images or tags to other places.
+/// Batch solution after the last image. Images of a body with an IMU are in the graph as its filter
+/// followed them. Without IMU every image is placed again by the present map (ImagePlacement) and
+/// odometry, and replaces the filter's segments in the graph; this is repeated while a better map
+/// moves images or tags to other minima.
 [[nodiscard]] BatchResult solve_all(BodiesReplay& replay, std::span<const BatchBody> bodies,
                                     const std::function<void(int round)>& progress);
 

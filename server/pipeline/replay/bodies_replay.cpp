@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <utility>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap {
-
 namespace {
-// A live body works on one image while others publish: no image sees a map older than this.
+// Live bodies publish while another one works on an image: no image has a map older than this.
 constexpr std::size_t kRevisions = 256;
-// Each goes on where the one before was stopped, after forty steps.
+// Each continues from the one before, which stopped after forty steps.
 constexpr int kMostRounds = 10;
 
 std::vector<KnownTag> surveyed_by(const std::vector<ReplayedBody>& bodies) {
@@ -58,7 +57,7 @@ Expected<void> BodiesReplay::run(const Watch& watch) {
   return {};
 }
 
-/// Reads and works until an image is next, or nothing is left.
+/// Reads and processes until an image is next, or nothing is left.
 Expected<void> BodiesReplay::advance(std::size_t index) {
   Body& body = bodies_[index];
   body.image_at.reset();
@@ -142,8 +141,8 @@ BodiesReplay::LastRefinement BodiesReplay::refine_to_the_end(
 BodiesReplay::LastRefinement BodiesReplay::solve_to_rest(
     const std::function<void(int round)>& progress) {
   LastRefinement last;
-  // The given tags are the workspace then; what does not hang on them is no part of it.
-  if (map_.snapshot()->tags.empty()) last.has_found_workspace = refiner_.found_workspace();
+  // With given tags, the workspace is what is connected to them.
+  if (map_.snapshot()->tags.empty()) last.has_found_workspace = refiner_.establish_workspace();
   for (int round = 1; round <= kMostRounds; ++round) {
     if (progress) progress(round);
     const bool is_solved = refiner_.solve();
@@ -154,8 +153,8 @@ BodiesReplay::LastRefinement BodiesReplay::solve_to_rest(
   return last;
 }
 
-/// Those of the recorded session that took or gave the map something before this turn. It is solved
-/// when it was taken: later the same segments would be laid out by another state of the graph.
+/// Refinements of the recorded session before this turn. Each is solved at the time it was taken,
+/// because the state of the graph initialises its segments.
 void BodiesReplay::refine_as_before(std::uint64_t turn) {
   while (refinements_ && !refinements_->empty()) {
     const RefinementTurn& next = refinements_->front();
@@ -191,7 +190,7 @@ std::shared_ptr<const TagMap> BodiesReplay::published(std::int64_t revision) con
   return nullptr;
 }
 
-/// Images whose turns were lost go first, with the map as it is.
+/// First takes images whose turns were lost, with the present map.
 Expected<void> BodiesReplay::skip_to(const MapTurn& turn, const Watch& watch) {
   Body& body = bodies_[turn.body];
   while (body.image_at) {

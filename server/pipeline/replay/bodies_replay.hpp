@@ -4,7 +4,6 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -23,38 +22,36 @@ struct ReplayedBody {
   std::string name;
   PipelineSetup setup;
   SensorSource* source{};  ///< Outlives the replay.
-  /// Its samples come by so much later than they say, against those of the others.
-  Duration later{0};
+  Duration later{0};       ///< Added to its stamps for the order of the images.
 };
 
-/// Replayed estimates beside those that the live server had at the same images.
+/// Replayed estimates compared with those of the live server.
 struct LiveAgreement {
   std::uint64_t compared{};
-  std::uint64_t different{};  ///< … in any bit, or one of the two had no pose.
+  std::uint64_t different{};  ///< In any bit, or one of the two had no pose.
   double worst_m{};
   double worst_rad{};
 };
 
-/// Several bodies over one live map in virtual time: the same pipelines and MapBuilder as in the
-/// server, one after the other in this thread, images of all bodies in order of their time. No
-/// clock, no randomness: the same samples give the same result to the last bit.
+/// Runs several bodies over one live map in virtual time: the pipelines and MapBuilder of the
+/// server, in this thread, images of all bodies in order of time. No clock, no randomness: the same
+/// samples give the same result to the last bit.
 class BodiesReplay final {
  public:
-  /// Called after every image, when its body has told the map.
+  /// Called after every image and its contribution to the map.
   using Watch = std::function<void(std::size_t body, const BodyUpdate& update)>;
   /// Every raw sample, before its pipeline gets it.
   using Listener = std::function<void(std::size_t body, const SensorSample& sample)>;
 
-  /// Rough surveys (PipelineSetup::priors) are known to the graph as well.
+  /// Rough surveys (PipelineSetup::priors) are also priors of the graph.
   BodiesReplay(std::vector<ReplayedBody> bodies, const MapConfig& map, TagMap start);
   /// Follows the order of a recorded session instead of the images' times.
   /// @param refinements  nullopt: not recorded; the map is refined by its period
   void follow(std::vector<MapTurn> turns,
               std::optional<std::vector<RefinementTurn>> refinements = std::nullopt);
   void listen(Listener listener) { listener_ = std::move(listener); }
-  /// The map is refined when a tenth of what has been seen by then has been seen since, as well as
-  /// after its period: solving costs as much as there is, and all of it costs a few last ones.
-  /// Everything is kept.
+  /// Refines the map only after a tenth of the time so far (and its period), which bounds the total
+  /// cost to that of a few last solutions. Keeps all segments.
   void refine_after_share() {
     refine_share_ = 0.1;
     refiner_.keep_all();
@@ -63,30 +60,26 @@ class BodiesReplay final {
   /// @return Error when a source is lost, or IMU readings pile up
   Expected<void> run(const Watch& watch);
   struct LastRefinement {
-    bool is_at_rest{};           ///< False: the last solution still moved and was not taken.
-    bool has_found_workspace{};  ///< No body ever stood in it: it is where the largest part began.
+    bool is_at_rest{};           ///< False: the last solution did not converge and was not taken.
+    bool has_found_workspace{};  ///< No body was anchored: it is where the largest part began.
   };
-  /// After run(): with the last piece of everything, until nothing moves any more, laid over the
-  /// surveyed tags.
+  /// After run(): takes the last segments and solves to convergence, aligned to the surveyed tags.
   /// @param progress  called before each round
   LastRefinement refine_to_the_end(const std::function<void(int round)>& progress);
-
-  /// Rounds of solution until nothing moves any more; the map takes over what came of it.
+  /// Solves until convergence; the map adopts the result.
   LastRefinement solve_to_rest(const std::function<void(int round)>& progress);
 
   [[nodiscard]] MapBuilder& map() { return map_; }
   [[nodiscard]] MapRefiner& refiner() { return refiner_; }
-  /// What has been solved for.
   [[nodiscard]] const MapGraph& graph() const { return refiner_.graph(); }
   [[nodiscard]] const BodyPipeline& pipeline(std::size_t body) const {
     return *bodies_[body].pipeline;
   }
-  /// Images that the recorded session has no turn for, or the other way round, and refinements that
-  /// came to something only here or only there; 0: it was followed.
+  /// Images without a recorded turn or turns without an image, and refinements that succeeded only
+  /// here or only live; 0: the session was followed.
   [[nodiscard]] std::uint64_t turns_missed() const { return turns_missed_; }
-  /// What the body of the newest image was told.
+  /// The map for the newest image.
   [[nodiscard]] const MapView& view() const { return view_; }
-  /// How far estimates are from those of the recorded session.
   [[nodiscard]] const LiveAgreement& agreement() const { return agreement_; }
 
  private:
@@ -97,7 +90,7 @@ class BodiesReplay final {
     Duration later{0};
     std::unique_ptr<BodyPipeline> pipeline;
     bool exhausted{false};
-    std::optional<Instant> image_at;  ///< When the next image comes; nullopt: there is none.
+    std::optional<Instant> image_at;  ///< Time of the next image; nullopt: there is none.
   };
   Expected<void> advance(std::size_t body);
   [[nodiscard]] std::optional<std::size_t> earliest() const;
@@ -123,13 +116,12 @@ class BodiesReplay final {
   Listener listener_;
   std::vector<MapTurn> turns_;
   std::optional<std::deque<RefinementTurn>> refinements_;  ///< Those to come.
-  std::optional<bool>
-      is_solved_;  ///< Whether the next one has come to something; nullopt: not yet.
+  std::optional<bool> is_solved_;  ///< Result of the next one; nullopt: not solved yet.
   std::deque<MapView> published_;  ///< The newest revisions of the map.
   std::uint64_t turns_missed_{0};
   LiveAgreement agreement_;
   MapView view_;
-  std::optional<Pose> last_;  ///< Of the image just taken, when it was placed.
+  std::optional<Pose> last_;  ///< Of the newest image, if it was placed.
 };
 
 }  // namespace fiducap

@@ -2,30 +2,22 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <utility>
 
-#include "base/quantile.hpp"
-#include "base/so3.hpp"
-#include "detection/corner_projection.hpp"
+#include "base/numeric.hpp"
 #include "detection/observe.hpp"
-#include "detection/tag_pose.hpp"
+#include "detection/tag_geometry.hpp"
 #include "estimation/filter/filter_rules.hpp"
-#include "pipeline/replay/placement_misfit.hpp"
-#include "pipeline/replay/placement_motion.hpp"
 
 namespace fiducap {
-
 namespace {
 
-constexpr std::size_t kProposingTags = 4;  // the largest ones; others only repeat what these say
-// A tag's branch is believed by so much evidence, as a filter does (EstimatorConfig), and left for
-// another one by as much.
+constexpr std::size_t kProposingTags = 4;  // the largest ones
+// Evidence that decides a tag's branch, as in the filter (EstimatorConfig), and that revises it.
 constexpr double kBranchEvidence = 20.0;
 constexpr std::size_t kProposingSightings = 8;
 constexpr std::size_t kJudgingSightings = 100;
 constexpr double kLeastFitting = 0.5;  // of its sightings
-// Seen from one place all the time, corners repeat themselves and tell little of their noise.
+// From one viewpoint, corners repeat themselves and show little noise.
 constexpr double kLeastNoise_px = 0.05;
 
 }  // namespace
@@ -47,7 +39,7 @@ ImagePlacement::ImagePlacement(std::vector<BodyToPlace> bodies) : bodies_(std::m
   }
 }
 
-/// The lens is taken out of the corners as it is thought to be.
+/// Undistorts the corners by the present lenses.
 void ImagePlacement::look_through(std::size_t body) {
   cameras_[body] = bodies_[body].cameras;
   for (std::size_t c = 0; c < cameras_[body].size(); ++c) {
@@ -64,13 +56,13 @@ void ImagePlacement::look_through(std::size_t body) {
       if (is_new && bodies_[body].beliefs[camera].lens.is_none()) continue;
       for (TagObservation& tag : image.tags) {
         TagObservation other = tag;
-        if (see_through(cameras_[body][camera].model, other)) tag = other;
+        if (undistort_tag(cameras_[body][camera].model, other)) tag = other;
       }
     }
   }
 }
 
-/// By the tags that have a place; the filter's come first.
+/// By placed tags; the filter's come first.
 std::vector<PlaceProposal> ImagePlacement::proposals(std::size_t body, std::size_t instant,
                                                      int region) const {
   std::vector<std::pair<const TagObservation*, const CameraMount*>> seen;
@@ -146,7 +138,7 @@ double ImagePlacement::learn_noise(std::size_t body) {
   return noise_px;
 }
 
-/// Of the tags that it saw, the first in order: the workspace's before others.
+/// The lowest region of the instant's tags.
 int ImagePlacement::region_of(std::size_t body, std::size_t instant) const {
   int region = kNowhere;
   for (const TagObservations& image : seen_[body][instant]) {
@@ -172,8 +164,7 @@ std::vector<SightedTag> ImagePlacement::sighted(std::size_t body, std::size_t in
   return out;
 }
 
-/// Where two answers explain an instant equally well, the one that lies nearer to the instants
-/// before and after is right.
+/// Distinguishes poses that explain an instant equally well by the instants before and after.
 double ImagePlacement::jump(std::size_t body, std::size_t instant, const Pose& X_WB) const {
   const auto& placed = placed_[body];
   const Placed& own = placed[instant];
@@ -243,7 +234,7 @@ std::optional<ImagePlacement::Choice> ImagePlacement::best_place(
     return size_px(*a.seen) > size_px(*b.seen);
   });
   const std::vector<Sighting> judging = thinned(sightings, kJudgingSightings);
-  // Seen from the tag, all the cameras are one body that it carries.
+  // Relative to the tag, all cameras are one rigid body.
   std::vector<SightedTag> from_tag;
   double noise_px = 0;
   const auto camera_of = [&](const Sighting& s) -> const CameraMount& {

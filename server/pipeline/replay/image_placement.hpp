@@ -7,76 +7,74 @@
 #include <utility>
 #include <vector>
 
-#include "base/stamped_pose.hpp"
-#include "capture/odometry.hpp"
+#include "base/pose.hpp"
+#include "capture/recording/odometry.hpp"
 #include "estimation/estimator_config.hpp"
 #include "estimation/segment/motion_segment.hpp"
-#include "estimation/start/resection.hpp"
+#include "estimation/start/place_search.hpp"
 #include "pipeline/replay/image_log.hpp"
-#include "pipeline/replay/placement_misfit.hpp"
 
 namespace fiducap {
 
-/// One body's images, with noise and cameras as they are known.
+/// One body's images, with the present noise and cameras.
 struct BodyToPlace {
   const ImageLog* log{};
-  std::vector<CameraMount> cameras;  ///< By configuration: corners were undistorted by them.
+  std::vector<CameraMount> cameras;  ///< As configured: corners were undistorted by them.
   std::vector<CameraBelief> beliefs;
-  const Odometry* odometry{};   ///< nullptr: nobody knows how it moves.
-  double corner_noise_px{0.4};  ///< Where the detector does not say how sure it is.
+  const Odometry* odometry{};   ///< nullptr: none.
+  double corner_noise_px{0.4};  ///< Where the detector gives none.
 };
 
-/// Where bodies without IMU, and tags, are, found image by image: what a least squares problem
-/// begins with, so that it ends in the right valley.
+/// Initial poses of bodies without IMU, and of tags, image by image, for a least-squares problem to
+/// converge to the correct minimum.
 ///
-/// A planar tag allows two poses. Each instant is placed by what its tags propose (the filter's
+/// A planar tag allows two poses. An instant is placed by the proposals of its tags (the filter's
 /// pose then, both poses of the largest tags), improved by least squares over all its corners; the
-/// cheapest counts, and it is sure when the next one costs much more. A tag without a place gets
-/// the one that explains its sightings at sure instants best, when another branch does not nearly
-/// as well. So it goes on, in turns, until nothing more finds its place. Then a rough survey, or
-/// what was known in other axes, begins where nothing else does, or two tags that are often seen
-/// together; images that show such tags and others join them. Odometry gives places to instants
-/// that see nothing that has one.
+/// cheapest is chosen, and it is sure when all others cost much more. A tag gets the pose that
+/// explains its sightings at sure instants, if no other branch does nearly as well. Both alternate
+/// until nothing more is placed. Then a new region begins by a rough survey, by a map in other
+/// axes, or by two tags that are often seen together; images with tags of two regions join them.
+/// Odometry places instants without placed tags.
 class ImagePlacement final {
  public:
   static constexpr int kNowhere = -1;
   struct Tag {
     KnownTag tag;
-    int region{};    ///< In whose axes it stands; 0: the workspace's.
-    bool is_held{};  ///< Its place is given.
+    int region{};    ///< Of its axes; 0: the workspace.
+    bool is_held{};  ///< Its pose is given.
   };
   struct Placed {
     Instant at{};
     int region{kNowhere};
     Pose X_WB;
-    bool is_sure{};  ///< No other place explains it nearly as well.
+    bool is_sure{};  ///< No other pose explains it nearly as well.
   };
 
   explicit ImagePlacement(std::vector<BodyToPlace> bodies);
-  /// A place that is given, and never left.
+  /// A given pose, never changed.
   void hold(const KnownTag& tag);
-  /// One that is thought right. @param component  0: in the workspace
+  /// A probable pose. @param component  0: in the workspace
   void suggest(int component, const KnownTag& tag);
-  /// Where a tag is by a survey, decimetres off.
+  /// A pose by survey, decimetres off.
   void survey(const KnownTag& tag) { surveyed_.emplace(tag.tag_id, tag); }
-  /// A solution: bodies, cameras and tags stand so, unless something else fits much better.
+  /// A solution: used unless something else fits much better.
   void take(std::size_t body, const std::vector<CameraBelief>& cameras,
             std::span<const StampedPose> poses);
   void take(const KnownTag& tag);
 
-  /// What the corners of a body are off the solution, 1-sigma of a coordinate: half of the
-  /// sightings are nearer than half of all would be with it. Placing goes by it from now on.
+  /// Corner noise of a body, 1-sigma of a coordinate, by the median of its residuals; used from now
+  /// on.
   double learn_noise(std::size_t body);
 
-  /// @return whether anything is elsewhere, in another valley, than before
+  /// @return whether anything is in another minimum than before
   bool settle();
-  /// Where odometry began it, the workspace is moved to where its reference tag says that it is.
+  /// Moves a workspace that began by odometry to its reference tag.
   void define_workspace(const WorkspaceGauge& gauge);
 
   /// In order of the body's log.
   [[nodiscard]] const std::vector<Placed>& placed(std::size_t body) const { return placed_[body]; }
   [[nodiscard]] const std::map<int, Tag>& tags() const { return tags_; }
-  /// They are numbered from 0, the workspace's.
+  /// Number of regions; 0 is the workspace.
   [[nodiscard]] int regions() const { return regions_; }
   [[nodiscard]] const std::vector<CameraBelief>& cameras(std::size_t body) const {
     return bodies_[body].beliefs;
@@ -133,7 +131,7 @@ class ImagePlacement final {
 
   std::vector<BodyToPlace> bodies_;
   std::vector<std::vector<std::vector<TagObservations>>> seen_;  ///< By body and instant.
-  std::vector<std::vector<CameraMount>> cameras_;                ///< As thought to be now.
+  std::vector<std::vector<CameraMount>> cameras_;                ///< Present estimates.
   std::vector<std::vector<Placed>> placed_;
   std::vector<std::vector<bool>> waits_;  ///< Sees a tag that has been placed since.
   std::map<int, std::vector<Sighting>> sightings_;
@@ -141,9 +139,9 @@ class ImagePlacement final {
   std::map<int, std::map<int, KnownTag>> suggested_;  ///< By component, not yet used.
   std::map<int, KnownTag> surveyed_;
   int regions_{1};
-  /// Pairs of tags that were no beginning, and by how many images.
+  /// Pairs of tags that gave no relative pose, and by how many images.
   std::set<std::pair<std::pair<int, int>, std::size_t>> were_tried_;
-  bool is_by_odometry_{false};  ///< The workspace is the axes of somebody's odometry.
+  bool is_by_odometry_{false};  ///< The workspace has the axes of a body's odometry.
 };
 
 }  // namespace fiducap

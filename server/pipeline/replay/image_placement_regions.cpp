@@ -4,26 +4,90 @@
 #include <set>
 #include <utility>
 
-#include "base/so3.hpp"
-#include "detection/tag_pose.hpp"
+#include "base/pose.hpp"
+#include "detection/tag_geometry.hpp"
 #include "estimation/filter/filter_rules.hpp"
 #include "estimation/filter/heading_rule.hpp"
+#include "pipeline/replay/image_log.hpp"
 #include "pipeline/replay/image_placement.hpp"
-#include "pipeline/replay/placement_misfit.hpp"
 
 namespace fiducap {
 
+/// @return whether one is elsewhere than before
+bool ImagePlacement::place_instants(bool all) {
+  bool changed = false;
+  for (std::size_t b = 0; b < placed_.size(); ++b) {
+    for (std::size_t i = 0; i < placed_[b].size(); ++i) {
+      if (!all && !waits_[b][i]) continue;
+      waits_[b][i] = false;
+      changed |= place_instant(b, i);
+    }
+  }
+  return changed;
+}
+
+/// Places instants beside a placed one by odometry, and their tags by them, in order of time: a tag
+/// is placed by its first visit, and later visits by the tag.
+/// @return whether anything was placed
+bool ImagePlacement::follow_odometry(std::size_t body) {
+  if (bodies_[body].odometry == nullptr) return false;
+  const auto count = placed_[body].size();
+  bool changed = false;
+  for (std::size_t i = 1; i < count; ++i) changed |= carry(body, i - 1, i);
+  for (std::size_t i = count; i-- > 1;) changed |= carry(body, i, i - 1);
+  return changed;
+}
+
+/// @return whether `to` was placed
+bool ImagePlacement::carry(std::size_t body, std::size_t from, std::size_t to) {
+  const Placed& before = placed_[body][from];
+  Placed& now = placed_[body][to];
+  if (now.region != kNowhere || before.region == kNowhere) return false;
+  const auto moved = bodies_[body].odometry->motion(before.at, now.at);
+  if (!moved) return false;
+  now.region = before.region;
+  now.X_WB = before.X_WB * *moved;
+  now.is_sure = true;
+  place_instant(body, to);
+  for (const TagObservations& image : seen_[body][to])
+    for (const TagObservation& seen : image.tags)
+      if (!tags_.contains(seen.tag_id)) place_tag(seen.tag_id);
+  return true;
+}
+
+bool ImagePlacement::grow() {
+  constexpr int kMostTurns = 100;
+  bool changed = false;
+  for (int turn = 0; turn < kMostTurns; ++turn) {
+    const bool moved = place_instants(false);
+    bool is_new = false;
+    for (std::size_t b = 0; b < bodies_.size(); ++b) is_new |= follow_odometry(b);
+    for (const auto& [tag_id, seen] : sightings_)
+      if (!tags_.contains(tag_id)) is_new |= place_tag(tag_id);
+    changed |= moved || is_new;
+    if (!is_new) break;
+  }
+  return changed;
+}
+
+bool ImagePlacement::settle() {
+  bool changed = place_instants(true);
+  for (const auto& [tag_id, tag] : std::map(tags_)) changed |= place_tag(tag_id);
+  do changed |= grow();
+  while (begin_elsewhere() || begin_with_two() || begin_with_one() || join_regions());
+  return changed;
+}
+
 namespace {
 
-// Images that show two tags together, to say how one stands against the other.
+// Images with both tags, for their relative pose.
 constexpr std::size_t kLeastTogether = 5;
 constexpr std::size_t kMostTogether = 30;
 constexpr std::size_t kProposing = 8;
-// One way is believed when every other way explains the images so much worse, as of single tags.
+// A pose is accepted when all others explain the images this much worse, as for single tags.
 constexpr double kEvidence = 20.0;
 
-/// The best one; nullopt: another one does nearly as well, or it explains less than half of what it
-/// should.
+/// The best one; nullopt: another one is nearly as good, or it explains less than half.
 std::optional<Pose> only_way(const std::vector<CostedPose>& ways, double fitting_cost) {
   if (ways.empty()) return std::nullopt;
   const CostedPose& best =
@@ -38,7 +102,7 @@ std::optional<Pose> only_way(const std::vector<CostedPose>& ways, double fitting
 
 }  // namespace
 
-/// Where a body may stand when tags stand so, and what that costs.
+/// Possible poses of a body by tags, with their costs.
 std::vector<CostedPose> ImagePlacement::ways_at(const View& view,
                                                 const std::vector<SightedTag>& tags) const {
   const double noise_px = bodies_[view.body].corner_noise_px;
@@ -70,7 +134,7 @@ std::vector<SightedTag> ImagePlacement::sighted_of(const View& view, int tag_id,
   return out;
 }
 
-/// How the second tag stands against the first, by images that show both.
+/// Pose of the second tag relative to the first, by images of both.
 std::optional<Pose> ImagePlacement::between(int first, int second,
                                             const std::vector<View>& views) const {
   const auto with = [&](const View& view, const Pose& X_ab) {
@@ -91,7 +155,7 @@ std::optional<Pose> ImagePlacement::between(int first, int second,
   constexpr int kRounds = 5;
   for (CostedPose& way : ways) {
     for (int round = 0; round < kRounds; ++round) {
-      // Seen from the second tag, all the cameras are one body that it carries.
+      // Relative to the second tag, all cameras are one rigid body.
       std::vector<SightedTag> from_second;
       double noise_px = 0;
       way.cost = 0;
@@ -109,8 +173,7 @@ std::optional<Pose> ImagePlacement::between(int first, int second,
   return only_way(ways, sightings * kSightingBend * std::log(2.0));
 }
 
-/// Two tags that nothing ties to the rest, and that are often seen together, begin axes of their
-/// own: those of the first.
+/// Two unplaced tags that are often seen together begin a region, with the axes of the first.
 bool ImagePlacement::begin_with_two() {
   std::map<std::pair<int, int>, std::vector<View>> together;
   for (std::size_t b = 0; b < seen_.size(); ++b) {
@@ -138,8 +201,7 @@ bool ImagePlacement::begin_with_two() {
   return false;
 }
 
-/// A tag that is seen on its own, from so near that the body's place against it is sure in some
-/// images, begins axes of its own.
+/// A single tag that is near enough in some images for an unambiguous pose begins a region.
 bool ImagePlacement::begin_with_one() {
   for (const auto& [tag_id, sightings] : sightings_) {
     if (tags_.contains(tag_id)) continue;
@@ -157,7 +219,7 @@ bool ImagePlacement::begin_with_one() {
   return false;
 }
 
-/// Axes that were begun apart, and that images tie to the workspace by now, become part of it.
+/// A region that images connect with the workspace by now becomes part of it.
 bool ImagePlacement::join_regions() {
   for (int region = 1; region < regions_; ++region) {
     std::vector<View> views;
@@ -177,7 +239,7 @@ bool ImagePlacement::join_regions() {
   return false;
 }
 
-/// How the axes of a region stand in the workspace, by images that show tags of both.
+/// Pose of a region in the workspace, by images of tags of both.
 std::optional<Pose> ImagePlacement::over(int region, const std::vector<View>& views) const {
   std::vector<CostedPose> ways;
   for (std::size_t i = 0; i < std::min(kProposing, views.size()); ++i) {
@@ -205,7 +267,7 @@ std::optional<Pose> ImagePlacement::over(int region, const std::vector<View>& vi
   return only_way(ways, static_cast<double>(sightings) * kSightingBend * std::log(2.0));
 }
 
-/// Nothing is known: W is the axes of the first body's odometry.
+/// Nothing is known: W has the axes of the first body's odometry.
 bool ImagePlacement::begin_by_odometry() {
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     const Odometry* const odometry = bodies_[b].odometry;
@@ -229,7 +291,7 @@ void ImagePlacement::define_workspace(const WorkspaceGauge& gauge) {
   if (tag == tags_.end() || tag->second.region != 0) return;
   const Pose& X_WT = tag->second.tag.X_WT;
   const HeadingRule rule = make_heading_rule(gauge, X_WT.q);
-  // Odometry says what is up.
+  // Odometry knows the vertical.
   const Eigen::Quaterniond turn = turn_to_heading(rule, X_WT.q);
   const Pose X_new_old{turn, rule.X_WT.p - turn * X_WT.p};
   for (auto& [tag_id, one] : tags_)
@@ -240,8 +302,8 @@ void ImagePlacement::define_workspace(const WorkspaceGauge& gauge) {
   is_by_odometry_ = false;
 }
 
-/// Something that has no place begins: a surveyed tag, a body with odometry when there is nothing
-/// else, or what was known in other axes.
+/// Begins with a surveyed tag, or with odometry if there is nothing else, or with a map in other
+/// axes.
 bool ImagePlacement::begin_elsewhere() {
   const KnownTag* best = nullptr;
   for (const auto& [tag_id, tag] : surveyed_) {
@@ -259,7 +321,7 @@ bool ImagePlacement::begin_elsewhere() {
         [](const auto& a, const auto& b) { return a.second.size() < b.second.size(); });
     const auto tags = std::move(most->second);
     suggested_.erase(most);
-    // The largest is the workspace, when nobody knows of another.
+    // The largest is the workspace, if there is none yet.
     const int region = tags_.empty() ? 0 : regions_;
     bool is_new = false;
     for (const auto& [tag_id, tag] : tags) {

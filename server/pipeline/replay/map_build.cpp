@@ -3,12 +3,11 @@
 #include <algorithm>
 #include <numeric>
 #include <set>
-#include <span>
 #include <utility>
 
-#include "base/this_thread.hpp"
+#include "base/process.hpp"
 #include "mapping/graph/graph_terms.hpp"
-#include "pipeline/mismatch_words.hpp"
+#include "pipeline/doubts.hpp"
 #include "pipeline/replay/batch_solution.hpp"
 
 namespace fiducap {
@@ -23,7 +22,7 @@ struct Span {
   std::vector<std::size_t> members;
 };
 
-/// Those that overlap, be it by way of others; in the order of each one's first member.
+/// Groups of overlapping recordings, in the order of each one's first member.
 std::vector<Span> spans_of(std::span<const MapBuildBody> bodies) {
   std::vector<std::size_t> by_time(bodies.size());
   std::iota(by_time.begin(), by_time.end(), std::size_t{0});
@@ -56,10 +55,10 @@ void note_moved(std::vector<MapEvent> events, MapBuild& build) {
       build.moved.push_back(std::move(event.text));
 }
 
-/// What the graph says beside the map.
-void look_at(const GraphState& graph, const std::vector<MapBuildBody>& bodies, MapBuild& build) {
+/// Results of the graph beside the map.
+void evaluate(const GraphState& graph, const std::vector<MapBuildBody>& bodies, MapBuild& build) {
   std::map<int, MapPart> parts;
-  std::map<int, std::set<std::size_t>> who;
+  std::map<int, std::set<std::size_t>> members;
   double chi_square = 0;
   int numbers = 0;
   for (const GraphSegment& segment : graph.segments) {
@@ -77,7 +76,7 @@ void look_at(const GraphState& graph, const std::vector<MapBuildBody>& bodies, M
     numbers += segment.factor.numbers;
     if (component == 0) continue;
     ++parts[component].segments;
-    who[component].insert(body);
+    members[component].insert(body);
   }
   const auto level = graph.level.find(0);
   build.is_level = level == graph.level.end() || level->second;
@@ -94,7 +93,7 @@ void look_at(const GraphState& graph, const std::vector<MapBuildBody>& bodies, M
     if (is_mapped) part->second.also_in_map.push_back(tag.tag_id);
   }
   for (auto& [component, part] : parts) {
-    part.recordings.assign(who[component].begin(), who[component].end());
+    part.recordings.assign(members[component].begin(), members[component].end());
     std::sort(part.tag_ids.begin(), part.tag_ids.end());
     build.apart.push_back(std::move(part));
   }
@@ -143,7 +142,7 @@ Expected<MapBuild> build_map(const std::vector<MapBuildBody>& bodies, const Offl
   const double all_s = std::max(1e-3, to_seconds(last - first));
   TagMap start = map.start;
   for (const MapBuildBody& one : bodies) add_known(one.body.setup, start);
-  // What a filter without IMU makes of its segments is not listened to in the end (solve_all).
+  // Segments of filters without IMU are replaced in the end (solve_all).
   MapConfig config = map.config;
   if (!has_imu) config.refine_period_s = 0;
   BodiesReplay replay(std::move(replayed), config, std::move(start));
@@ -166,7 +165,7 @@ Expected<MapBuild> build_map(const std::vector<MapBuildBody>& bodies, const Offl
   for (std::size_t i = 0; i < bodies.size(); ++i)
     batch.push_back(
         {bodies[i].body.id, &bodies[i].body.setup, &logs[i], bodies[i].body.setup.odometry.get()});
-  replay.refiner().tell_from(map.least_sightings.value_or(1));
+  replay.refiner().set_least_sightings(map.least_sightings.value_or(1));
   const BatchResult solved = solve_all(replay, batch, [&](int round) {
     if (progress) progress({1.0, round, replay.view().map->tags.size()});
   });
@@ -179,7 +178,7 @@ Expected<MapBuild> build_map(const std::vector<MapBuildBody>& bodies, const Offl
   build.run_cpu_s = to_seconds(ran - begin);
   build.solve_cpu_s = to_seconds(thread_cpu_time() - ran);
   build.map = *replay.map().snapshot();
-  look_at(replay.graph().state(), bodies, build);
+  evaluate(replay.graph().state(), bodies, build);
   return build;
 }
 

@@ -1,12 +1,11 @@
 #include "pipeline/replay/offline_run.hpp"
 
 #include <algorithm>
-#include <optional>
 #include <set>
 #include <utility>
 
-#include "base/quantile.hpp"
-#include "base/this_thread.hpp"
+#include "base/numeric.hpp"
+#include "base/process.hpp"
 #include "pipeline/replay/batch_solution.hpp"
 
 namespace fiducap {
@@ -15,21 +14,13 @@ namespace {
 constexpr double kFixedPosition_m = 1e-3;
 constexpr double kFixedRotation_rad = 1e-3;
 
-KnownTag known_tag(const RecordedTag& tag) {
-  KnownTag known{tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()};
-  known.covariance.diagonal().head<3>().setConstant(tag.position_sigma_m * tag.position_sigma_m);
-  known.covariance.diagonal().tail<3>().setConstant(tag.rotation_sigma_rad *
-                                                    tag.rotation_sigma_rad);
-  return known;
-}
-
-/// One body after everything was solved for.
+/// One body after the batch solution.
 struct ResolvedBody {
   std::vector<PathPose> path;
   std::vector<CameraBelief> cameras;
-  std::map<int, Pose> tags;  ///< Of the workspace, also those of which a survey says something.
+  std::map<int, Pose> tags;  ///< Of the workspace, also surveyed ones.
   std::vector<std::string> doubts;
-  bool is_by_odometry{};  ///< That says where W is and what is up, and no filter does.
+  bool is_by_odometry{};  ///< It defines W and the vertical, instead of a filter.
   std::vector<OfflinePart> parts;
 };
 
@@ -56,7 +47,7 @@ std::vector<OfflinePart> parts_of(int body_id, const GraphState& graph) {
   return parts;
 }
 
-/// What becomes of one body, image by image.
+/// Collects the results of one body, image by image.
 class BodyNotes final {
  public:
   explicit BodyNotes(const OfflineSetup& setup) : setup_(setup) {}
@@ -78,9 +69,9 @@ class BodyNotes final {
   Expected<OfflineResult> finish(const BodyPipeline& pipeline, const TagMap& map,
                                  const ResolvedBody* resolved) {
     finish_statistics(pipeline.statistics());
-    place();  // shorter than the wait for trust, and nothing has contradicted
+    place();  // uncontradicted, but too short for PoseTrust
     result_.known = setup_.known;
-    // The filter knows nothing of odometry: what it was at a loss for says nothing of these poses.
+    // Doubts of a filter without odometry do not concern poses by odometry.
     if (resolved == nullptr || !resolved->is_by_odometry) result_.doubts = pipeline.doubts();
     if (resolved != nullptr)
       result_.doubts.insert(result_.doubts.end(), resolved->doubts.begin(), resolved->doubts.end());
@@ -112,7 +103,7 @@ class BodyNotes final {
     if (event.kind == BodyEvent::Kind::kGaugeShift) leave_out_generation();
   }
 
-  /// Poses of before a reset stay where they are, if they were believed.
+  /// Trusted poses before a reset are kept.
   void begin_generation() {
     forget_unplaced();
     generation_begin_ = placed_poses_;
@@ -125,8 +116,8 @@ class BodyNotes final {
     unplaced_ = {};
   }
 
-  /// W was re-defined. How the poses of this generation stand in it is unsure by more than their
-  /// covariance says, and what the map corrects later does not reach them.
+  /// W was redefined. Poses of this generation are less certain in it than their covariances, and
+  /// later corrections of the map do not reach them.
   void leave_out_generation() {
     OfflineStatistics& s = result_.statistics;
     s.frames_before_anchoring += placed_.frames + unplaced_.frames;
@@ -146,11 +137,11 @@ class BodyNotes final {
       ++result_.statistics.frames_before_anchoring;
       return;
     }
-    // The first ones count as soon as they are believed; what is contradicted never does.
+    // Kept once they are trusted; contradicted poses never are.
     if (update.doubted && !update.is_untested) return forget_unplaced();
     ++unplaced_.frames;
     unplaced_.frames_with_tags += update.seen.tags.empty() ? 0 : 1;
-    // Cameras that expose together share one line; the last of them has corrected the pose.
+    // Cameras with the same exposure share one pose, that of the last one.
     const bool again = !result_.trajectory.empty() && result_.trajectory.back().at == estimate->at;
     if (again) {
       result_.trajectory.pop_back();
@@ -161,7 +152,7 @@ class BodyNotes final {
     if (!update.doubted) place();
   }
 
-  /// All poses of this generation up to here count.
+  /// Accepts all poses of this generation so far.
   void place() {
     placed_.frames += unplaced_.frames;
     placed_.frames_with_tags += unplaced_.frames_with_tags;
@@ -183,7 +174,7 @@ class BodyNotes final {
     s.merger = pipeline.merger;
   }
 
-  /// Tags that the filter has handed over, or that others have mapped.
+  /// Tags handed over by the filter, or mapped by other bodies.
   void add_tags_of(const TagMap& map) {
     std::erase_if(result_.tags, [](const TagBelief& belief) {
       return belief.component != TagBelief::kWorkspace;
@@ -202,7 +193,7 @@ class BodyNotes final {
     }
   }
 
-  /// What was known live is kept beside it.
+  /// Keeps the live trajectory beside it.
   void take(const ResolvedBody& resolved) {
     result_.live = std::move(result_.trajectory);
     result_.parts = resolved.parts;
@@ -217,7 +208,7 @@ class BodyNotes final {
       if (resolved.cameras[k].lens_is_open)
         result_.extrinsics[k].lens.offset = resolved.cameras[k].lens;
     }
-    // A survey is a measurement like others, as good as it says.
+    // A survey is a measurement with its sigma.
     for (KnownTag& known : result_.known)
       if (const auto tag = resolved.tags.find(known.tag_id); tag != resolved.tags.end())
         known.X_WT = tag->second;
@@ -241,7 +232,7 @@ class BodyNotes final {
     int frames{};
     int frames_with_tags{};
   };
-  Images unplaced_;  ///< Of poses that are not yet believed.
+  Images unplaced_;  ///< Of poses that are not yet trusted.
   Images placed_;    ///< Of this generation.
   std::size_t placed_poses_{0};
   std::size_t generation_begin_{0};
@@ -256,7 +247,7 @@ Expected<std::vector<ResolvedBody>> resolve(BodiesReplay& replay,
   for (std::size_t i = 0; i < bodies.size(); ++i)
     batch.push_back(
         {bodies[i].id, &bodies[i].setup, &notes[i].log(), bodies[i].setup.odometry.get()});
-  replay.refiner().tell_from(map.least_sightings.value_or(1));
+  replay.refiner().set_least_sightings(map.least_sightings.value_or(1));
   const BatchResult solved = solve_all(replay, batch, {});
   session.is_at_rest = solved.last.is_at_rest;
   const GraphState& graph = replay.graph().state();
@@ -267,12 +258,11 @@ Expected<std::vector<ResolvedBody>> resolve(BodiesReplay& replay,
     if (const auto doubt = solved.doubts.find(bodies[i].id); doubt != solved.doubts.end())
       resolved[i].doubts.push_back(doubt->second);
   }
-  // Nothing stands in the workspace: there are no poses.
+  // Nothing is in the workspace: there are no poses.
   if (!covariance) return resolved;
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     auto path = path_of(bodies[i].id, graph, &*covariance);
-    if (!path)
-      return fail(ErrorCode::kInvalid, "what was solved for is not finite", bodies[i].name);
+    if (!path) return fail(ErrorCode::kInvalid, "the solution is not finite", bodies[i].name);
     resolved[i].path = std::move(*path);
     resolved[i].parts = parts_of(bodies[i].id, graph);
     for (const GraphBody& body : graph.bodies)
@@ -284,6 +274,14 @@ Expected<std::vector<ResolvedBody>> resolve(BodiesReplay& replay,
 }
 
 }  // namespace
+
+KnownTag known_tag(const RecordedTag& tag) {
+  KnownTag known{tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()};
+  known.covariance.diagonal().head<3>().setConstant(tag.position_sigma_m * tag.position_sigma_m);
+  known.covariance.diagonal().tail<3>().setConstant(tag.rotation_sigma_rad *
+                                                    tag.rotation_sigma_rad);
+  return known;
+}
 
 void add_known(const OfflineSetup& setup, TagMap& start) {
   for (const KnownTag& known : setup.known) {
@@ -301,7 +299,7 @@ OfflineSetup offline_setup(const RecordingInfo& info) {
   setup.odometry = info.odometry;
   setup.sensors.cameras = info.cameras;
   setup.sensors.imu = info.imu;
-  if (info.gravity_m_s2) setup.sensors.tell_gravity(*info.gravity_m_s2);
+  if (info.gravity_m_s2) setup.sensors.set_known_gravity(*info.gravity_m_s2);
   setup.tags = tags_of(info);
   setup.gauge.reference_tag = info.reference_tag;
   for (const RecordedTag& tag : info.known_tags) {

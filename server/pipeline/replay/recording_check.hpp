@@ -12,20 +12,20 @@ namespace fiducap {
 /// One file of stamped lines.
 struct RecordedStream {
   std::string file;          ///< Below the folder of the recording, e.g. `mav0/imu0/data.csv`.
-  std::size_t stamps{};      ///< Lines that have one.
+  std::size_t stamps{};      ///< Lines with a stamp.
   std::size_t left_out{};    ///< … out of order, or far from the others.
-  std::size_t unreadable{};  ///< Lines without; a header counts.
+  std::size_t unreadable{};  ///< Lines without a stamp; a header counts.
   std::string first_unreadable{};
-  double rate_hz{};  ///< As the calibration says.
-  Instant first{};   ///< On the IMU's clock, as far as the time shift says.
+  double rate_hz{};  ///< As calibrated.
+  Instant first{};   ///< On the IMU's clock, by the calibrated time shift.
   Instant last{};
   Duration step{};  ///< Median.
 };
 
-/// Something that a person should know before trusting what is made of a recording.
+/// A defect of a recording.
 struct RecordingFinding {
-  bool unusable{};   ///< Nothing sensible can come of it.
-  std::string text;  ///< What is wrong, its likely cause, what to do.
+  bool unusable{};   ///< No sensible result is possible.
+  std::string text;  ///< The defect, its likely cause, a remedy.
 };
 
 struct RecordingReport {
@@ -35,9 +35,9 @@ struct RecordingReport {
   [[nodiscard]] bool is_usable() const;
 };
 
-/// Reads stamps, IMU and corners of a whole recording, and says what cannot be: units of stamps and
-/// readings, clocks that have nothing in common, streams that are missing or end early, mirrored
-/// corners. Images are not opened.
+/// Checks stamps, IMU and corners of a whole recording: units of stamps and readings, clocks
+/// without common time, streams that are missing or end early, mirrored corners. Images are not
+/// opened.
 /// @return Error when a file cannot be read
 [[nodiscard]] Expected<RecordingReport> check_recording(const RecordingInfo& info);
 

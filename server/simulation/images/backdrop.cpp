@@ -1,4 +1,4 @@
-#include "simulation/images/backdrop.hpp"
+#include "simulation/images/image_camera.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -10,10 +10,10 @@ namespace fiducap::simulation {
 namespace {
 
 constexpr int kSize = 512;                // texels along one side of the texture, a power of two
-constexpr float kTexelsPerMetre = 64.0F;  // so it repeats every 8 m
+constexpr float kTexelsPerMetre = 64.0F;  // repeats every 8 m
 
-/// Smooth random hills of one wavelength (texels), wrapping round.
-void add_hills(std::vector<float>& texture, Random& random, int wavelength, float height) {
+/// Adds smooth periodic noise of one wavelength (texels).
+void add_noise(std::vector<float>& texture, Random& random, int wavelength, float height) {
   const int cells = kSize / wavelength;
   std::vector<float> node(static_cast<std::size_t>(cells * cells));
   for (float& value : node) value = static_cast<float>(random.uniform(-height, height));
@@ -33,7 +33,7 @@ void add_hills(std::vector<float>& texture, Random& random, int wavelength, floa
   }
 }
 
-/// Shelves, posters, pipes: plain boards of one gray.
+/// Adds rectangles of one gray: furniture, posters, pipes.
 void add_boards(std::vector<float>& texture, Random& random, int count, int smallest, int largest) {
   for (int i = 0; i < count; ++i) {
     const int x0 = random.below(kSize);
@@ -54,14 +54,14 @@ std::vector<std::uint8_t> texture_of(const std::string& kind) {
   Random random(0, Purpose::kBackdrop);
   std::vector<float> texture(static_cast<std::size_t>(kSize) * kSize, 115.0F);
   if (kind != "plain") {
-    add_hills(texture, random, 128, 25);
+    add_noise(texture, random, 128, 25);
     add_boards(texture, random, 60, 20, 110);
     add_boards(texture, random, 90, 4, 40);
-    add_hills(texture, random, 8, 8);
+    add_noise(texture, random, 8, 8);
   }
   if (kind == "sharp") {
     add_boards(texture, random, 700, 4, 14);
-    add_hills(texture, random, 4, 10);
+    add_noise(texture, random, 4, 10);
   }
   std::vector<std::uint8_t> rounded;
   for (const float value : texture)
@@ -105,7 +105,7 @@ void Backdrop::look_from(const Pose& X_WV, const Lighting& lighting, double expo
   lighting_ = &lighting;
   exposure_ = exposure;
   R_WV_ = X_WV.rotation().cast<float>();
-  // Outside its own walls the camera would see nothing: it is drawn from just inside.
+  // A camera outside the room is drawn from just inside its walls.
   const Eigen::Vector3d margin = Eigen::Vector3d::Constant(0.05);
   const Eigen::Vector3d inside = X_WV.p.cwiseMax(box_.low + margin).cwiseMin(box_.high - margin);
   origin_ = inside.cast<float>();
@@ -113,7 +113,7 @@ void Backdrop::look_from(const Pose& X_WV, const Lighting& lighting, double expo
 }
 
 int Backdrop::gray_along(const Eigen::Vector3f& direction_W) const {
-  // The nearest wall that the ray runs towards.
+  // The first wall that the ray meets.
   float distance = 1e9F;
   int face = 0;
   for (int axis = 0; axis < 3; ++axis) {
@@ -127,8 +127,7 @@ int Backdrop::gray_along(const Eigen::Vector3f& direction_W) const {
   }
   const Eigen::Vector3f hit = origin_ + distance * direction_W;
   const int axis = face / 2;
-  // Each wall shows another part of the texture; +800 m (a multiple of the 8 m) keeps the numbers
-  // positive.
+  // Each wall has another part of the texture; +800 m (100 periods) keeps the numbers positive.
   const float a = (axis == 0 ? hit.y() : hit.x()) + static_cast<float>(800 + 3 * face);
   const float b = (axis == 2 ? hit.y() : hit.z()) + static_cast<float>(800 + 5 * face);
   int level = 0;
@@ -136,8 +135,8 @@ int Backdrop::gray_along(const Eigen::Vector3f& direction_W) const {
        covered *= 0.5F)
     ++level;
   const int gray = texel(level, a * kTexelsPerMetre, b * kTexelsPerMetre);
-  constexpr std::array<int, 6> kLight{120, 128, 110,
-                                      124, 90,  140};  // of 128: floor darker, ceiling brighter
+  // Of 128: the floor is darker, the ceiling brighter.
+  constexpr std::array<int, 6> kLight{120, 128, 110, 124, 90, 140};
   const int bright = gray * kLight[static_cast<std::size_t>(face)];
   if (lighting_->even()) return bright;
   const double gain = exposure_ * lighting_->at(hit.cast<double>());
@@ -145,7 +144,7 @@ int Backdrop::gray_along(const Eigen::Vector3f& direction_W) const {
 }
 
 int Backdrop::texel(int level, float x, float y) const {
-  // Bilinear; six bits below the point are enough for eight bits of gray.
+  // Bilinear, with 6 fraction bits for 8 bits of gray.
   const int mask = (kSize >> level) - 1;
   const int xf = static_cast<int>(x * 64.0F) >> level;
   const int yf = static_cast<int>(y * 64.0F) >> level;
@@ -173,8 +172,8 @@ void Backdrop::trace_row(int coarse_row, std::vector<std::int32_t>& out) const {
 
 template <int kStep>
 void Backdrop::draw_row(int v, std::uint16_t* out) {
-  // Pixel centres lie at odd (2 · step)ths between the traced corners; of four: weights 7:1, 5:3,
-  // 3:5, 1:7.
+  // Pixel centres are at odd multiples of 1 / (2 · step) between traced corners: for a step of 4,
+  // the weights are 7:1, 5:3, 3:5, 1:7.
   constexpr int kParts = 2 * kStep;
   const int down = 2 * (v % kStep) + 1;
   const int width = rays_.columns() - 1;

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/assert.hpp"
+#include "base/expected.hpp"
 #include "simulation/random.hpp"
 
 namespace fiducap::simulation {
@@ -11,8 +11,8 @@ namespace fiducap::simulation {
 namespace {
 
 constexpr std::size_t kNoiseLength = 1 << 15;
-constexpr double kStillPixels = 0.5;  // less motion than this within an exposure is drawn sharp
-constexpr double kPixelsPerExposure = 0.6;  // else the exposure is split into steps of this size
+constexpr double kStillPixels = 0.5;        // motion within an exposure that is drawn without blur
+constexpr double kPixelsPerExposure = 0.6;  // step of the exposures that are averaged otherwise
 
 std::vector<std::uint16_t> make_vignette(const CameraModel& model, double darkening) {
   const double cu = 0.5 * (model.width - 1);
@@ -83,7 +83,7 @@ int ImageCamera::exposures_needed(const Pose& X_WV_open, const Pose& X_WV_closed
     const auto before = model.project(X_VW_open * tag.X_WT.p);
     const auto after = model.project(X_VW_closed * tag.X_WT.p);
     if (!before || !after) continue;
-    // Only what is in the image counts: beside it, everything sweeps fast.
+    // Only tags in the image: outside of it image motion is fast.
     const bool seen = before->x() > 0 && before->y() > 0 && before->x() < model.width &&
                       before->y() < model.height;
     if (seen) moved = std::max(moved, (*after - *before).norm());

@@ -1,23 +1,23 @@
-#include "simulation/images/tag_renderer.hpp"
+#include "simulation/images/image_camera.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 #include <Eigen/Core>
 
-#include "base/assert.hpp"
+#include "base/expected.hpp"
 
 namespace fiducap::simulation {
 
 namespace {
 
-constexpr std::uint8_t kBlack = 28;  // gray of printed black and white; 0 marks "no paper here"
+constexpr std::uint8_t kBlack = 28;  // gray of printed black and white; 0: no paper
 constexpr std::uint8_t kWhite = 212;
 constexpr int kSamples = 16;
 
-/// Sample k sits at ((k + shift + ½) mod 16 / 16, (7k mod 16 + ½) / 16) of its pixel: a lattice
-/// without equal coordinates. Edges at 45° meet its points a few at a time, and would be up to
-/// 0.1 px off all along, did not pixels beside each other take other shifts.
+/// Sample k is at ((k + shift + ½) mod 16 / 16, (7k mod 16 + ½) / 16) of its pixel: a lattice
+/// without equal coordinates. Neighbouring pixels have different shifts, which avoids errors of up
+/// to 0.1 px along edges at 45°.
 struct Lattice {
   std::array<float, kSamples> across{};
   std::array<float, kSamples> down{};
@@ -40,13 +40,12 @@ constexpr std::array<Lattice, kShifts> make_lattices() {
 
 constexpr std::array<Lattice, kShifts> kLattices = make_lattices();
 
-/// Shifts take turns along rows, columns and diagonals.
+/// Shifts alternate along rows, columns and diagonals.
 inline const Lattice& lattice_of(int u, int v) {
   return kLattices[static_cast<std::size_t>(3 * u + 2 * v) % kShifts];
 }
 
-/// Index into a print with a ring of one cell around it. Comparisons are written so that NaN ends
-/// in the ring.
+/// Index into a print with a ring of one cell around it; the comparisons map NaN to the ring.
 inline std::int32_t cell_of(float x, float y, float width, std::int32_t pitch) {
   const float xr = x + 1.0F > 0.0F ? x + 1.0F : 0.0F;
   const float yr = y + 1.0F > 0.0F ? y + 1.0F : 0.0F;
@@ -55,7 +54,7 @@ inline std::int32_t cell_of(float x, float y, float width, std::int32_t pitch) {
   return row * pitch + column;
 }
 
-/// Gray values, added over `samples` places, in another light.
+/// Sum of the gray values of `samples` places, times a gain on the light.
 inline std::int32_t lit(std::int32_t sum, double gain, std::int32_t samples) {
   if (gain == 1.0) return sum;
   return static_cast<std::int32_t>(std::min(sum * gain, 1.0 * GrayCanvas::kMost * samples));
@@ -64,16 +63,9 @@ inline std::int32_t lit(std::int32_t sum, double gain, std::int32_t samples) {
 /// Point i of 16 around the outline of a square from −h to h.
 Eigen::Vector3d outline(int i, double h) {
   const double along = h * (-1.0 + 0.5 * (i % 4));
-  switch (i / 4) {
-    case 0:
-      return {along, -h, 0};
-    case 1:
-      return {h, along, 0};
-    case 2:
-      return {-along, h, 0};
-    default:
-      return {-h, -along, 0};
-  }
+  const std::array<Eigen::Vector2d, 4> sides{{{along, -h}, {h, along}, {-along, h}, {-h, -along}}};
+  const Eigen::Vector2d& p = sides[static_cast<std::size_t>(i / 4)];
+  return {p.x(), p.y(), 0};
 }
 
 }  // namespace
@@ -92,7 +84,7 @@ const std::vector<std::uint8_t>& TagRenderer::print_of(int tag_id) {
   const auto known = prints_.find(tag_id);
   if (known != prints_.end()) return known->second;
   const int width = family_.width();
-  const std::vector<std::uint8_t> modules = family_.modules(tag_id);
+  const std::vector<std::uint8_t> modules = family_.cells(tag_id);
   std::vector<std::uint8_t> print(static_cast<std::size_t>((width + 2) * (width + 2)), 0);
   for (int row = 0; row < width; ++row) {
     for (int column = 0; column < width; ++column) {
@@ -153,8 +145,7 @@ bool TagRenderer::box_by_outline(const RecordedTag& tag, const Pose& X_WV, doubl
     if (!px) return false;
     outlined.add(*px, 0);
   }
-  // The outline bends between its points when the lens does: by 1/64 of a side at most, plus two
-  // pixels.
+  // Margin for the distortion between the points: 1/64 of a side plus two pixels.
   const double margin = 2.0 + (outlined.high - outlined.low).maxCoeff() / 64;
   box.add(outlined.low, margin);
   box.add(outlined.high, margin);
@@ -162,7 +153,7 @@ bool TagRenderer::box_by_outline(const RecordedTag& tag, const Pose& X_WV, doubl
 }
 
 void TagRenderer::box_by_rays(const Homography& h, Box& box) const {
-  // A tag that reaches beyond the lens: every eighth ray is asked whether it meets the paper.
+  // A tag partly outside the field of view: tests whether every eighth ray meets the paper.
   constexpr int kStep = 8;
   const auto limit = static_cast<float>(family_.width());
   for (int row = 0; row < rays_.rows(); row += kStep) {
@@ -178,13 +169,12 @@ void TagRenderer::box_by_rays(const Homography& h, Box& box) const {
 }
 
 TagRenderer::Homography TagRenderer::homography(const RecordedTag& tag, const Pose& X_WV) const {
-  // The ray o + s d meets the paper z = 0 at s = −o_z / d_z, that is at (o_x d_z − o_z d_x, o_y d_z
-  // − o_z d_y) / d_z.
+  // The ray o + s d meets the paper z = 0 at (o_x d_z − o_z d_x, o_y d_z − o_z d_y) / d_z.
   const Pose X_TV = tag.X_WT.inverse() * X_WV;
   const Eigen::Matrix3d R = X_TV.rotation();
   const Eigen::RowVector3d along_x = X_TV.p.x() * R.row(2) - X_TV.p.z() * R.row(0);
   const Eigen::RowVector3d along_y = X_TV.p.y() * R.row(2) - X_TV.p.z() * R.row(1);
-  // Metres to modules; module rows run down from the top.
+  // Metres to modules; module rows are numbered from the top.
   const double modules = family_.edge_width() / tag.edge_m;
   const double middle = 0.5 * family_.width();
   const Eigen::RowVector3d column = modules * along_x + middle * R.row(2);
@@ -248,7 +238,7 @@ void TagRenderer::corner_row(const Homography& h, int row, int left, int count,
   for (int i = 0; i < count; ++i) {
     const float w = h[6] * rx[i] + h[7] * ry[i] + h[8];
     const float inverse = 1.0F / w;
-    // Rays that leave the paper behind them are put far outside of it.
+    // Rays that do not meet the paper are mapped far outside of it.
     x[i] = w < 0 ? (h[0] * rx[i] + h[1] * ry[i] + h[2]) * inverse : -1e6F;
     y[i] = w < 0 ? (h[3] * rx[i] + h[4] * ry[i] + h[5]) * inverse : -1e6F;
     cell[i] = cell_of(x[i], y[i], width, pitch);

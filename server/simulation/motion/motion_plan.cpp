@@ -1,10 +1,10 @@
-#include "simulation/motion/motion_plan.hpp"
+#include "simulation/motion/motion.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "simulation/random.hpp"
 #include "simulation/room_shape.hpp"
 
@@ -14,7 +14,7 @@ namespace {
 
 using std::numbers::pi;
 
-/// A sum of three slow sinusoids per axis that comes back to itself after one round.
+/// A sum of three slow sinusoids per axis, periodic in one round.
 class Sway final {
  public:
   Sway(Random& random, int slowest, int fastest, const Eigen::Vector3d& amplitude)
@@ -46,8 +46,7 @@ class Sway final {
   Eigen::Vector3d amplitude_;
 };
 
-/// Equal steps of time along straight legs between the waypoints, each leg as fast as the limits
-/// allow.
+/// Poses at equal steps of time along straight legs, each as fast as the limits allow.
 std::vector<Pose> walk_through(const std::vector<Pose>& waypoints, double speed, double rate,
                                double spacing_s) {
   std::vector<double> arrival{0.0};
@@ -71,7 +70,7 @@ std::vector<Pose> walk_through(const std::vector<Pose>& waypoints, double speed,
   return poses;
 }
 
-/// Rounds the corners of a closed walk: each pose moves half way to its neighbours, `passes` times.
+/// Smooths a closed path: each pose moves half way to its neighbours, `passes` times.
 void smooth(std::vector<Pose>& poses, int passes) {
   for (int pass = 0; pass < passes; ++pass) {
     const std::vector<Pose> old = poses;
@@ -87,7 +86,7 @@ void smooth(std::vector<Pose>& poses, int passes) {
 
 void sway(std::vector<Pose>& poses, Random& random, const Eigen::Vector3d& shift_m,
           const Eigen::Vector3d& turn_rad, double spacing_s) {
-  // Swinging once in 3..8 s, whatever the round takes.
+  // Periods of 3 to 8 s for any length of the round.
   const double round_s = spacing_s * static_cast<double>(poses.size());
   const int slowest = std::max(1, static_cast<int>(round_s / 8));
   const int fastest = std::max(slowest + 1, static_cast<int>(round_s / 3));
@@ -100,12 +99,12 @@ void sway(std::vector<Pose>& poses, Random& random, const Eigen::Vector3d& shift
 }
 
 Eigen::Vector3d up_for(const Eigen::Vector3d& viewing) {
-  // Looking straight up or down, "up" is taken from the room's y axis.
+  // A vertical view has the image top along the room's y axis.
   return std::abs(viewing.normalized().z()) > 0.9 ? Eigen::Vector3d::UnitY()
                                                   : Eigen::Vector3d::UnitZ();
 }
 
-/// A place in front of a tag, 5 to 8 edges away and a little aside, looking at it.
+/// A view of a tag from 5 to 8 edges away and a little aside.
 Pose view_of(const RecordedTag& tag, Random& random) {
   const Eigen::Vector3d normal = tag.X_WT.q * Eigen::Vector3d::UnitZ();
   const double distance = tag.edge_m * random.uniform(5.0, 8.0);
@@ -115,7 +114,7 @@ Pose view_of(const RecordedTag& tag, Random& random) {
   return look_at(p, tag.X_WT.p, up_for(tag.X_WT.p - p));
 }
 
-/// Tags in the order of their bearing from the middle of them all: a walk along the walls.
+/// Tags by their bearing from the centre of all tags: a walk along the walls.
 std::vector<RecordedTag> by_bearing(std::vector<RecordedTag> tags) {
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (const RecordedTag& tag : tags) middle += tag.X_WT.p / static_cast<double>(tags.size());
@@ -147,7 +146,7 @@ MotionPlan survey(std::uint64_t seed, const RoomConfig& room) {
   std::vector<RecordedTag> tags = by_bearing(tags_of(room));
   if (random.chance(0.5)) std::reverse(tags.begin(), tags.end());
   std::rotate(tags.begin(), tags.begin() + random.below(static_cast<int>(tags.size())), tags.end());
-  // A few tags are looked at from several places each, of many some are passed by.
+  // Few tags are viewed from several places each; of many, some are skipped.
   constexpr std::size_t kFewest = 9;
   const std::size_t rounds = (kFewest + tags.size() - 1) / tags.size();
   std::vector<Pose> waypoints;
@@ -191,7 +190,7 @@ MotionPlan sparse(std::uint64_t seed, const RoomConfig& room) {
   constexpr int kLooks = 60;
   int looked_at = 0;
   for (int i = 0; i < kLooks; ++i) {
-    // Mostly the same tag again; between tags the camera swings past empty space.
+    // Every second view keeps the tag; between tags the camera sees empty space.
     if (random.chance(0.5)) looked_at = random.below(static_cast<int>(tags.size()));
     const RecordedTag& tag = tags[static_cast<std::size_t>(looked_at)];
     const double distance = random.uniform(1.3, 2.4);
@@ -204,7 +203,7 @@ MotionPlan sparse(std::uint64_t seed, const RoomConfig& room) {
   return finish(waypoints, random, 0.3, {1.8, 2.0, 5.0}, {0.05, 0.05, 0.05}, {0.08, 0.08, 0.1});
 }
 
-/// @param distance_m  walked along the loop
+/// @param distance_m  along the loop
 Pose view_along(const LoopShape& shape, double distance_m) {
   const LoopPoint at = loop_at(shape, distance_m);
   const Eigen::Vector3d ahead(-at.outward.y(), at.outward.x(), 0);
@@ -224,7 +223,7 @@ MotionPlan loop(const TrajectoryConfig& config, const RoomConfig& room) {
     const double out = is_round ? gone : std::min(gone, walked_m - gone);
     plan.X_WV.push_back(view_along(shape, config.from * shape.length_m + out));
   }
-  if (!is_round) smooth(plan.X_WV, 3);  // it turns back, but not at once
+  if (!is_round) smooth(plan.X_WV, 3);  // rounds the turning points
   sway(plan.X_WV, random, {0.05, 0.1, 0.1}, {0.06, 0.06, 0.06}, plan.spacing_s);
   return plan;
 }

@@ -2,18 +2,15 @@
 #include <cmath>
 #include <optional>
 
-#include "simulation/motion/motion_plan.hpp"
-#include "simulation/motion/pose_file.hpp"
-#include "simulation/motion/pose_spline.hpp"
+#include "simulation/motion/motion.hpp"
 #include "simulation/simulation.hpp"
 
 namespace fiducap::simulation {
 
 namespace {
 
-/// How far along its path a body is: at rest first, then gently up to full speed, four times
-/// continuously differentiable. On a path with an end it slows down, comes back, and so on for
-/// ever.
+/// Progress along a path: rest, then a ramp to full speed, four times continuously differentiable.
+/// On an open path it goes back and forth.
 class TimeWarp final {
  public:
   struct Point {
@@ -22,54 +19,48 @@ class TimeWarp final {
     double second;  ///< d²s/dt²
   };
 
-  /// @param length  of the path; nullopt when it is closed.  @pre length > 0
-  explicit TimeWarp(std::optional<double> length);
-  /// @param t  seconds since the start; before 0 it is at rest.
-  [[nodiscard]] Point at(double t) const;
+  /// @param length  of the path, > 0; nullopt: closed
+  explicit TimeWarp(std::optional<double> length)
+      : length_(length), ramp_(length ? std::min(kRamp_s, *length) : kRamp_s) {}
 
+  /// @param t  seconds since the start; at rest before 0
+  [[nodiscard]] Point at(double t) const {
+    const double moving = std::max(0.0, t - kRest_s);
+    if (!length_) return leg(moving);
+    const double there = *length_ + ramp_;  // time of one way
+    const double phase = std::fmod(moving, 2 * there);
+    if (phase <= there) return leg(phase);
+    const Point back = leg(2 * there - phase);
+    return {back.s, -back.first, back.second};
+  }
+
+ private:
   static constexpr double kRest_s = 1.0;
   static constexpr double kRamp_s = 2.0;
 
- private:
-  [[nodiscard]] Point leg(double t) const;
+  /// From rest to speed 1 within x = 0..1, over a distance of 1/2; the first three derivatives of
+  /// the speed vanish at both ends.
+  [[nodiscard]] static Point ramp_up(double x) {
+    const double x3 = x * x * x;
+    const double x4 = x3 * x;
+    return {x4 * x * (7 + x * (-14 + x * (10 - 2.5 * x))),
+            x4 * (35 + x * (-84 + x * (70 - 20 * x))), 140 * x3 * std::pow(1 - x, 3)};
+  }
+  [[nodiscard]] Point leg(double t) const {
+    if (t < ramp_) {
+      const Point up = ramp_up(t / ramp_);
+      return {ramp_ * up.s, up.first, up.second / ramp_};
+    }
+    if (!length_ || t <= *length_) return {t - 0.5 * ramp_, 1.0, 0.0};
+    const Point down = ramp_up((*length_ + ramp_ - t) / ramp_);
+    return {*length_ - ramp_ * down.s, down.first, -down.second / ramp_};
+  }
 
   std::optional<double> length_;
   double ramp_;
 };
 
-// From rest to speed 1 within x = 0..1; the first three derivatives of the speed vanish at both
-// ends. It covers 1/2.
-TimeWarp::Point ramp_up(double x) {
-  const double x3 = x * x * x;
-  const double x4 = x3 * x;
-  return {x4 * x * (7 + x * (-14 + x * (10 - 2.5 * x))), x4 * (35 + x * (-84 + x * (70 - 20 * x))),
-          140 * x3 * std::pow(1 - x, 3)};
-}
-
-TimeWarp::TimeWarp(std::optional<double> length)
-    : length_(length), ramp_(length ? std::min(kRamp_s, *length) : kRamp_s) {}
-
-TimeWarp::Point TimeWarp::at(double t) const {
-  const double moving = std::max(0.0, t - kRest_s);
-  if (!length_) return leg(moving);
-  const double there = *length_ + ramp_;  // time of one way
-  const double phase = std::fmod(moving, 2 * there);
-  if (phase <= there) return leg(phase);
-  const Point back = leg(2 * there - phase);
-  return {back.s, -back.first, back.second};
-}
-
-TimeWarp::Point TimeWarp::leg(double t) const {
-  if (t < ramp_) {
-    const Point up = ramp_up(t / ramp_);
-    return {ramp_ * up.s, up.first, up.second / ramp_};
-  }
-  if (!length_ || t <= *length_) return {t - 0.5 * ramp_, 1.0, 0.0};
-  const Point down = ramp_up((*length_ + ramp_ - t) / ramp_);
-  return {*length_ - ramp_ * down.s, down.first, -down.second / ramp_};
-}
-
-/// A spline of body poses, run through from rest.
+/// Follows a spline of body poses from rest.
 class SplineTrajectory final : public Trajectory {
  public:
   SplineTrajectory(PoseSpline spline, double speed)
@@ -92,8 +83,8 @@ class SplineTrajectory final : public Trajectory {
   double speed_;
 };
 
-/// Stretches or squeezes the time of the motion so that it just reaches the first of its limits.
-void meet_limits(PoseSpline& spline, const MotionPlan& plan, const Pose& X_BV) {
+/// Scales the time of the motion so that it just reaches the first of its limits.
+void scale_to_limits(PoseSpline& spline, const MotionPlan& plan, const Pose& X_BV) {
   if (plan.speed_m_s <= 0) return;
   double share = 0;
   const double step = 0.2 * spline.spacing();
@@ -135,7 +126,7 @@ Expected<std::unique_ptr<Trajectory>> make_trajectory(const TrajectoryConfig& co
   std::vector<Pose> X_WB;
   for (const Pose& X_WV : plan->X_WV) X_WB.push_back(X_WV * X_VB);
   PoseSpline spline(X_WB, plan->spacing_s, true);
-  meet_limits(spline, *plan, X_BV);
+  scale_to_limits(spline, *plan, X_BV);
   return std::make_unique<SplineTrajectory>(std::move(spline), config.speed);
 }
 

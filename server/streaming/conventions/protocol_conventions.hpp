@@ -6,85 +6,68 @@
 #include <string_view>
 #include <vector>
 
+#include "base/config_check.hpp"
 #include "streaming/conventions/axes.hpp"
 #include "streaming/conventions/client_names.hpp"
-#include "streaming/conventions/validity.hpp"
 
 namespace fiducap {
 
-/// How one protocol's clients expect a pose: its defaults, which the configuration may change.
+/// What clients get of a body whose pose is not valid.
+enum class WhenInvalid {
+  /// Marked invalid as its protocol does it (ProtocolConventions::invalid_looks), with the numbers
+  /// of the original server. For clients that ignore the mark use kStop.
+  kFlag,
+  kStop,  ///< The body is absent until it is valid again.
+  kHold,  ///< The last valid pose is repeated as valid, for clients that need one; never a default.
+};
+
+namespace words {
+
+inline constexpr std::array<Word<WhenInvalid>, 3> kWhenInvalid{
+    {{"flag", WhenInvalid::kFlag}, {"stop", WhenInvalid::kStop}, {"hold", WhenInvalid::kHold}}};
+
+}  // namespace words
+
+/// How clients of one protocol expect a pose; defaults of the configuration.
 struct ProtocolConventions {
   std::string_view protocol;
   OutputAxes axes;
   std::string_view attitude;  ///< `xyzw`, `wxyz` or `matrix`, as on the wire.
   WhenInvalid when_invalid{WhenInvalid::kFlag};
-  std::string_view invalid_looks;  ///< How a client tells under `when_invalid`.
+  std::string_view invalid_looks;  ///< How a client recognises it under `when_invalid`.
   NameRule names;
-  std::string_view stamp;  ///< Which instant the wire's time stamp is.
+  std::string_view stamp;  ///< Meaning of the wire's time stamp.
 };
 
 inline constexpr OutputAxes kMetres{UpAxis::kZ, AxesScope::kWorld, 1.0};
-/// As the commercial server's default; its drivers turn the body's axes back with the world's.
+/// The commercial server's default; its drivers rotate the body's axes back with the world's.
 inline constexpr OutputAxes kMetresYUp{UpAxis::kY, AxesScope::kWorldAndBody, 1.0};
 inline constexpr OutputAxes kMillimetres{UpAxis::kZ, AxesScope::kWorld, 1000.0};
 inline constexpr OutputAxes kAutopilot{UpAxis::kDown, AxesScope::kWorldAndBody, 1.0};
 
+inline constexpr NameRule kVrpnNames{95, "@", false, true};
+inline constexpr NameRule kNatNetNames{255, ",", false, true};
+inline constexpr NameRule kViconNames{127, "!\"#$%&'()*+,-./:;<=>?@[\\]^`{|}~", true, false};
+inline constexpr NameRule kQualisysNames{255, "<>&\"'", false, true};
+inline constexpr NameRule kRosNames{90, "-./~{}:\\", true, false};
+inline constexpr NameRule kNoNames{0, "", true, true};
+inline constexpr NameRule kNativeNames{128, "", false, true};
+
 inline constexpr std::array<ProtocolConventions, 8> kProtocolConventions{{
-    {"vrpn",
-     kMetres,
-     "xyzw",
-     WhenInvalid::kStop,
-     "no reports",
-     {95, "@", false, true},
-     "UTC of the pose"},
-    {"natnet",
-     kMetresYUp,
-     "xyzw",
-     WhenInvalid::kFlag,
-     "tracking-valid bit clear, mean error 0, last pose kept",
-     {255, ",", false, true},
+    {"vrpn", kMetres, "xyzw", WhenInvalid::kStop, "no reports", kVrpnNames, "UTC of the pose"},
+    {"natnet", kMetresYUp, "xyzw", WhenInvalid::kFlag,
+     "tracking-valid bit clear, mean error 0, last pose kept", kNatNetNames,
      "server seconds of the pose; exposure and transmit in ticks"},
-    {"vicon",
-     kMillimetres,
-     "matrix",
-     WhenInvalid::kFlag,
-     "occluded",
-     {127, "!\"#$%&'()*+,-./:;<=>?@[\\]^`{|}~", true, false},
+    {"vicon", kMillimetres, "matrix", WhenInvalid::kFlag, "occluded", kViconNames,
      "frame number = time of the pose x rate; total latency counts back to that time"},
-    {"qualisys",
-     kMillimetres,
-     "matrix",
-     WhenInvalid::kFlag,
-     "NaN",
-     {255, "<>&\"'", false, true},
+    {"qualisys", kMillimetres, "matrix", WhenInvalid::kFlag, "NaN", kQualisysNames,
      "server microseconds of the pose"},
-    {"ros2",
-     kMetres,
-     "xyzw",
-     WhenInvalid::kStop,
-     "no messages; diagnostics say why",
-     {90, "-./~{}:\\", true, false},
+    {"ros2", kMetres, "xyzw", WhenInvalid::kStop, "no messages; diagnostics say why", kRosNames,
      "UTC of the pose"},
-    {"px4",
-     kAutopilot,
-     "wxyz",
-     WhenInvalid::kStop,
-     "no messages",
-     {90, "-./~{}:\\", true, false},
-     "UTC of the pose"},
-    {"mavlink",
-     kAutopilot,
-     "wxyz",
-     WhenInvalid::kStop,
-     "no messages",
-     {0, "", true, true},
+    {"px4", kAutopilot, "wxyz", WhenInvalid::kStop, "no messages", kRosNames, "UTC of the pose"},
+    {"mavlink", kAutopilot, "wxyz", WhenInvalid::kStop, "no messages", kNoNames,
      "server time of the pose; TIMESYNC ties it to the autopilot's"},
-    {"native",
-     kMetres,
-     "wxyz",
-     WhenInvalid::kFlag,
-     "valid = false",
-     {128, "", false, true},
+    {"native", kMetres, "wxyz", WhenInvalid::kFlag, "valid = false", kNativeNames,
      "server nanoseconds of the pose, with its offset to UTC"},
 }};
 
@@ -100,8 +83,7 @@ struct PortUse {
   bool udp{};
 };
 
-/// One protocol of a configuration: where it listens and in which axes it speaks. The rest of its
-/// conventions are in the table above.
+/// One configured protocol: where it listens and its axes. Its other conventions: the table above.
 struct ServedProtocol {
   std::string_view name;
   bool enabled{};

@@ -1,23 +1,103 @@
-#include "streaming/dds/dds_server.hpp"
-
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <future>
+#include <map>
 #include <optional>
+#include <set>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "base/log.hpp"
-#include "streaming/conventions/pose_jumps.hpp"
-#include "streaming/dds/body_topics.hpp"
-#include "streaming/dds/health_topic.hpp"
-#include "streaming/dds/listeners.hpp"
-#include "streaming/dds/map_topics.hpp"
-#include "streaming/dds/ros_names.hpp"
-#include "streaming/dds/scene_topics.hpp"
+#include "base/time.hpp"
+#include "middleware/endpoints.hpp"
+#include "streaming/conventions/frame_sequence.hpp"
+#include "streaming/dds/dds.hpp"
+#include "streaming/dds/ros_messages.hpp"
+#include "streaming/dds/topics.hpp"
+#include "streaming/streamer.hpp"
 
 namespace fiducap::dds {
 
 namespace {
+
+// The name in ROS.
+std::string shown(const std::string& topic) {
+  return topic.starts_with("rt/") ? topic.substr(2) : topic;
+}
+
+/// Subscribers by participant: DDS has no connections, only matching readers. Updated when the page
+/// asks, at most a few times a second.
+class Listeners final {
+ public:
+  explicit Listeners(const Clock& clock) : clock_(clock) {}
+
+  /// Starts an update from all writers.
+  void begin();
+  void note(const Writer& writer);
+  /// Removes participants that were not seen in this update.
+  void append_to(std::vector<ClientStatus>& out);
+
+ private:
+  /// A topic's writer at the last update. A new one, for another model, counts from zero.
+  struct Count {
+    std::int32_t writer{};
+    std::uint64_t written{};
+    std::uint64_t refused{};
+  };
+  struct Listener {
+    Instant since{};
+    std::set<std::string> topics;
+    std::map<std::string, Count> before;
+    std::uint64_t sent{};  ///< Messages since it came, of all topics.
+    std::uint64_t refused{};
+  };
+
+  const Clock& clock_;
+  std::map<std::string, Listener> by_participant_;
+};
+
+void Listeners::begin() {
+  for (auto& [participant, listener] : by_participant_) listener.topics.clear();
+}
+
+void Listeners::note(const Writer& writer) {
+  if (!writer.has_readers()) return;
+  for (const auto& participant : writer.reading_participants()) {
+    auto [place, is_new] = by_participant_.try_emplace(participant);
+    Listener& listener = place->second;
+    if (is_new) listener.since = clock_.now();
+    listener.topics.insert(shown(writer.topic()));
+    const Count now{writer.handle(), writer.written(), writer.refused()};
+    Count& before = listener.before.try_emplace(writer.topic(), now).first->second;
+    if (before.writer != now.writer) before = {now.writer, 0, 0};
+    listener.sent += now.written - before.written;
+    listener.refused += now.refused - before.refused;
+    before = now;
+  }
+}
+
+void Listeners::append_to(std::vector<ClientStatus>& out) {
+  for (auto at = by_participant_.begin(); at != by_participant_.end();) {
+    const Listener& listener = at->second;
+    if (listener.topics.empty()) {
+      at = by_participant_.erase(at);
+      continue;
+    }
+    std::string detail;
+    for (const auto& topic : listener.topics) {
+      if (detail.size() > 200) {
+        detail += " …";
+        break;
+      }
+      detail += (detail.empty() ? "" : " ") + topic;
+    }
+    out.push_back({"dds", "participant " + at->first, std::move(detail), listener.sent,
+                   listener.refused, to_seconds(clock_.now() - listener.since)});
+    ++at;
+  }
+}
 
 /// All topics, for the model in use.
 class Offer final {
@@ -29,9 +109,9 @@ class Offer final {
         map_(make_),
         health_(make_, events) {}
 
-  /// @return the topics that every model has could all be made
+  /// @return the first topic of all models that could not be created
   [[nodiscard]] Expected<void> made() const { return make_.result(); }
-  /// @return the first topic of these bodies that could not be made
+  /// @return the first topic of these bodies that could not be created
   Expected<void> use(const SceneModel& model) {
     const auto names = ros_names(model, aliases_);
     if (!alone_) alone_ = names.size() == 1;
@@ -59,7 +139,7 @@ class Offer final {
     map_.publish(frame);
   }
 
-  void each(const std::function<void(const Writer&)>& visit) const {
+  void each(const WriterVisitor& visit) const {
     for (const auto& body : bodies_) body.each(visit);
     scene_.each(visit);
     map_.each(visit);
@@ -72,7 +152,7 @@ class Offer final {
   SceneTopics scene_;
   MapTopics map_;
   HealthTopic health_;
-  /// As of the start: a vehicle keeps its topic when another body is switched off.
+  /// At the start: a vehicle keeps its topic when another body is disabled.
   std::optional<bool> alone_;
   std::vector<BodyTopics> bodies_;
   PoseJumps jumps_;
@@ -86,7 +166,7 @@ struct Presence {
       : participant(std::move(joined)), offer(*participant, config, events) {}
 
   std::shared_ptr<Participant> participant;
-  Offer offer;  // goes before the participant
+  Offer offer;  // destroyed before the participant
 };
 
 class DdsServer final : public Streamer {
@@ -101,7 +181,7 @@ class DdsServer final : public Streamer {
   Expected<void> join(std::shared_ptr<const SceneModel> model) {
     auto presence = enter(*model);
     if (!presence) return tl::unexpected(presence.error());
-    take_up(std::move(*presence), std::move(model));
+    use_presence(std::move(*presence), std::move(model));
     return {};
   }
 
@@ -109,8 +189,8 @@ class DdsServer final : public Streamer {
 
   void publish(const std::shared_ptr<const SceneFrame>& frame) override {
     if (stopped_) return;
-    if (!presence_) return come_back(frame->model);
-    if (presence_->participant->is_crowded()) return leave();
+    if (!presence_) return rejoin(frame->model);
+    if (presence_->participant->is_flooded()) return leave();
     Offer& offer = presence_->offer;
     if (frame->model->generation != model_->generation) {
       model_ = frame->model;
@@ -122,11 +202,11 @@ class DdsServer final : public Streamer {
   void append_clients(std::vector<ClientStatus>& out) const override {
     if (!presence_) return;
     listeners_.begin();
-    presence_->offer.each([this](const Writer& writer) { listeners_.look_at(writer); });
+    presence_->offer.each([this](const Writer& writer) { listeners_.note(writer); });
     listeners_.append_to(out);
   }
 
-  /// Subscribers learn at once that nobody sends any more.
+  /// Subscribers are notified at once.
   void stop() override {
     stopped_ = true;
     presence_.reset();
@@ -137,8 +217,7 @@ class DdsServer final : public Streamer {
  private:
   static constexpr Duration kAway = std::chrono::seconds(10);
 
-  // To leave and to join takes a while (names are looked up, hundreds of participants forgotten):
-  // not on the I/O thread.
+  // Leaving and joining takes long: not on the I/O thread.
 
   void leave() {
     left_at_ = clock_.now();
@@ -146,11 +225,11 @@ class DdsServer final : public Streamer {
         std::async(std::launch::async, [last = std::move(presence_)]() mutable { last.reset(); });
   }
 
-  void come_back(const std::shared_ptr<const SceneModel>& model) {
-    const auto is_going_on = [](const auto& future) {
+  void rejoin(const std::shared_ptr<const SceneModel>& model) {
+    const auto is_running = [](const auto& future) {
       return future.valid() && future.wait_for(Duration{}) != std::future_status::ready;
     };
-    if (is_going_on(leaving_) || is_going_on(joining_)) return;
+    if (is_running(leaving_) || is_running(joining_)) return;
     if (joining_.valid()) return finish_joining(model);
     if (clock_.now() - left_at_ < kAway) return;
     joining_ = std::async(std::launch::async, [this, model] { return enter(*model); });
@@ -163,7 +242,7 @@ class DdsServer final : public Streamer {
     // The bodies may have changed meanwhile.
     if (const auto made = (*joined)->offer.use(*model); !made)
       log::warning("dds", made.error().text());
-    take_up(std::move(*joined), model);
+    use_presence(std::move(*joined), model);
   }
 
   /// From any thread.
@@ -176,7 +255,7 @@ class DdsServer final : public Streamer {
     return presence;
   }
 
-  void take_up(std::unique_ptr<Presence> presence, std::shared_ptr<const SceneModel> model) {
+  void use_presence(std::unique_ptr<Presence> presence, std::shared_ptr<const SceneModel> model) {
     model_ = std::move(model);
     presence_ = std::move(presence);
     log::info("dds",
@@ -188,7 +267,7 @@ class DdsServer final : public Streamer {
   const Clock& clock_;
   const EventBoard* events_;
   mutable Listeners listeners_;
-  std::unique_ptr<Presence> presence_;  ///< Nothing: out of the domain for a while.
+  std::unique_ptr<Presence> presence_;  ///< nullptr: outside the domain for a while.
   std::future<void> leaving_;
   std::future<Expected<std::unique_ptr<Presence>>> joining_;
   Instant left_at_{};
@@ -197,6 +276,18 @@ class DdsServer final : public Streamer {
 };
 
 }  // namespace
+
+std::vector<ConfigError> DdsConfig::check() const {
+  return Checker{"streaming.dds."}
+      .require(prefix.empty() || is_ros_namespace(prefix), "prefix", '"' + prefix + '"',
+               "must be empty or a ROS namespace, e.g. /fiducap")
+      .require(is_ros_frame(world_frame), "world_frame", '"' + world_frame + '"',
+               "must be a ROS frame, e.g. world or map")
+      .require(poses_deadline_hz == 0 || (poses_deadline_hz >= 1 && poses_deadline_hz <= 1000),
+               "poses_deadline_hz", poses_deadline_hz, "must be 0 or in [1, 1000]")
+      .within("px4_rate_hz", px4_rate_hz, 1, 1000)
+      .errors;
+}
 
 Expected<std::unique_ptr<Streamer>> start_dds_server(JoinDomain join, const DdsConfig& config,
                                                      std::shared_ptr<const SceneModel> model,

@@ -1,9 +1,8 @@
-#include "streaming/dds/health_topic.hpp"
-
 #include <algorithm>
 #include <cstdio>
 
-#include "streaming/dds/ros_types.hpp"
+#include "streaming/dds/ros_messages.hpp"
+#include "streaming/dds/topics.hpp"
 
 namespace fiducap::dds {
 
@@ -51,40 +50,39 @@ void HealthTopic::use(const SceneModel& model) {
     bodies_[i].name = "fiducap: " + model.bodies[i].name;
     bodies_[i].subject = model.bodies[i].name;
   }
-  sheet_.reset();
-  look_at_board();
+  snapshot_.reset();
+  read_board();
 }
 
 void HealthTopic::publish(const SceneFrame& frame) {
   if (!is_wanted(writer_)) return;
-  const bool has_changed = look_.is_due(frame.at, frame.rate_hz) && look_at_board();
+  const bool has_changed = board_schedule_.is_due(frame.at, frame.rate_hz) && read_board();
   if (!schedule_.is_due(frame.at, frame.rate_hz) && !has_changed) return;
   statuses_.clear();
   for (std::size_t i = 0; i < std::min(bodies_.size(), frame.bodies.size()); ++i) {
-    tell(bodies_[i], frame.bodies[i]);
+    set_values(bodies_[i], frame.bodies[i]);
     add_status(bodies_[i], level_of(frame.bodies[i]));
   }
   print(server_.message, "%s", "runs");
   add_status(server_, kOk);
   diagnostic_msgs_msg_dds__DiagnosticArray_ message{};
   message.header = {to_ros(frame.utc_ns()), borrowed(empty_)};
-  message.status._length = message.status._maximum = static_cast<std::uint32_t>(statuses_.size());
-  message.status._buffer = statuses_.data();
+  lend(message.status, statuses_);
   send(writer_, &message);
 }
 
-/// @return something is not as it was
-bool HealthTopic::look_at_board() {
-  const auto before = sheet_;
-  if (events_ != nullptr) events_->refresh(sheet_);
-  if (!sheet_) sheet_ = std::make_shared<const EventSheet>();
-  if (sheet_ == before) return false;
-  for (Part& body : bodies_) take_conditions(body, sheet_->standing);
-  take_conditions(server_, sheet_->standing);
+/// @return it has changed
+bool HealthTopic::read_board() {
+  const auto before = snapshot_;
+  if (events_ != nullptr) events_->refresh(snapshot_);
+  if (!snapshot_) snapshot_ = std::make_shared<const EventSnapshot>();
+  if (snapshot_ == before) return false;
+  for (Part& body : bodies_) take_conditions(body, snapshot_->standing);
+  take_conditions(server_, snapshot_->standing);
   return true;
 }
 
-void HealthTopic::take_conditions(Part& part, const EventSheet::Events& standing) const {
+void HealthTopic::take_conditions(Part& part, const EventSnapshot::Events& standing) const {
   constexpr std::array<const char*, kValues> kKeys{"position sigma (m)", "rotation sigma (rad)",
                                                    "tags in view",       "age (s)",
                                                    "image rate (Hz)",    "images dropped"};
@@ -108,7 +106,7 @@ void HealthTopic::take_conditions(Part& part, const EventSheet::Events& standing
     part.values.push_back({part.texts[k].data(), part.texts[k + 1].data()});
 }
 
-/// What is said of nobody in particular is the server's.
+/// Conditions of no body belong to the server.
 bool HealthTopic::is_of(const Part& part, const Event& event) const {
   if (!part.subject.empty()) return part.subject == event.subject;
   return std::none_of(bodies_.begin(), bodies_.end(),
@@ -121,12 +119,11 @@ void HealthTopic::add_status(Part& part, std::uint8_t level) {
   status.name = borrowed(part.name);
   status.message = part.worst.empty() ? part.message.data() : part.worst.data();
   status.hardware_id = borrowed(empty_);
-  status.values._length = status.values._maximum = static_cast<std::uint32_t>(part.values.size());
-  status.values._buffer = part.values.data();
+  lend(status.values, part.values);
   statuses_.push_back(status);
 }
 
-void HealthTopic::tell(Part& out, const BodyPose& body) {
+void HealthTopic::set_values(Part& out, const BodyPose& body) {
   const std::string_view state = name_of(body.state);
   print(out.message, "%.*s%s", static_cast<int>(state.size()), state.data(),
         body.valid ? "" : ", the pose may not be used");
@@ -136,10 +133,6 @@ void HealthTopic::tell(Part& out, const BodyPose& body) {
   print(out.numbers[3], "%.3f", to_seconds(body.age));
   print(out.numbers[4], "%.1f", body.image_rate_hz);
   print(out.numbers[5], "%llu", static_cast<unsigned long long>(body.images_dropped));
-}
-
-void HealthTopic::each(const std::function<void(const Writer&)>& visit) const {
-  if (writer_) visit(*writer_);
 }
 
 }  // namespace fiducap::dds

@@ -2,9 +2,67 @@
 
 #include <algorithm>
 
+#include <fiducap_dds/ros_geometry.h>
+#include <fiducap_dds/ros_mocap.h>
+
+#include "streaming/conventions/protocol_conventions.hpp"
+
 namespace fiducap::dds {
 
 namespace {
+
+constexpr std::size_t kLongestName = 100;
+
+bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); }
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+std::string as_ros_name(const std::string& name) {
+  std::string out;
+  for (const char c : name) {
+    const char put = is_letter(c) || is_digit(c) ? c : '_';
+    if (put == '_' && !out.empty() && out.back() == '_') continue;
+    out += put;
+  }
+  while (!out.empty() && out.back() == '_') out.pop_back();
+  if (out.empty()) return "body";
+  if (is_letter(out.front())) return out;
+  return (out.front() == '_' ? "body" : "body_") + out;
+}
+
+struct Known {
+  const dds_topic_descriptor* type;
+  const char* hash;  ///< RIHS01 (REP-2011): SHA-256 over the type's description as JSON.
+};
+
+Known known(RosType type) {
+  switch (type) {
+    case RosType::kPoseStamped:
+      return {&geometry_msgs_msg_dds__PoseStamped__desc,
+              "10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8"};
+    case RosType::kTwistStamped:
+      return {&geometry_msgs_msg_dds__TwistStamped__desc,
+              "5f0fcd4f81d5d06ad9b4c4c63e3ea51b82d6ae4d0558f1d475229b1121db6f64"};
+    case RosType::kOdometry:
+      return {&nav_msgs_msg_dds__Odometry__desc,
+              "3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0"};
+    case RosType::kTfMessage:
+      return {&tf2_msgs_msg_dds__TFMessage__desc,
+              "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"};
+    case RosType::kNamedPoseArray:
+      return {&motion_capture_tracking_interfaces_msg_dds__NamedPoseArray__desc,
+              "d4c89ff7e0670d5f83b0322513e1c8dc2c3b279a68495daa026c352f0027e5f2"};
+    case RosType::kRigidBodies:
+      return {&mocap4r2_msgs_msg_dds__RigidBodies__desc,
+              "1f2d74f2a1706c59639a2349b7be91e9e4d751fad6fc3048c59d8f1f0576ea70"};
+    case RosType::kDiagnosticArray:
+      return {&diagnostic_msgs_msg_dds__DiagnosticArray__desc,
+              "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e"};
+    case RosType::kVehicleOdometry:
+      return {&px4_msgs_msg_dds__VehicleOdometry__desc,
+              "4295b96ad312084aa35c84bdcec65ba2f57eb4f6a293d57d52d95acbe99ff817"};
+  }
+  return {};
+}
 
 constexpr std::int64_t kNsPerSecond = 1'000'000'000;
 
@@ -60,6 +118,45 @@ fiducap_dds_TagState to_dds(TagState state) {
 
 }  // namespace
 
+bool is_ros_name(std::string_view name) {
+  return !name.empty() && name.size() <= kLongestName && is_letter(name.front()) &&
+         name.find("__") == std::string_view::npos &&
+         std::all_of(name.begin(), name.end(),
+                     [](char c) { return is_letter(c) || is_digit(c) || c == '_'; });
+}
+
+bool is_ros_namespace(std::string_view name) {
+  if (name.size() > 150) return false;
+  while (!name.empty()) {
+    if (name.front() != '/') return false;
+    name.remove_prefix(1);
+    const std::string_view part = name.substr(0, name.find('/'));
+    if (!is_ros_name(part)) return false;
+    name.remove_prefix(part.size());
+  }
+  return true;
+}
+
+bool is_ros_frame(std::string_view name) {
+  const auto good = [](char c) {
+    return is_letter(c) || is_digit(c) || c == '_' || c == '/' || c == '-' || c == '.';
+  };
+  return !name.empty() && name.size() <= 100 && name.front() != '/' &&
+         std::all_of(name.begin(), name.end(), good);
+}
+
+std::vector<std::string> ros_names(const SceneModel& model, const NameAliases& aliases) {
+  std::vector<std::string> fit;
+  for (const BodyDescription& body : model.bodies)
+    fit.push_back(as_ros_name(client_name(body.name, conventions_of("ros2").names, aliases)));
+  return make_distinct(model, aliases, fit, kLongestName);
+}
+
+TopicName ros_topic(const std::string& topic, RosType type) {
+  const auto [descriptor, hash] = known(type);
+  return {"rt" + topic, descriptor, std::string("RIHS01_") + hash};
+}
+
 builtin_interfaces_msg_dds__Time_ to_ros(std::int64_t utc_ns) {
   const std::int64_t ns = std::max<std::int64_t>(utc_ns, 0);
   return {static_cast<std::int32_t>(ns / kNsPerSecond),
@@ -94,18 +191,18 @@ void fill(nav_msgs_msg_dds__Odometry_& out, const BodyPose& body) {
 
 void fill(px4_msgs_msg_dds__VehicleOdometry_& out, const BodyPose& body, std::int64_t utc_ns,
           AutopilotWorld world, std::uint32_t jumps) {
-  const AutopilotOdometry told = to_autopilot(body, world);
+  const AutopilotOdometry odometry = to_autopilot(body, world);
   const std::uint8_t axes = world == AutopilotWorld::kNed ? 1 : 2;
   out.timestamp = out.timestamp_sample =
       static_cast<std::uint64_t>(std::max<std::int64_t>(utc_ns, 0) / 1000);
   out.pose_frame = out.velocity_frame = axes;
-  put(told.p_NF, out.position);
-  put(told.q_NF, out.q);
-  put(told.v_NF, out.velocity);
-  put(told.w_NF_F, out.angular_velocity);
-  put(Eigen::Vector3d(told.pose_covariance.diagonal().head<3>()), out.position_variance);
-  put(Eigen::Vector3d(told.pose_covariance.diagonal().tail<3>()), out.orientation_variance);
-  put(told.velocity_variance, out.velocity_variance);
+  put(odometry.p_NF, out.position);
+  put(odometry.q_NF, out.q);
+  put(odometry.v_NF, out.velocity);
+  put(odometry.w_NF_F, out.angular_velocity);
+  put(Eigen::Vector3d(odometry.pose_covariance.diagonal().head<3>()), out.position_variance);
+  put(Eigen::Vector3d(odometry.pose_covariance.diagonal().tail<3>()), out.orientation_variance);
+  put(odometry.velocity_variance, out.velocity_variance);
   out.reset_counter = static_cast<std::uint8_t>(jumps);
   out.quality = autopilot_quality(body);
 }

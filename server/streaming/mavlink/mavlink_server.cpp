@@ -1,11 +1,13 @@
-#include "streaming/mavlink/mavlink_server.hpp"
-
 #include <algorithm>
 #include <optional>
+#include <set>
+#include <utility>
 #include <vector>
 
 #include "base/log.hpp"
-#include "streaming/conventions/pose_jumps.hpp"
+#include "middleware/net/peer.hpp"
+#include "streaming/conventions/frame_sequence.hpp"
+#include "streaming/mavlink/mavlink.hpp"
 #include "streaming/mavlink/vehicle_link.hpp"
 #include "streaming/net/udp_server.hpp"
 
@@ -24,7 +26,7 @@ struct Vehicle {
   std::uint64_t refused{0};
 };
 
-class MavlinkServer final : public MavlinkStreamer {
+class MavlinkServer final : public Streamer {
  public:
   MavlinkServer(net::UdpServer udp, const MavlinkConfig& config, const SceneModel& model,
                 const Clock& clock)
@@ -79,13 +81,13 @@ class MavlinkServer final : public MavlinkStreamer {
   [[nodiscard]] std::uint16_t port() const override { return udp_.port(); }
 
  private:
-  /// By TIMESYNC; nothing: no answer of late.
+  /// By TIMESYNC; nullopt: no recent reply.
   static std::optional<ClockOffset> clock_of(const VehicleLink& link, Instant now) {
     const auto offset = link.clock_offset(now);
     if (!offset) return std::nullopt;
-    return ClockOffset{-to_seconds(offset->to_autopilot), to_seconds(offset->doubt)};
+    return ClockOffset{-to_seconds(offset->to_autopilot), to_seconds(offset->bound)};
   }
-  /// By name once, then by id: a renamed body is still the same vehicle.
+  /// By name once, then by id: a renamed body remains the same vehicle.
   static std::optional<int> body_called(const SceneModel& model, const std::string& name) {
     for (const auto& body : model.bodies) {
       if (body.name == name) return body.id;
@@ -114,9 +116,51 @@ class MavlinkServer final : public MavlinkStreamer {
 
 }  // namespace
 
-Expected<std::unique_ptr<MavlinkStreamer>> start_mavlink_server(
-    boost::asio::io_context& io, const MavlinkConfig& config,
-    std::shared_ptr<const SceneModel> model, const Clock& clock) {
+std::vector<ConfigError> MavlinkConfig::check() const {
+  const auto is_ipv4 = [](const std::string& text) { return net::parse_address(text).has_value(); };
+  Checker all{"streaming.mavlink."};
+  all.require(is_ipv4(address), "address", '"' + address + '"',
+              "must be an IPv4 address, e.g. 0.0.0.0")
+      .require(vehicles.size() <= 64, "vehicles", std::to_string(vehicles.size()) + " entries",
+               "must be at most 64");
+  std::set<std::pair<std::string, std::uint16_t>> peers;
+  for (std::size_t i = 0; i < vehicles.size(); ++i) {
+    const VehicleConfig& vehicle = vehicles[i];
+    Checker one{"streaming.mavlink.vehicles." + std::to_string(i) + "."};
+    one.require(!vehicle.body.empty(), "body", "\"\"", "must name one of the bodies")
+        .require(is_ipv4(vehicle.address), "address", '"' + vehicle.address + '"',
+                 "must be an IPv4 address")
+        .require(vehicle.port > 0, "port", vehicle.port, "must be in [1, 65535]")
+        .require(peers.emplace(vehicle.address, vehicle.port).second, "port", vehicle.port,
+                 "is another vehicle's, too: each has an address of its own")
+        .within("rate_hz", vehicle.rate_hz, 1, 200)
+        .within("system_id", vehicle.system_id, 1, 255)
+        .within("component_id", vehicle.component_id, 1, 255);
+    all.errors.insert(all.errors.end(), one.errors.begin(), one.errors.end());
+  }
+  return all.errors;
+}
+
+ServedProtocol MavlinkConfig::served() const {
+  const ProtocolConventions& conventions = conventions_of("mavlink");
+  return {"mavlink", enabled, address, {{port, true}}, conventions.axes, conventions.when_invalid};
+}
+
+std::vector<ConfigError> MavlinkConfig::check_bodies(const std::vector<std::string>& names) const {
+  std::vector<ConfigError> errors;
+  for (std::size_t i = 0; i < vehicles.size(); ++i) {
+    const std::string& name = vehicles[i].body;
+    if (name.empty() || std::find(names.begin(), names.end(), name) != names.end()) continue;
+    errors.push_back({"streaming.mavlink.vehicles." + std::to_string(i) + ".body", '"' + name + '"',
+                      "must be the name of one of the bodies"});
+  }
+  return errors;
+}
+
+Expected<std::unique_ptr<Streamer>> start_mavlink_server(boost::asio::io_context& io,
+                                                         const MavlinkConfig& config,
+                                                         std::shared_ptr<const SceneModel> model,
+                                                         const Clock& clock) {
   auto udp = net::UdpServer::open(io, {config.address, config.port, "streaming.mavlink"},
                                   {"mavlink", kLongestDatagram});
   if (!udp) return tl::unexpected(udp.error());

@@ -1,15 +1,25 @@
 #include "streaming/mavlink/vehicle_link.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <chrono>
 
-#include "streaming/mavlink/codec.hpp"
+#include <fmt/format.h>
 
 namespace fiducap::mavlink {
 
 namespace {
+
+void put(LittleEndianWriter& to, const Eigen::Vector3d& v) {
+  for (int i = 0; i < 3; ++i) to.f32(static_cast<float>(v[i]));
+}
+
+/// Upper right triangle, row by row.
+void put(LittleEndianWriter& to, const Matrix6d& covariance) {
+  for (int row = 0; row < 6; ++row) {
+    for (int column = row; column < 6; ++column)
+      to.f32(static_cast<float>(covariance(row, column)));
+  }
+}
 
 constexpr Duration kSilence = std::chrono::seconds(3);
 
@@ -19,6 +29,33 @@ bool is_usable(const BodyPose& body) {
 }
 
 }  // namespace
+
+void encode_odometry(const Sender& from, const PoseReport& report, std::vector<std::byte>& out) {
+  const AutopilotOdometry& odometry = report.odometry;
+  append_frame(from, MessageId::kOdometry, out, [&](LittleEndianWriter& to) {
+    to.u64(report.time_us);
+    put(to, odometry.p_NF);
+    const Eigen::Quaterniond& q = odometry.q_NF;
+    for (const double part : {q.w(), q.x(), q.y(), q.z()}) to.f32(static_cast<float>(part));
+    put(to, odometry.v_NF_F);
+    put(to, odometry.w_NF_F);
+    put(to, odometry.pose_covariance);
+    put(to, odometry.twist_covariance);
+    to.u8(report.world == AutopilotWorld::kNed ? kFrameLocalNed : kFrameLocalFrd).u8(kFrameBodyFrd);
+    to.u8(report.reset_counter).u8(kEstimatorMocap).u8(static_cast<std::uint8_t>(report.quality));
+  });
+}
+
+void encode_vision_position(const Sender& from, const PoseReport& report,
+                            std::vector<std::byte>& out) {
+  append_frame(from, MessageId::kVisionPositionEstimate, out, [&](LittleEndianWriter& to) {
+    to.u64(report.time_us);
+    put(to, report.odometry.p_NF);
+    put(to, roll_pitch_yaw(report.odometry.q_NF));
+    put(to, report.odometry.pose_covariance);
+    to.u8(report.reset_counter);
+  });
+}
 
 VehicleLink::VehicleLink(const VehicleConfig& config)
     : config_(config), schedule_(config.rate_hz) {}
@@ -43,7 +80,7 @@ void VehicleLink::receive(std::span<const std::byte> datagram, Instant now,
       case MessageId::kTimesync: {
         const Timesync timesync = decode_timesync(*frame);
         if (timesync.tc1_ns != 0) {
-          sync_.answer(timesync, now);
+          sync_.accept_reply(timesync, now);
           break;
         }
         const std::size_t before = answers.size();
@@ -66,7 +103,7 @@ void VehicleLink::publish(const SceneFrame& frame, const BodyPose* body, std::ui
                      {kOnboardController, kNoAutopilot, usable ? kStateActive : kStateStandby},
                      out);
   }
-  if (const auto question = sync_.question(now)) encode_timesync(next_sender(), *question, out);
+  if (const auto request = sync_.next_request(now)) encode_timesync(next_sender(), *request, out);
 }
 
 void VehicleLink::publish_pose(const SceneFrame& frame, const BodyPose& body, std::uint32_t jumps,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -7,27 +8,41 @@
 #include <vector>
 
 #include "middleware/mavlink/clock_sync.hpp"
+#include "middleware/mavlink/frame.hpp"
 #include "scene/scene_frame.hpp"
-#include "streaming/conventions/send_schedule.hpp"
-#include "streaming/mavlink/mavlink_config.hpp"
+#include "streaming/conventions/axes.hpp"
+#include "streaming/conventions/frame_sequence.hpp"
+#include "streaming/mavlink/mavlink.hpp"
 
 namespace fiducap::mavlink {
 
-/// The conversation with one autopilot, without the socket: poses at its rate while they may be
-/// used and nothing in their place while not, a heartbeat a second, clock questions asked and
-/// answered.
+/// Content of both pose messages.
+struct PoseReport {
+  std::uint64_t time_us{};
+  AutopilotWorld world{AutopilotWorld::kFrd};
+  AutopilotOdometry odometry;
+  std::uint8_t reset_counter{};
+  std::int8_t quality{};
+};
+
+/// Each appends one whole frame. ODOMETRY: pose in the world axes, velocity and rate in the body's.
+void encode_odometry(const Sender& from, const PoseReport& report, std::vector<std::byte>& out);
+/// VISION_POSITION_ESTIMATE: pose only.
+void encode_vision_position(const Sender& from, const PoseReport& report,
+                            std::vector<std::byte>& out);
+
+/// The messages to and from one autopilot, without a socket: poses at its rate while they are
+/// valid, a heartbeat per second, TIMESYNC in both directions.
 ///
-/// Times on the wire are the server's; the answers to the autopilot's TIMESYNC let it put them on
-/// its own clock, which is what PX4 and ArduPilot expect.
+/// Times on the wire are the server's; the autopilot converts them by its TIMESYNC.
 class VehicleLink final {
  public:
   explicit VehicleLink(const VehicleConfig& config);
 
-  /// One datagram from the autopilot's address. Answers are appended, at most as many bytes as
-  /// came.
+  /// One datagram from the autopilot's address. Appends replies, at most as many bytes as came.
   void receive(std::span<const std::byte> datagram, Instant now, std::vector<std::byte>& answers);
-  /// Everything due with this frame, as one datagram; nothing appended when nothing is.
-  /// @param body  nullptr: the body is not in the scene   @param jumps  see PoseJumps
+  /// Appends all that is due with this frame, for one datagram.
+  /// @param body  nullptr: not in the scene   @param jumps  see PoseJumps
   void publish(const SceneFrame& frame, const BodyPose* body, std::uint32_t jumps, Instant now,
                std::vector<std::byte>& out);
 

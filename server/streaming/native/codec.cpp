@@ -3,15 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/assert.hpp"
+#include "base/expected.hpp"
 #include "fiducap/v1/envelope.pb.h"
 
 namespace fiducap::native {
 
 namespace {
 
-// Least bytes of one Model datagram that are left for bodies: the rest is its header (at most 60
-// bytes).
+// Bytes for bodies in one Model datagram; its header has at most 60 bytes.
 constexpr std::size_t kModelBudget = kMaxDatagram - 80;
 
 Datagram to_bytes(v1::Envelope& envelope) {
@@ -22,32 +21,30 @@ Datagram to_bytes(v1::Envelope& envelope) {
   return bytes;
 }
 
+/// @param message  the accessor of an Envelope   @param fill  sets its fields
+template <class Message, class Fill>
+Datagram make_datagram(Message* (v1::Envelope::*message)(), Fill&& fill) {
+  v1::Envelope envelope;
+  fill(*(envelope.*message)());
+  return to_bytes(envelope);
+}
+
 std::string_view name_of(v1::Envelope::MessageCase kind) {
-  switch (kind) {
-    case v1::Envelope::kSubscribe:
-      return "Subscribe";
-    case v1::Envelope::kChallenge:
-      return "Challenge";
-    case v1::Envelope::kLease:
-      return "Lease";
-    case v1::Envelope::kUnsubscribe:
-      return "Unsubscribe";
-    case v1::Envelope::kModel:
-      return "Model";
-    case v1::Envelope::kFrame:
-      return "Frame";
-    case v1::Envelope::kNotice:
-      return "Notice";
-    case v1::Envelope::kClockQuery:
-      return "ClockQuery";
-    case v1::Envelope::kClockReply:
-      return "ClockReply";
-    case v1::Envelope::kDiscoveryQuery:
-      return "DiscoveryQuery";
-    case v1::Envelope::kDiscoveryReply:
-      return "DiscoveryReply";
-    case v1::Envelope::MESSAGE_NOT_SET:
-      return "no known message";
+  using Envelope = v1::Envelope;
+  static constexpr std::array<std::pair<Envelope::MessageCase, std::string_view>, 11> kNames{
+      {{Envelope::kSubscribe, "Subscribe"},
+       {Envelope::kChallenge, "Challenge"},
+       {Envelope::kLease, "Lease"},
+       {Envelope::kUnsubscribe, "Unsubscribe"},
+       {Envelope::kModel, "Model"},
+       {Envelope::kFrame, "Frame"},
+       {Envelope::kNotice, "Notice"},
+       {Envelope::kClockQuery, "ClockQuery"},
+       {Envelope::kClockReply, "ClockReply"},
+       {Envelope::kDiscoveryQuery, "DiscoveryQuery"},
+       {Envelope::kDiscoveryReply, "DiscoveryReply"}}};
+  for (const auto& [known, name] : kNames) {
+    if (known == kind) return name;
   }
   return "no known message";
 }
@@ -61,7 +58,7 @@ std::optional<Profile> to_profile(const v1::Profile& in) {
     return std::nullopt;
   }
   Profile profile;
-  // One meaning, one profile: what makes no difference is not kept.
+  // Equivalent profiles become equal: values without effect are dropped.
   if (in.up_axis() == v1::Profile::UP_AXIS_Y) {
     profile.axes.up = UpAxis::kY;
     if (in.axes_scope() == v1::Profile::AXES_SCOPE_WORLD_AND_BODY)
@@ -80,16 +77,16 @@ std::optional<Profile> to_profile(const v1::Profile& in) {
   return profile;
 }
 
-/// What a stranger sends as nanoseconds: as a duration, zero when it cannot be one.
+/// Nanoseconds of a client; 0 for more than an hour.
 Duration to_duration(std::uint64_t ns) {
-  constexpr std::uint64_t kMost = 3'600'000'000'000;  // an hour; nobody means more
+  constexpr std::uint64_t kMost = 3'600'000'000'000;
   return Duration{ns <= kMost ? static_cast<std::int64_t>(ns) : 0};
 }
 
 Expected<void> check_size(std::string_view name, std::size_t least, std::size_t size) {
   if (size >= least) return {};
   return fail(ErrorCode::kInvalid, std::string(name) + " must be padded to " +
-                                       std::to_string(least) + " bytes, came with " +
+                                       std::to_string(least) + " bytes, got " +
                                        std::to_string(size));
 }
 
@@ -99,7 +96,7 @@ Expected<Request> to_request(const v1::Subscribe& in, std::size_t size) {
   }
   if (in.client_name().size() > kMaxClientName) {
     return fail(ErrorCode::kInvalid, "client name must have at most " +
-                                         std::to_string(kMaxClientName) + " bytes, came with " +
+                                         std::to_string(kMaxClientName) + " bytes, got " +
                                          std::to_string(in.client_name().size()));
   }
   SubscribeRequest request;
@@ -128,17 +125,17 @@ std::string_view cut_name(std::string_view name) {
 Expected<Request> decode_request(std::span<const std::byte> datagram) {
   if (datagram.size() > kMaxDatagram) {
     return fail(ErrorCode::kInvalid, "datagram must have at most " + std::to_string(kMaxDatagram) +
-                                         " bytes, came with " + std::to_string(datagram.size()));
+                                         " bytes, got " + std::to_string(datagram.size()));
   }
   v1::Envelope envelope;
   if (!envelope.ParseFromArray(datagram.data(), static_cast<int>(datagram.size()))) {
     return fail(ErrorCode::kTruncated, "expected an Envelope, the " +
                                            std::to_string(datagram.size()) +
-                                           " bytes that came end too early or are not protobuf");
+                                           " bytes received end too early or are not protobuf");
   }
   if (envelope.protocol() != kProtocol) {
     return fail(ErrorCode::kUnsupported, "expected protocol " + std::to_string(kProtocol) +
-                                             ", came " + std::to_string(envelope.protocol()));
+                                             ", got " + std::to_string(envelope.protocol()));
   }
   if (envelope.has_subscribe()) return to_request(envelope.subscribe(), datagram.size());
   if (envelope.has_unsubscribe()) return UnsubscribeRequest{envelope.unsubscribe().token()};
@@ -153,76 +150,70 @@ Expected<Request> decode_request(std::span<const std::byte> datagram) {
     return DiscoveryRequest{envelope.discovery_query().nonce()};
   }
   return fail(ErrorCode::kUnsupported,
-              "expected Subscribe, Unsubscribe, ClockQuery or DiscoveryQuery, came " +
+              "expected Subscribe, Unsubscribe, ClockQuery or DiscoveryQuery, got " +
                   std::string(name_of(envelope.message_case())));
 }
 
 Datagram encode(const ChallengeAnswer& challenge) {
-  v1::Envelope envelope;
-  auto& out = *envelope.mutable_challenge();
-  out.set_token(challenge.token);
-  out.set_nonce(challenge.nonce);
-  out.set_session(challenge.session);
-  return to_bytes(envelope);
+  return make_datagram(&v1::Envelope::mutable_challenge, [&](auto& out) {
+    out.set_token(challenge.token);
+    out.set_nonce(challenge.nonce);
+    out.set_session(challenge.session);
+  });
 }
 
 Datagram encode(const LeaseAnswer& lease) {
-  v1::Envelope envelope;
-  auto& out = *envelope.mutable_lease();
-  out.set_session(lease.session);
-  out.set_nonce(lease.nonce);
-  out.set_token(lease.token);
-  out.set_lease_ms(static_cast<std::uint32_t>(lease.lease / std::chrono::milliseconds(1)));
-  out.set_model_generation(lease.model_generation);
-  out.set_profile(lease.profile);
-  if (lease.group_port != 0) {
-    out.set_multicast_group(std::string(lease.group.begin(), lease.group.end()));
-    out.set_multicast_port(lease.group_port);
-  }
-  out.set_frames_dropped(lease.frames_dropped);
-  return to_bytes(envelope);
+  return make_datagram(&v1::Envelope::mutable_lease, [&](auto& out) {
+    out.set_session(lease.session);
+    out.set_nonce(lease.nonce);
+    out.set_token(lease.token);
+    out.set_lease_ms(static_cast<std::uint32_t>(lease.lease / std::chrono::milliseconds(1)));
+    out.set_model_generation(lease.model_generation);
+    out.set_profile(lease.profile);
+    if (lease.group_port != 0) {
+      out.set_multicast_group(std::string(lease.group.begin(), lease.group.end()));
+      out.set_multicast_port(lease.group_port);
+    }
+    out.set_frames_dropped(lease.frames_dropped);
+  });
 }
 
 Datagram encode(const ClockAnswer& answer) {
-  v1::Envelope envelope;
-  auto& out = *envelope.mutable_clock_reply();
-  out.set_session(answer.session);
-  out.set_number(answer.number);
-  out.set_received_at_ns(to_ns(answer.received_at));
-  out.set_sent_at_ns(to_ns(answer.sent_at));
-  return to_bytes(envelope);
+  return make_datagram(&v1::Envelope::mutable_clock_reply, [&](auto& out) {
+    out.set_session(answer.session);
+    out.set_number(answer.number);
+    out.set_received_at_ns(to_ns(answer.received_at));
+    out.set_sent_at_ns(to_ns(answer.sent_at));
+  });
 }
 
 Datagram encode_discovery(std::uint64_t nonce, std::uint64_t session, const ServerCard& card) {
-  v1::Envelope envelope;
-  auto& out = *envelope.mutable_discovery_reply();
-  out.set_nonce(nonce);
-  out.set_session(session);
-  out.set_host(card.host.substr(0, kMaxHostName));
-  out.set_version(card.version.substr(0, kMaxVersion));
-  out.set_body_count(card.body_count);
-  out.set_rate_hz(static_cast<float>(card.rate_hz));
-  out.set_port(card.port);
-  return to_bytes(envelope);
+  return make_datagram(&v1::Envelope::mutable_discovery_reply, [&](auto& out) {
+    out.set_nonce(nonce);
+    out.set_session(session);
+    out.set_host(card.host.substr(0, kMaxHostName));
+    out.set_version(card.version.substr(0, kMaxVersion));
+    out.set_body_count(card.body_count);
+    out.set_rate_hz(static_cast<float>(card.rate_hz));
+    out.set_port(card.port);
+  });
 }
 
 Datagram encode_notice(std::uint64_t session, std::uint64_t nonce, NoticeReason reason,
                        std::string_view text) {
-  v1::Envelope envelope;
-  auto& out = *envelope.mutable_notice();
-  out.set_session(session);
-  out.set_nonce(nonce);
-  out.set_reason(static_cast<v1::Notice::Reason>(reason));
-  out.set_text(std::string(text));
-  return to_bytes(envelope);
+  return make_datagram(&v1::Envelope::mutable_notice, [&](auto& out) {
+    out.set_session(session);
+    out.set_nonce(nonce);
+    out.set_reason(static_cast<v1::Notice::Reason>(reason));
+    out.set_text(std::string(text));
+  });
 }
 
 std::vector<Datagram> encode_model(std::uint64_t session, const SceneModel& model,
                                    std::uint32_t profile) {
   FIDUCAP_ASSERT(model.bodies.size() <= kMaxBodies);
   std::vector<v1::Envelope> parts;
-  std::size_t used =
-      kModelBudget + 1;  // over the budget: the first body, or none, opens the first part
+  std::size_t used = kModelBudget + 1;  // over the budget: the first body opens the first part
   const auto open_part = [&](std::size_t first_body) {
     auto& out = *parts.emplace_back().mutable_model();
     out.set_session(session);

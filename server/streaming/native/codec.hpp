@@ -12,11 +12,10 @@
 #include "base/expected.hpp"
 #include "base/time.hpp"
 #include "scene/scene_frame.hpp"
-#include "streaming/native/profile.hpp"
-#include "streaming/native/wire.hpp"
+#include "streaming/native/frames.hpp"
 
-/// Control messages of the native protocol, struct ↔ bytes. Meaning of every field:
-/// `proto/fiducap/v1/`. Frames have their own encoder, see frame_encoder.hpp.
+/// Datagrams of the native protocol except frames (frames.hpp), struct ↔ bytes. Meaning of every
+/// field: `proto/fiducap/v1/`.
 namespace fiducap::native {
 
 using Datagram = std::vector<std::byte>;
@@ -27,7 +26,7 @@ struct SubscribeRequest {
   std::uint64_t model_generation{};
   std::string client_name;
   std::uint64_t frames_lost{};
-  std::optional<Profile> profile;  ///< nullopt: one with values that this server does not know.
+  std::optional<Profile> profile;  ///< nullopt: one with unknown values.
   bool multicast{};
   Duration clock_offset{};  ///< Server's minus client's.
   Duration clock_sigma{};   ///< 0: not measured.
@@ -45,8 +44,7 @@ struct DiscoveryRequest {
 };
 using Request = std::variant<SubscribeRequest, UnsubscribeRequest, ClockRequest, DiscoveryRequest>;
 
-/// @return Error for anything that is not a request a client may send, naming what was expected and
-/// what came.
+/// @return Error with what was expected and what came, for anything but a request of a client
 [[nodiscard]] Expected<Request> decode_request(std::span<const std::byte> datagram);
 
 struct ChallengeAnswer {
@@ -61,8 +59,8 @@ struct LeaseAnswer {
   Duration lease{};
   std::uint64_t model_generation{};
   std::uint32_t profile{};
-  std::array<std::uint8_t, 4> group{};  ///< IPv4 multicast group of the frames …
-  std::uint16_t group_port{};           ///< … 0: they go to the client alone.
+  std::array<std::uint8_t, 4> group{};  ///< IPv4 multicast group of the frames.
+  std::uint16_t group_port{};           ///< 0: unicast.
   std::uint64_t frames_dropped{};
 };
 enum class NoticeReason {
@@ -78,7 +76,7 @@ struct ClockAnswer {
   Instant received_at{};
   Instant sent_at{};
 };
-/// What a server tells anybody who asks.
+/// Reply to discovery.
 struct ServerCard {
   std::string host;     ///< Cut at 64 bytes.
   std::string version;  ///< Cut at 32 bytes.
@@ -94,9 +92,8 @@ struct ServerCard {
                                         const ServerCard& card);
 [[nodiscard]] Datagram encode_notice(std::uint64_t session, std::uint64_t nonce,
                                      NoticeReason reason, std::string_view text);
-/// The list of bodies in as many datagrams as it needs; at least one, even for an empty scene.
-/// @pre model.bodies.size() <= kMaxBodies; longer names are cut at kMaxBodyName (between
-/// characters).
+/// The list of bodies in one or more datagrams. Names are cut at kMaxBodyName, between characters.
+/// @pre model.bodies.size() <= kMaxBodies
 [[nodiscard]] std::vector<Datagram> encode_model(std::uint64_t session, const SceneModel& model,
                                                  std::uint32_t profile = 0);
 

@@ -2,14 +2,14 @@
 
 #include <cmath>
 
-#include "base/assert.hpp"
+#include "base/expected.hpp"
 #include "fiducap/v1/control.pb.h"
 
 namespace fiducap::native {
 
 namespace {
 
-// A quaternion further from unit length than this was not made by rounding.
+// Rounding of a unit quaternion is within this.
 constexpr double kUnitTolerance = 1e-3;
 constexpr double kFarthestPivot_m = 1000;
 
@@ -33,7 +33,7 @@ Expected<Pose> to_pose(const v1::SetPivot& in) {
   return Pose{q.normalized(), p};
 }
 
-void put(const OperatorDesk::Body& body, v1::ControlBody& out) {
+void put(const OperatorApi::Body& body, v1::ControlBody& out) {
   out.set_id(static_cast<std::uint32_t>(body.id));
   out.set_name(body.name);
   out.set_enabled(body.enabled);
@@ -52,7 +52,7 @@ void put(const RecordingStatus& recording, v1::ControlRecording& out) {
   out.set_dropped(recording.dropped);
 }
 
-// Clients take a megabyte: 512 events of this length need less.
+// 512 events of this length are below the clients' limit of a megabyte.
 constexpr std::size_t kLongestText = 512;
 
 void put(const Event& event, v1::ControlEvent& out) {
@@ -113,7 +113,7 @@ Expected<ControlRequest> decode_control_request(std::span<const std::byte> messa
   if (message.size() > kMaxControlMessage ||
       !in.ParseFromArray(message.data(), static_cast<int>(message.size()))) {
     return fail(ErrorCode::kTruncated,
-                "expected a ControlRequest, came " + std::to_string(message.size()) + " bytes");
+                "expected a ControlRequest, got " + std::to_string(message.size()) + " bytes");
   }
   ControlRequest request{in.sequence(), in.proof(), in.body()};
   if (in.has_watch_events()) request.watch_after = in.watch_events().after();
@@ -194,7 +194,7 @@ void append(std::vector<std::byte>& out, std::uint64_t sequence, std::string_vie
   own.set_sequence(sequence);
   const std::string head = own.SerializeAsString();
   append_length(out, head.size() + encoded_events.size());
-  // Two messages of one type in a row are one with the fields of both.
+  // Protobuf: concatenated messages of one type are one with the fields of both.
   for (const std::string_view part : {std::string_view(head), encoded_events}) {
     const auto bytes = std::as_bytes(std::span(part));
     out.insert(out.end(), bytes.begin(), bytes.end());

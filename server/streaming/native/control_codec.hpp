@@ -12,7 +12,7 @@
 #include "base/event_board.hpp"
 #include "base/expected.hpp"
 #include "base/pose.hpp"
-#include "streaming/operator_desk.hpp"
+#include "streaming/operator_api.hpp"
 
 /// Messages of the control channel, struct ↔ bytes. Meaning of every field:
 /// `proto/fiducap/v1/control.proto`.
@@ -25,7 +25,7 @@ struct ControlRequest {
   std::uint64_t sequence{};
   std::string proof;
   std::string body;
-  std::optional<std::uint64_t> watch_after{};  ///< Wants events after this number.
+  std::optional<std::uint64_t> watch_after{};  ///< Requests events after this number.
 };
 
 struct ListBodies {};
@@ -52,14 +52,13 @@ using ControlCommand = std::variant<ListBodies, SetEnabled, Rename, SetPivot, Se
                                     StartRecording, StopRecording>;
 
 [[nodiscard]] Expected<ControlRequest> decode_control_request(std::span<const std::byte> message);
-/// @return Error `kUnsupported` for a command of a later version, `kInvalid` for numbers that
-/// cannot be
+/// @return Error `kUnsupported` for a command of a later version, `kInvalid` for invalid numbers
 [[nodiscard]] Expected<ControlCommand> decode_control_command(const std::string& body);
 
 enum class ControlResult { kDone = 0, kRefused, kForbidden, kMalformed, kUnsupported, kBusy };
 
 struct ControlState {
-  std::vector<OperatorDesk::Body> bodies;
+  std::vector<OperatorApi::Body> bodies;
   MapMode map_mode{};
   std::string recording;
   std::vector<RecordingStatus> recordings;
@@ -70,17 +69,17 @@ struct ControlReply {
   std::uint64_t sequence{};
   ControlResult result{};
   std::string text;
-  std::string challenge;  ///< Of the hello; else empty.
+  std::string challenge;  ///< In the hello; else empty.
   std::optional<ControlState> state;
 };
 
-/// With its length in front.
+/// With its length prepended.
 void append(std::vector<std::byte>& out, const ControlReply& reply);
 
-/// The part of a reply that is the same for everybody.
+/// The part of a reply that is the same for all clients.
 [[nodiscard]] std::string encode_events(std::span<const std::shared_ptr<const Event>> happened,
                                         std::span<const std::shared_ptr<const Event>> standing);
-/// A reply with such events, with its length in front.
+/// A reply with these events, with its length prepended.
 void append(std::vector<std::byte>& out, std::uint64_t sequence, std::string_view encoded_events);
 
 }  // namespace fiducap::native

@@ -1,7 +1,3 @@
-#include "streaming/native/native_server.hpp"
-
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <optional>
@@ -12,8 +8,9 @@
 
 #include "base/log.hpp"
 #include "streaming/native/codec.hpp"
-#include "streaming/native/control_server.hpp"
-#include "streaming/native/frame_encoder.hpp"
+#include "streaming/native/control_session.hpp"
+#include "streaming/native/frames.hpp"
+#include "streaming/native/native.hpp"
 #include "streaming/native/registry.hpp"
 #include "streaming/net/interfaces.hpp"
 #include "streaming/net/udp_server.hpp"
@@ -22,47 +19,19 @@ namespace fiducap::native {
 
 namespace {
 
-// A big scene for many clients at once must fit: 16 MB asked for, the kernel grants what
-// net.core.wmem_max allows.
+// For a large scene and many clients; the kernel limits it to net.core.wmem_max.
 constexpr int kSendBuffer = 16 << 20;
 constexpr int kBindAttempts = 16;  // for port 0: the number that UDP got may be taken for TCP
 constexpr std::string_view kKey = "streaming.native";
-// One more byte than allowed, so that a longer datagram is seen as too long.
+// One more byte than allowed: longer datagrams are detected.
 constexpr std::size_t kLongestRequest = kMaxDatagram + 1;
 
-/// Random for each start: nobody can guess tokens, and every client notices a restart.
+/// Random for each start: tokens cannot be guessed, and clients notice a restart.
 Registry make_registry(const NativeConfig& config) {
-  return {RegistryLimits{config.max_clients, config.max_clients_per_address,
-                         from_seconds(config.lease_s)},
-          net::random_key(), std::max<std::uint64_t>(1, net::random_word())};
+  return {limits_of(config), net::random_key(), std::max<std::uint64_t>(1, net::random_word())};
 }
 
-std::string host_name() {
-  std::array<char, 256> name{};
-  return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
-}
-
-/// What the page says about a client: name, profile, and what it reports of itself.
-std::string text_of(const Subscriber& subscriber, const Profile& profile) {
-  std::string text =
-      (subscriber.name.empty() ? "unnamed" : subscriber.name) + ", " + text_of(profile);
-  if (subscriber.multicast) text += ", multicast";
-  if (subscriber.latency_p99 > Duration{0}) {
-    text += fmt::format(", latency p99 {:.1f} ms", 1e3 * to_seconds(subscriber.latency_p99));
-  }
-  if (subscriber.lost_on_the_way > 0) {
-    text += fmt::format(", reports {} frames lost on the way", subscriber.lost_on_the_way);
-  }
-  return text;
-}
-
-/// What a client measured and reports; nothing: not yet.
-std::optional<ClockOffset> clock_of(const Subscriber& subscriber) {
-  if (subscriber.clock_sigma <= Duration{0}) return std::nullopt;
-  return ClockOffset{to_seconds(subscriber.clock_offset), to_seconds(subscriber.clock_sigma)};
-}
-
-/// What all clients of one profile get: the list of its bodies and its frames, each encoded once.
+/// The data of one profile: list of bodies and frames, each encoded once for all its clients.
 class ProfileStream final {
  public:
   ProfileStream(std::uint64_t session, GrantedProfile granted, const SceneModel& model)
@@ -79,7 +48,7 @@ class ProfileStream final {
     model_datagrams_ = encode_model(session_, own, granted_.number);
   }
   [[nodiscard]] std::span<const Datagram> model() const { return model_datagrams_; }
-  /// @return nothing when this profile leaves the frame out; valid until the next call
+  /// @return empty when the profile skips the frame; valid until the next call
   [[nodiscard]] std::span<const std::span<const std::byte>> encode(const SceneFrame& frame) {
     const std::uint64_t step = step_of(granted_.profile, frame.rate_hz);
     if (frame.number % step != 0) return {};
@@ -112,12 +81,12 @@ class NativeServer final : public Streamer {
   void listen() {
     udp_.start([this](const auto& request) { answer(request); });
     if (!config_.discovery) return;
-    introduce(0);
+    update_discovery(0);
     listen_to_broadcasts();
   }
   [[nodiscard]] Expected<void> join_group();
-  [[nodiscard]] Expected<void> take_commands(OperatorDesk& desk, const EventBoard* events) {
-    control_.emplace(io_, desk, events, clock_);
+  [[nodiscard]] Expected<void> take_commands(OperatorApi& operator_api, const EventBoard* events) {
+    control_.emplace(io_, operator_api, events, clock_);
     return control_->listen({config_.address, port(), kKey});
   }
 
@@ -136,7 +105,7 @@ class NativeServer final : public Streamer {
 
   void listen_to_broadcasts();
   void use(std::shared_ptr<const SceneModel> model);
-  void introduce(double rate_hz);
+  void update_discovery(double rate_hz);
   void follow_profiles();
   [[nodiscard]] const Profile& profile_of(std::uint32_t number) const;
   void send(const SceneFrame& frame);
@@ -178,8 +147,8 @@ Expected<void> NativeServer::join_group() {
   return {};
 }
 
-/// A socket that is bound to one IPv4 address does not hear broadcasts. (On all addresses it does;
-/// on loopback and on IPv6 there are none.)
+/// A socket that is bound to one IPv4 address does not receive broadcasts; one for all addresses
+/// does. Loopback and IPv6 have none.
 void NativeServer::listen_to_broadcasts() {
   const auto own = net::parse_address(config_.address);
   if (!own || *own == 0 || Peer{*own, 0}.is_loopback()) return;
@@ -199,7 +168,7 @@ void NativeServer::listen_to_broadcasts() {
 void NativeServer::publish(const std::shared_ptr<const SceneFrame>& frame) {
   if (!udp_.is_open()) return;
   if (const auto gone = registry_.expire(clock_.now()); gone > 0) {
-    log::info("native", std::to_string(gone) + " client(s) fell silent and were forgotten");
+    log::info("native", std::to_string(gone) + " client(s) timed out and were removed");
   }
   if (frame->model->bodies.size() > kMaxBodies || frame->bodies.size() > kMaxBodies) return;
   if (frame->model->generation != model_->generation) {
@@ -207,17 +176,14 @@ void NativeServer::publish(const std::shared_ptr<const SceneFrame>& frame) {
     for (auto& subscriber : registry_.subscribers())
       send_model(subscriber.profile, subscriber.peer);
   }
-  if (frame->rate_hz != card_rate_hz_) introduce(frame->rate_hz);
+  if (frame->rate_hz != card_rate_hz_) update_discovery(frame->rate_hz);
   if (!registry_.subscribers().empty()) send(*frame);
 }
 
 void NativeServer::append_clients(std::vector<ClientStatus>& out) const {
   const Instant now = clock_.now();
   for (const auto& subscriber : registry_.subscribers()) {
-    out.push_back({"native", net::text_of(subscriber.peer) + " udp",
-                   text_of(subscriber, profile_of(subscriber.profile)), subscriber.frames_sent,
-                   subscriber.frames_dropped, to_seconds(now - subscriber.since),
-                   clock_of(subscriber)});
+    out.push_back(status_of(subscriber, profile_of(subscriber.profile), now));
   }
 }
 
@@ -234,15 +200,15 @@ void NativeServer::stop() {
 void NativeServer::use(std::shared_ptr<const SceneModel> model) {
   model_ = std::move(model);
   for (const auto& stream : streams_) stream->use(*model_);
-  introduce(card_rate_hz_);
+  update_discovery(card_rate_hz_);
 }
 
-void NativeServer::introduce(double rate_hz) {
+void NativeServer::update_discovery(double rate_hz) {
   card_rate_hz_ = rate_hz;
   if (!config_.discovery) return;
-  registry_.introduce_as(ServerCard{host_name(), FIDUCAP_VERSION,
-                                    static_cast<std::uint32_t>(model_->bodies.size()), rate_hz,
-                                    port()});
+  registry_.set_discovery(ServerCard{net::host_name(), FIDUCAP_VERSION,
+                                     static_cast<std::uint32_t>(model_->bodies.size()), rate_hz,
+                                     port()});
 }
 
 /// One stream per profile in use, the default one first.
@@ -270,17 +236,17 @@ const Profile& NativeServer::profile_of(std::uint32_t number) const {
   return streams_.front()->profile();  // the default one
 }
 
-/// Every profile's frame to its clients, all in one batch.
+/// Sends every profile's frame to its clients, all in one batch.
 void NativeServer::send(const SceneFrame& frame) {
   follow_profiles();
   const auto subscribers = registry_.subscribers();
   sends_.clear();
   udp_.batch().clear();
   for (const auto& stream : streams_) {
-    bool anybody = false;
-    for (const auto& subscriber : subscribers)
-      anybody = anybody || subscriber.profile == stream->number();
-    if (!anybody) continue;
+    const bool is_used = std::any_of(subscribers.begin(), subscribers.end(), [&](const auto& one) {
+      return one.profile == stream->number();
+    });
+    if (!is_used) continue;
     const auto datagrams = stream->encode(frame);
     if (!datagrams.empty()) add_to_batch(stream->number(), datagrams);
   }
@@ -331,8 +297,8 @@ void NativeServer::answer(const net::UdpServer::Datagram& request) {
   }
   if (reply.instead_of) {
     log::warning("native", net::text_of(*reply.instead_of) +
-                               " udp is forgotten: its address has the most clients or profiles "
-                               "and others want one");
+                               " udp is removed: its address has the most clients or profiles "
+                               "and another client needs one");
   }
   if (reply.event == Registry::Event::kNone) return;
   log::info("native", net::text_of(from) + " udp" +
@@ -343,7 +309,7 @@ void NativeServer::answer(const net::UdpServer::Datagram& request) {
 Expected<std::unique_ptr<NativeServer>> open_server(boost::asio::io_context& io,
                                                     const NativeConfig& config,
                                                     const std::shared_ptr<const SceneModel>& model,
-                                                    const Clock& clock, OperatorDesk* desk,
+                                                    const Clock& clock, OperatorApi* operator_api,
                                                     const EventBoard* events) {
   net::UdpOptions options{"native", kLongestRequest};
   options.send_buffer_bytes = kSendBuffer;
@@ -353,8 +319,8 @@ Expected<std::unique_ptr<NativeServer>> open_server(boost::asio::io_context& io,
   if (!config.multicast_group.empty()) {
     if (auto joined = server->join_group(); !joined) return tl::unexpected(joined.error());
   }
-  if (config.control && desk != nullptr) {
-    if (auto taken = server->take_commands(*desk, events); !taken)
+  if (config.control && operator_api != nullptr) {
+    if (auto taken = server->take_commands(*operator_api, events); !taken)
       return tl::unexpected(taken.error());
   }
   return server;
@@ -362,19 +328,45 @@ Expected<std::unique_ptr<NativeServer>> open_server(boost::asio::io_context& io,
 
 }  // namespace
 
+std::vector<ConfigError> NativeConfig::check() const {
+  const auto group = net::parse_address(multicast_group);
+  const bool is_group = group && *group >> 28 == 0xe;  // 224.0.0.0 to 239.255.255.255
+  return Checker{"streaming.native."}
+      .require(net::is_address(address), "address", address,
+               "must be an IP address, e.g. 127.0.0.1 or 0.0.0.0")
+      .within("max_clients", max_clients, 1, 1024)
+      .within("max_clients_per_address", max_clients_per_address, 1, 1024)
+      .within("lease_s", lease_s, 0.5, 60)
+      .require(multicast_group.empty() || is_group, "multicast_group", multicast_group,
+               "must be an IPv4 multicast address, e.g. 239.255.42.16, or empty")
+      .require(multicast_group.empty() || multicast_port != 0, "multicast_port",
+               std::to_string(multicast_port), "must not be 0")
+      .within("multicast_ttl", multicast_ttl, 0, 255)
+      .require(multicast_interface.empty() || net::parse_address(multicast_interface),
+               "multicast_interface", multicast_interface,
+               "must be an IPv4 address of this machine, or empty")
+      .errors;
+}
+
+ServedProtocol NativeConfig::served() const {
+  const ProtocolConventions& conventions = conventions_of("native");
+  return {"native", enabled, address, {{port, true}}, conventions.axes, conventions.when_invalid};
+}
+
 Expected<std::unique_ptr<Streamer>> start_native_server(boost::asio::io_context& io,
                                                         const NativeConfig& config,
                                                         std::shared_ptr<const SceneModel> model,
-                                                        const Clock& clock, OperatorDesk* desk,
+                                                        const Clock& clock,
+                                                        OperatorApi* operator_api,
                                                         const EventBoard* events) {
   if (model->bodies.size() > kMaxBodies) {
     return fail(ErrorCode::kInvalid, "the native protocol carries at most " +
                                          std::to_string(kMaxBodies) + " bodies, the scene has " +
                                          std::to_string(model->bodies.size()));
   }
-  auto server = open_server(io, config, model, clock, desk, events);
+  auto server = open_server(io, config, model, clock, operator_api, events);
   for (int i = 1; i < kBindAttempts && !server && config.port == 0; ++i)
-    server = open_server(io, config, model, clock, desk, events);
+    server = open_server(io, config, model, clock, operator_api, events);
   if (!server) return tl::unexpected(server.error());
   (*server)->listen();
   log::info("native", "serves Fiducap clients on " + config.address + ":" +

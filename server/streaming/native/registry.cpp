@@ -5,32 +5,34 @@
 #include <limits>
 #include <vector>
 
-#include "streaming/net/places.hpp"
+#include <fmt/format.h>
+
+#include "streaming/conventions/text_fields.hpp"
+#include "streaming/net/limits.hpp"
 
 namespace fiducap::native {
 
 namespace {
 
-// A token must outlive the lease it came with, and a slow first answer.
-constexpr Duration kLeastTokenPeriod = std::chrono::seconds(10);
-// A client asks again when a part of the model was lost; more often than this is not answered with
-// the whole model.
-constexpr Duration kModelPause = std::chrono::milliseconds(50);
-
-std::string printable(std::string_view text) {
-  std::string safe(text);
-  for (char& c : safe) {
-    if (c < ' ' || c > '~') c = '?';
+template <typename T>
+std::uint8_t* put(std::uint8_t* at, T value) {
+  for (std::size_t i = 0; i < sizeof(T); ++i) {
+    *at++ = static_cast<std::uint8_t>(static_cast<std::uint64_t>(value) >> (8 * i));
   }
-  return safe;
+  return at;
 }
+
+// A token must outlive its lease and a slow first reply.
+constexpr Duration kLeastTokenPeriod = std::chrono::seconds(10);
+// Least time between two models for a client, which asks again when a part was lost.
+constexpr Duration kModelPause = std::chrono::milliseconds(50);
 
 std::string_view sentence(NoticeReason reason) {
   switch (reason) {
     case NoticeReason::kServerFull:
-      return "the server has all the clients it may have (streaming.native.max_clients)";
+      return "the server has its maximum of clients (streaming.native.max_clients)";
     case NoticeReason::kAddressFull:
-      return "this address has all the clients it may have "
+      return "this address has its maximum of clients "
              "(streaming.native.max_clients_per_address)";
     case NoticeReason::kShuttingDown:
       return "the server ends";
@@ -43,12 +45,50 @@ std::string_view sentence(NoticeReason reason) {
   return "";
 }
 
+/// For the page: name, profile, and what the client reports.
+std::string text_of(const Subscriber& subscriber, const Profile& profile) {
+  std::string text =
+      (subscriber.name.empty() ? "unnamed" : subscriber.name) + ", " + text_of(profile);
+  if (subscriber.multicast) text += ", multicast";
+  if (subscriber.latency_p99 > Duration{0}) {
+    text += fmt::format(", latency p99 {:.1f} ms", 1e3 * to_seconds(subscriber.latency_p99));
+  }
+  if (subscriber.lost_on_the_way > 0) {
+    text += fmt::format(", reports {} frames lost on the way", subscriber.lost_on_the_way);
+  }
+  return text;
+}
+
+/// As reported by the client; nullopt: not yet measured.
+std::optional<ClockOffset> clock_of(const Subscriber& subscriber) {
+  if (subscriber.clock_sigma <= Duration{0}) return std::nullopt;
+  return ClockOffset{to_seconds(subscriber.clock_offset), to_seconds(subscriber.clock_sigma)};
+}
+
 }  // namespace
+
+std::uint64_t TokenIssuer::token(const Peer& peer, Instant now) const {
+  return token_of_period(peer, to_ns(now) / period_.count());
+}
+
+bool TokenIssuer::accepts(std::uint64_t token, const Peer& peer, Instant now) const {
+  const std::int64_t period = to_ns(now) / period_.count();
+  return token == token_of_period(peer, period) || token == token_of_period(peer, period - 1);
+}
+
+std::uint64_t TokenIssuer::token_of_period(const Peer& peer, std::int64_t period) const {
+  std::array<std::uint8_t, 30> input{};
+  auto* at = std::copy(peer.address.begin(), peer.address.end(), input.data());
+  at = put(at, peer.scope);
+  at = put(at, peer.port);
+  put(at, period);
+  return std::max<std::uint64_t>(1, siphash(key_, input));
+}
 
 Registry::Registry(const RegistryLimits& limits, const std::array<std::uint64_t, 2>& key,
                    std::uint64_t session)
     : limits_(limits),
-      mint_(key, std::max(kLeastTokenPeriod, 2 * limits.lease)),
+      tokens_(key, std::max(kLeastTokenPeriod, 2 * limits.lease)),
       session_(session) {
   subscribers_.reserve(static_cast<std::size_t>(limits.max_clients));
 }
@@ -72,12 +112,12 @@ Registry::Reply Registry::receive(std::span<const std::byte> datagram, const Pee
 
 Registry::Reply Registry::on(const SubscribeRequest& request, const Peer& from,
                              std::uint64_t model_generation, std::size_t bytes_in, Instant now) {
-  if (!mint_.accepts(request.token, from, now)) return challenge(request, from, bytes_in, now);
+  if (!tokens_.accepts(request.token, from, now)) return challenge(request, from, bytes_in, now);
   if (!request.profile) return refuse(request, NoticeReason::kProfileInvalid, bytes_in);
   std::optional<Peer> instead_of;
   const bool joins = find(from) == nullptr;
   if (joins) {
-    if (!limiter_.allow(mint_.address_hash(from), now)) {
+    if (!limiter_.allow(tokens_.address_hash(from), now)) {
       ++unanswered_.too_often;
       return {};
     }
@@ -103,7 +143,7 @@ Registry::Reply Registry::renew(Subscriber& subscriber, const SubscribeRequest& 
   const bool another_profile = subscriber.profile != profile;
   const bool model_is_due =
       !subscriber.model_sent_at || now - *subscriber.model_sent_at >= kModelPause;
-  if (another_profile && !model_is_due) {  // it asks again; nobody makes us encode at will
+  if (another_profile && !model_is_due) {  // it asks again: limits the encoding load
     prune_profiles();
     return {};
   }
@@ -121,7 +161,7 @@ Registry::Reply Registry::renew(Subscriber& subscriber, const SubscribeRequest& 
   if (send_model) subscriber.model_sent_at = now;
   LeaseAnswer lease{session_,
                     request.nonce,
-                    mint_.token(subscriber.peer, now),
+                    tokens_.token(subscriber.peer, now),
                     limits_.lease,
                     model_generation,
                     profile,
@@ -143,7 +183,7 @@ void Registry::prune_profiles() {
 }
 
 Registry::Reply Registry::on(const ClockRequest& request, const Peer& from, Instant now) {
-  if (!mint_.accepts(request.token, from, now) || find(from) == nullptr) {
+  if (!tokens_.accepts(request.token, from, now) || find(from) == nullptr) {
     ++unanswered_.malformed;
     return {};
   }
@@ -153,7 +193,7 @@ Registry::Reply Registry::on(const ClockRequest& request, const Peer& from, Inst
 Registry::Reply Registry::on(const DiscoveryRequest& request, const Peer& from,
                              std::size_t bytes_in, Instant now) {
   if (!card_) return {};
-  if (!discovery_limiter_.allow(mint_.address_hash(from), now)) {
+  if (!discovery_limiter_.allow(tokens_.address_hash(from), now)) {
     ++unanswered_.too_often;
     return {};
   }
@@ -163,7 +203,7 @@ Registry::Reply Registry::on(const DiscoveryRequest& request, const Peer& from,
 }
 
 Registry::Reply Registry::on(const UnsubscribeRequest& request, const Peer& from, Instant now) {
-  if (!mint_.accepts(request.token, from, now)) {
+  if (!tokens_.accepts(request.token, from, now)) {
     ++unanswered_.malformed;
     return {};
   }
@@ -175,11 +215,11 @@ Registry::Reply Registry::on(const UnsubscribeRequest& request, const Peer& from
 
 Registry::Reply Registry::challenge(const SubscribeRequest& request, const Peer& from,
                                     std::size_t bytes_in, Instant now) {
-  if (!limiter_.allow(mint_.address_hash(from), now)) {
+  if (!limiter_.allow(tokens_.address_hash(from), now)) {
     ++unanswered_.too_often;
     return {};
   }
-  Datagram answer = encode(ChallengeAnswer{mint_.token(from, now), request.nonce, session_});
+  Datagram answer = encode(ChallengeAnswer{tokens_.token(from, now), request.nonce, session_});
   if (answer.size() > bytes_in) return {};
   return {std::move(answer), false, 0, Event::kNone};
 }
@@ -199,7 +239,7 @@ std::optional<NoticeReason> Registry::make_room(const Peer& from, std::optional<
   return std::nullopt;
 }
 
-/// Who asked for it first.
+/// The client that requested it first.
 std::optional<Peer> Registry::holder_of(std::uint32_t profile) const {
   const auto first = std::find_if(subscribers_.begin(), subscribers_.end(),
                                   [&](const Subscriber& s) { return s.profile == profile; });
@@ -218,7 +258,7 @@ std::uint32_t Registry::spare_profile_of(const Peer& address) const {
         });
     if (others > fewest) continue;
     fewest = others;
-    spare = granted.number;  // of equal ones the newest: numbers count up
+    spare = granted.number;  // of equal ones the newest: numbers ascend
   }
   return spare;
 }
@@ -251,7 +291,7 @@ std::optional<Peer> Registry::forget_newest(MayGo&& may_go) {
 Registry::Reply Registry::refuse(const SubscribeRequest& request, NoticeReason reason,
                                  std::size_t bytes_in) const {
   Datagram answer = encode_notice(session_, request.nonce, reason, sentence(reason));
-  // The sentence is a courtesy: without it the notice is shorter than any question.
+  // Without the sentence the notice is shorter than any request.
   if (answer.size() > bytes_in) answer = encode_notice(session_, request.nonce, reason, "");
   return {std::move(answer), false, 0, Event::kNone};
 }
@@ -267,6 +307,20 @@ Subscriber* Registry::find(const Peer& peer) {
   const auto at = std::find_if(subscribers_.begin(), subscribers_.end(),
                                [&](const Subscriber& s) { return s.peer == peer; });
   return at == subscribers_.end() ? nullptr : &*at;
+}
+
+RegistryLimits limits_of(const NativeConfig& config) {
+  return {config.max_clients, config.max_clients_per_address, from_seconds(config.lease_s)};
+}
+
+ClientStatus status_of(const Subscriber& subscriber, const Profile& profile, Instant now) {
+  return {"native",
+          net::text_of(subscriber.peer) + " udp",
+          text_of(subscriber, profile),
+          subscriber.frames_sent,
+          subscriber.frames_dropped,
+          to_seconds(now - subscriber.since),
+          clock_of(subscriber)};
 }
 
 }  // namespace fiducap::native

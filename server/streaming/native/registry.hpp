@@ -9,12 +9,40 @@
 #include <vector>
 
 #include "base/time.hpp"
+#include "middleware/net/peer.hpp"
 #include "streaming/native/codec.hpp"
-#include "streaming/native/profile.hpp"
-#include "streaming/native/token_mint.hpp"
+#include "streaming/native/frames.hpp"
+#include "streaming/native/native.hpp"
 #include "streaming/net/limits.hpp"
+#include "streaming/streamer.hpp"
 
 namespace fiducap::native {
+
+using net::Peer;
+using net::siphash;
+
+/// Tokens that prove an address, without state per client: a keyed hash of address, port and
+/// current period, valid in this and the next period.
+class TokenIssuer final {
+ public:
+  /// @param key  secret and random for each start of the server
+  /// @pre period > 0
+  TokenIssuer(const std::array<std::uint64_t, 2>& key, Duration period)
+      : key_(key), period_(period) {}
+
+  /// @return never 0
+  [[nodiscard]] std::uint64_t token(const Peer& peer, Instant now) const;
+  [[nodiscard]] bool accepts(std::uint64_t token, const Peer& peer, Instant now) const;
+  [[nodiscard]] std::uint64_t address_hash(const Peer& peer) const {
+    return net::address_hash(key_, peer);
+  }
+
+ private:
+  [[nodiscard]] std::uint64_t token_of_period(const Peer& peer, std::int64_t period) const;
+
+  std::array<std::uint64_t, 2> key_;
+  Duration period_;
+};
 
 using net::AnswerLimiter;
 
@@ -24,10 +52,10 @@ struct RegistryLimits {
   Duration lease{std::chrono::seconds(3)};
 };
 
-/// A client that proved its address and has time left.
+/// A client with a proven address and a lease.
 struct Subscriber {
   Peer peer;
-  std::string name;  ///< As it calls itself; printable ASCII, may be empty.
+  std::string name;  ///< From the client; printable ASCII, may be empty.
   Instant since{};
   Instant lease_until{};
   std::optional<Instant> model_sent_at;
@@ -35,52 +63,57 @@ struct Subscriber {
   std::uint64_t frames_dropped{};  ///< The socket's buffer was full.
   std::uint32_t profile{};         ///< Number.
   bool multicast{};                ///< Its frames go to the group.
-  // As the client reports:
+  // Reported by the client:
   std::uint64_t lost_on_the_way{};
   Duration clock_offset{};
   Duration clock_sigma{};  ///< 0: not measured.
   Duration latency_p99{};  ///< 0: unknown.
 };
 
-/// Where frames go for clients that want multicast. Port 0: there is no group.
+[[nodiscard]] RegistryLimits limits_of(const NativeConfig& config);
+/// For the page, with the values that the client reports.
+[[nodiscard]] ClientStatus status_of(const Subscriber& subscriber, const Profile& profile,
+                                     Instant now);
+
+/// For clients that request multicast. Port 0: no group.
 struct MulticastGroup {
   std::array<std::uint8_t, 4> address{};
   std::uint16_t port{};
 };
 
-/// Datagrams that got no answer, by reason.
+/// Counts of datagrams without a reply, by reason.
 struct Unanswered {
   std::uint64_t malformed{};
   std::uint64_t too_often{};
 };
 
-/// The conversation with all clients: datagram in → datagram out, time passed in, no socket.
+/// The subscriptions of all clients: datagram in → datagram out, time passed in, no socket.
 ///
-/// Nothing is remembered about an address before it returned a token, and it is answered at most
-/// once per question, never with more bytes than came. At most `max_clients` are remembered; the
-/// lease ends those that fall silent. When places or profiles are short, the address with the most
-/// gives one up (`net::place_for`).
+/// No state is kept for an address before it returned a token; it gets at most one reply per
+/// request, never with more bytes than came. At most `max_clients` have a lease; silent ones lose
+/// it. When all places or profiles are taken, the address with the most loses one
+/// (`net::place_for`).
 class Registry final {
  public:
   /// @param key, session  random for each start of the server; session is not 0
   Registry(const RegistryLimits& limits, const std::array<std::uint64_t, 2>& key,
            std::uint64_t session);
-  /// For clients that ask for it. None: everybody gets unicast.
+  /// For clients that request it.
   void offer_multicast(const MulticastGroup& group) { group_ = group; }
-  /// What anybody is told who asks who is here; nullopt: nothing.
-  void introduce_as(std::optional<ServerCard> card) { card_ = std::move(card); }
+  /// Reply to discovery; nullopt: none.
+  void set_discovery(std::optional<ServerCard> card) { card_ = std::move(card); }
 
   enum class Event { kNone, kJoined, kLeft };
   struct Reply {
-    Datagram datagram;  ///< Empty: no answer.
-    bool send_model{};  ///< All Model datagrams of `profile` follow the answer.
+    Datagram datagram;  ///< Empty: none.
+    bool send_model{};  ///< All Model datagrams of `profile` follow.
     std::uint32_t profile{};
     Event event{Event::kNone};
-    std::optional<Peer> instead_of{};  ///< Forgotten, because its address has the most of all.
+    std::optional<Peer> instead_of{};  ///< Removed, because its address has the most.
   };
   [[nodiscard]] Reply receive(std::span<const std::byte> datagram, const Peer& from,
                               std::uint64_t model_generation, Instant now);
-  /// Forgets everyone whose lease is over. @return how many.
+  /// Removes clients whose lease is over. @return how many
   std::size_t expire(Instant now);
 
   /// The profiles in use besides the default one.
@@ -106,7 +139,7 @@ class Registry final {
   /// A place for one more client of this address.
   [[nodiscard]] std::optional<NoticeReason> make_room(const Peer& from,
                                                       std::optional<Peer>& instead_of);
-  /// Its number, also when another address has to give up a profile for it.
+  /// Its number; may remove a profile of another address.
   [[nodiscard]] std::optional<std::uint32_t> grant(const Profile& profile, const Peer& from,
                                                    std::optional<Peer>& instead_of);
   [[nodiscard]] std::optional<Peer> holder_of(std::uint32_t profile) const;
@@ -119,7 +152,7 @@ class Registry final {
   [[nodiscard]] Subscriber* find(const Peer& peer);
 
   RegistryLimits limits_;
-  TokenMint mint_;
+  TokenIssuer tokens_;
   std::uint64_t session_;
   AnswerLimiter limiter_;
   AnswerLimiter discovery_limiter_;

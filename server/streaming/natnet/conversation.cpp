@@ -25,13 +25,13 @@ RegistryLimits limits_of(const NatNetConfig& config) {
 }  // namespace
 
 Conversation::Conversation(const NatNetConfig& config, std::shared_ptr<const SceneModel> model,
-                           OperatorDesk* desk, double rate_hz, std::uint64_t key,
+                           OperatorApi* operator_api, double rate_hz, std::uint64_t key,
                            net::TrustedNetworks networks, Instant epoch)
     : registry_(limits_of(config)),
       guard_(key, std::move(networks)),
       encoder_(config.axes(), config.when_invalid, epoch) {
   server_.config = config;
-  server_.desk = desk;
+  server_.operator_api = operator_api;
   server_.rate_hz = rate_hz;
   use(std::move(model));
   for (const Peer& listener : config.listeners())
@@ -52,161 +52,158 @@ void Conversation::use(std::shared_ptr<const SceneModel> model) {
 
 Conversation::Bytes Conversation::receive(std::span<const std::byte> datagram, const Peer& from,
                                           Channel channel, Instant now) {
-  Turn turn{from, channel, now, guard_.heard(from, datagram.size(), now), nullptr};
+  Sender sender{from, channel, now, guard_.heard(from, datagram.size(), now), nullptr};
   asked_for_group_ = false;
   const auto request = decode_request(datagram);
   if (!request) {
     ++unanswered_.malformed;
     return {};
   }
-  turn.subscriber = registry_.find(from);
+  sender.subscriber = registry_.find(from);
   quiet_.heard(from);
-  if (turn.subscriber != nullptr) turn.subscriber->heard_at = now;
-  const Bytes answer = std::visit([&](const auto& what) { return on(what, turn); }, *request);
-  // Who only looks who is there wants no frames yet.
-  asked_for_group_ = channel == Channel::kMulticast && turn.before.trusted &&
-                     turn.subscriber == nullptr && !answer.empty() &&
+  if (sender.subscriber != nullptr) sender.subscriber->heard_at = now;
+  const Bytes answer = std::visit([&](const auto& what) { return on(what, sender); }, *request);
+  // Discovery does not subscribe.
+  asked_for_group_ = channel == Channel::kMulticast && sender.before.trusted &&
+                     sender.subscriber == nullptr && !answer.empty() &&
                      !std::holds_alternative<DiscoveryRequest>(*request);
-  if (answer.empty() || guard_.may_answer(from, answer.size(), turn.before.trusted, now))
+  if (answer.empty() || guard_.may_answer(from, answer.size(), sender.before.trusted, now))
     return answer;
   ++unanswered_.too_much;
   return {};
 }
 
-Conversation::Bytes Conversation::on(const ConnectRequest& request, Turn& turn) {
-  const Bitstream version = version_for(request.versions, turn);
-  guard_.promise(turn.from, version);
-  if (turn.channel == Channel::kMulticast) {
-    if (request.versions.wanted && turn.before.trusted) quiet_.asked(turn.from, turn.now);
-    return info(version, turn);
+Conversation::Bytes Conversation::on(const ConnectRequest& request, Sender& sender) {
+  const Bitstream version = version_for(request.versions, sender);
+  guard_.set_version(sender.from, version);
+  if (sender.channel == Channel::kMulticast) {
+    if (request.versions.wanted && sender.before.trusted) quiet_.connected(sender.from, sender.now);
+    return info(version, sender);
   }
-  // An empty one is also what clients send that only ask, and then take the next datagram for an
-  // answer.
-  if (request.empty) warn_listener(turn);
-  if (!request.empty) subscribe(turn, version, request.name, turn.now + kHold);
-  if (turn.subscriber != nullptr) {
-    turn.subscriber->version = version;
-    if (request.subscribed_data_only) turn.subscriber->selection.only_subscribed();
+  // An empty one does not subscribe: some clients take the next datagram for its reply.
+  if (request.empty) warn_listener(sender);
+  if (!request.empty) subscribe(sender, version, request.name, sender.now + kHold);
+  if (sender.subscriber != nullptr) {
+    sender.subscriber->version = version;
+    if (request.subscribed_data_only) sender.subscriber->selection.only_subscribed();
   }
-  return info(version, turn);
+  return info(version, sender);
 }
 
-Conversation::Bytes Conversation::on(const DiscoveryRequest& request, Turn& turn) {
-  return info(version_for(request.versions, turn), turn);
+Conversation::Bytes Conversation::on(const DiscoveryRequest& request, Sender& sender) {
+  return info(version_for(request.versions, sender), sender);
 }
 
-Conversation::Bytes Conversation::on(const KeepAliveRequest& request, Turn& turn) {
+Conversation::Bytes Conversation::on(const KeepAliveRequest& request, Sender& sender) {
   if (!server_.config.unicast) return {};
-  // After a restart of the server a client goes on with these; it keeps reading the version it was
-  // told then.
-  const bool told = turn.before.version != Bitstream{};
-  subscribe(turn, told ? turn.before.version : version_for(request.versions, turn), request.name,
-            turn.now);
+  // After a restart of the server a client continues with keep-alives and its earlier version.
+  const bool is_known = sender.before.version != Bitstream{};
+  subscribe(sender, is_known ? sender.before.version : version_for(request.versions, sender),
+            request.name, sender.now);
   return {};
 }
 
-Conversation::Bytes Conversation::on(const DisconnectRequest&, Turn& turn) {
-  if (turn.subscriber != nullptr && registry_.remove(turn.from))
-    log::info("natnet", text_of(turn.from) + " left");
+Conversation::Bytes Conversation::on(const DisconnectRequest&, Sender& sender) {
+  if (sender.subscriber != nullptr && registry_.remove(sender.from))
+    log::info("natnet", text_of(sender.from) + " left");
   return {};
 }
 
-Conversation::Bytes Conversation::on(const EchoRequest& request, Turn& turn) {
-  return say(encode_echo(request.client_ticks, turn.now));
+Conversation::Bytes Conversation::on(const EchoRequest& request, Sender& sender) {
+  return reply(encode_echo(request.client_ticks, sender.now));
 }
 
-Conversation::Bytes Conversation::on(const ModelRequest& request, Turn& turn) {
-  const ModelLayout layout = model_layout(version_of(turn));
+Conversation::Bytes Conversation::on(const ModelRequest& request, Sender& sender) {
+  const ModelLayout layout = model_layout(version_of(sender));
   if ((request.types & ModelRequest::kRigidBodies) == 0) {
-    return say(encode_model(server_.announced, layout, request.types));
+    return reply(encode_model(server_.announced, layout, request.types));
   }
   Datagram& encoded = models_[static_cast<std::size_t>(layout)];
   if (encoded.empty()) encoded = encode_model(server_.announced, layout);
   return encoded;
 }
 
-Conversation::Bytes Conversation::on(const FrameRequest&, Turn& turn) {
+Conversation::Bytes Conversation::on(const FrameRequest&, Sender& sender) {
   if (!server_.frame) return {};
-  return frame({frame_layout(version_of(turn))}, turn.now);
+  return frame({frame_layout(version_of(sender))}, sender.now);
 }
 
-Conversation::Bytes Conversation::on(const CommandRequest& request, Turn& turn) {
+Conversation::Bytes Conversation::on(const CommandRequest& request, Sender& sender) {
   if (CommandWords::is_legacy_check(request.text)) {
     log::debug("natnet",
-               text_of(turn.from) +
+               text_of(sender.from) +
                    ": its NatNet library is too old for this server, it needs 4.1 or later");
   }
-  auto answer =
-      words_.answer(request.text, server_,
-                    {turn.from, turn.channel == Channel::kMulticast && turn.subscriber == nullptr,
-                     version_of(turn), turn.subscriber});
-  if (answer.switch_to) switch_to(*answer.switch_to, turn);
-  if (answer.leaves && turn.subscriber != nullptr && registry_.remove(turn.from)) {
-    log::info("natnet", text_of(turn.from) + " left");
+  auto answer = words_.answer(
+      request.text, server_,
+      {sender.from, sender.channel == Channel::kMulticast && sender.subscriber == nullptr,
+       version_of(sender), sender.subscriber});
+  if (answer.switch_to) switch_to(*answer.switch_to, sender);
+  if (answer.leaves && sender.subscriber != nullptr && registry_.remove(sender.from)) {
+    log::info("natnet", text_of(sender.from) + " left");
   }
   recording_asked_at_ = {};
-  return say(std::move(answer.datagram));
+  return reply(std::move(answer.datagram));
 }
 
-void Conversation::subscribe(Turn& turn, Bitstream version, const std::string& name,
+void Conversation::subscribe(Sender& sender, Bitstream version, const std::string& name,
                              Instant frames_from) {
-  if (turn.subscriber == nullptr) {
-    if (turn.before.trusted) turn.subscriber = registry_.add(turn.from, turn.now);
-    if (turn.subscriber == nullptr) return refuse(turn);
-    turn.subscriber->version = version;
-    turn.subscriber->frames_from = frames_from;
+  if (sender.subscriber == nullptr) {
+    if (sender.before.trusted) sender.subscriber = registry_.add(sender.from, sender.now);
+    if (sender.subscriber == nullptr) return warn_refused(sender);
+    sender.subscriber->version = version;
+    sender.subscriber->frames_from = frames_from;
   }
-  turn.subscriber->frames_from = std::min(turn.subscriber->frames_from, frames_from);
-  if (!name.empty()) turn.subscriber->name = name;
+  sender.subscriber->frames_from = std::min(sender.subscriber->frames_from, frames_from);
+  if (!name.empty()) sender.subscriber->name = name;
 }
 
-/// Says once in a while why somebody gets no frames, and what would change it.
-void Conversation::refuse(const Turn& turn) {
-  ++(turn.before.trusted ? unanswered_.full : unanswered_.untrusted);
-  if (!guard_.may_complain(turn.from, turn.now)) return;
-  const std::string who = net::address_text(turn.from);
+/// Logs why a client gets no frames, with the remedy; rate-limited.
+void Conversation::warn_refused(const Sender& sender) {
+  ++(sender.before.trusted ? unanswered_.full : unanswered_.untrusted);
+  if (!guard_.may_warn(sender.from, sender.now)) return;
+  const std::string address = net::address_text(sender.from);
   log::warning("natnet",
-               turn.before.trusted
-                   ? who + " gets no frames: all " + std::to_string(server_.config.max_clients) +
-                         " places, or its own " +
+               sender.before.trusted
+                   ? address + " gets no frames: all " +
+                         std::to_string(server_.config.max_clients) + " places, or its own " +
                          std::to_string(server_.config.max_clients_per_address) +
                          ", are taken (streaming.natnet.max_clients, max_clients_per_address)"
-                   : who +
-                         " gets no frames: it is in no network of this machine. Serve it with "
+                   : address +
+                         " gets no frames: it is not in an attached network. Serve it with "
                          "streaming.natnet.networks: [" +
-                         net::text_of(net::usual_network_of(turn.from)) + "]");
+                         net::text_of(net::usual_network_of(sender.from)) + "]");
 }
 
-/// Who asks in this way listens at the data port only.
-void Conversation::warn_listener(const Turn& turn) {
-  if (server_.config.multicast || !turn.before.trusted) return;
+/// Such clients only listen at the data port.
+void Conversation::warn_listener(const Sender& sender) {
+  if (server_.config.multicast || !sender.before.trusted) return;
   const auto is_served = [&](const Subscriber& one) {
-    return one.fixed && one.peer.same_address(turn.from);
+    return one.fixed && one.peer.same_address(sender.from);
   };
   if (std::ranges::any_of(registry_.all(), is_served)) return;
-  if (!guard_.may_complain(turn.from, turn.now)) return;
+  if (!guard_.may_warn(sender.from, sender.now)) return;
   const std::string port = std::to_string(server_.config.data_port);
-  log::warning("natnet", text_of(turn.from) +
-                             " asked as clients do that then only listen at port " + port +
-                             ": no frames come there. Switch streaming.natnet.multicast on, "
+  log::warning("natnet", text_of(sender.from) + " only listens at port " + port +
+                             ": no frames are sent there. Switch streaming.natnet.multicast on, "
                              "or set streaming.natnet.targets: [\"" +
-                             net::address_text(turn.from) + ":" + port + "\"]");
+                             net::address_text(sender.from) + ":" + port + "\"]");
 }
 
-void Conversation::refused_answer(const Peer& peer, Instant now) {
-  if (registry_.remove(peer)) log::info("natnet", text_of(peer) + " is gone: its port is closed");
-  if (!guard_.may_complain(peer, now)) return;
-  log::info("natnet",
-            text_of(peer) + " asked and ended before the answer came: its port is closed");
+void Conversation::reply_refused(const Peer& peer, Instant now) {
+  if (registry_.remove(peer))
+    log::info("natnet", text_of(peer) + " is removed: its port is closed");
+  if (!guard_.may_warn(peer, now)) return;
+  log::info("natnet", text_of(peer) + " closed its port before the reply arrived");
 }
 
 std::size_t Conversation::expire(Instant now) {
   while (const auto peer = quiet_.next(now)) {
-    if (!guard_.may_complain(*peer, now)) continue;
+    if (!guard_.may_warn(*peer, now)) continue;
     log::warning(
         "natnet",
         text_of(*peer) +
-            " was told to join the group and went away, as the "
+            " connected at the multicast port and ended, as the "
             "vendor's library does in unicast mode. Set it to multicast, or to " +
             (server_.config.unicast ? "port " + std::to_string(server_.config.unicast_port) +
                                           " (streaming.natnet.unicast_port)"
@@ -215,29 +212,29 @@ std::size_t Conversation::expire(Instant now) {
   return registry_.expire(now);
 }
 
-void Conversation::switch_to(Bitstream version, Turn& turn) {
-  guard_.promise(turn.from, version);
-  if (turn.subscriber == nullptr) return;
-  turn.subscriber->version = version;
-  turn.subscriber->bitstream_changed_until = turn.now + kAnnounce;
+void Conversation::switch_to(Bitstream version, Sender& sender) {
+  guard_.set_version(sender.from, version);
+  if (sender.subscriber == nullptr) return;
+  sender.subscriber->version = version;
+  sender.subscriber->bitstream_changed_until = sender.now + kAnnounce;
 }
 
-Bitstream Conversation::version_for(const ClientVersions& versions, const Turn& turn) const {
+Bitstream Conversation::version_for(const ClientVersions& versions, const Sender& sender) const {
   const Bitstream ours = server_.config.default_bitstream();
-  return turn.channel == Channel::kMulticast ? ours : negotiate(versions, ours);
+  return sender.channel == Channel::kMulticast ? ours : negotiate(versions, ours);
 }
 
-Bitstream Conversation::version_of(const Turn& turn) const {
-  if (turn.subscriber != nullptr) return turn.subscriber->version;
-  const bool told = turn.before.version != Bitstream{};
-  return told ? turn.before.version : server_.config.default_bitstream();
+Bitstream Conversation::version_of(const Sender& sender) const {
+  if (sender.subscriber != nullptr) return sender.subscriber->version;
+  const bool is_known = sender.before.version != Bitstream{};
+  return is_known ? sender.before.version : server_.config.default_bitstream();
 }
 
-Conversation::Bytes Conversation::info(Bitstream version, const Turn& turn) {
+Conversation::Bytes Conversation::info(Bitstream version, const Sender& sender) {
   const NatNetConfig& config = server_.config;
-  return say(encode(ServerInfo{kApplicationVersion, version, config.data_port,
-                               turn.channel == Channel::kMulticast,
-                               octets(parse_address(config.multicast_group).value_or(0))}));
+  return reply(encode(ServerInfo{kApplicationVersion, version, config.data_port,
+                                 sender.channel == Channel::kMulticast,
+                                 octets(parse_address(config.multicast_group).value_or(0))}));
 }
 
 void Conversation::take(std::shared_ptr<const SceneFrame> frame, Instant now) {
@@ -248,8 +245,8 @@ void Conversation::take(std::shared_ptr<const SceneFrame> frame, Instant now) {
   server_.frame = std::move(frame);
   server_.rate_hz = server_.frame->rate_hz;
   loaded_ = false;
-  if (server_.desk != nullptr && now - recording_asked_at_ >= kRecordingPoll) {
-    recording_ = server_.desk->recording().has_value();
+  if (server_.operator_api != nullptr && now - recording_asked_at_ >= kRecordingPoll) {
+    recording_ = server_.operator_api->recording().has_value();
     recording_asked_at_ = now;
   }
 }
@@ -276,9 +273,9 @@ Conversation::Bytes Conversation::frame(const FrameProfile& profile, Instant now
   return encoder_.encode(profile);
 }
 
-Conversation::Bytes Conversation::say(Datagram datagram) {
-  answer_ = std::move(datagram);
-  return answer_;
+Conversation::Bytes Conversation::reply(Datagram datagram) {
+  reply_ = std::move(datagram);
+  return reply_;
 }
 
 }  // namespace fiducap::natnet

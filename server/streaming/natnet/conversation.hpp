@@ -6,104 +6,97 @@
 #include <span>
 #include <vector>
 
-#include "base/clock.hpp"
-#include "streaming/natnet/answer.hpp"
-#include "streaming/natnet/command_words.hpp"
+#include "base/time.hpp"
+#include "streaming/natnet/codec.hpp"
+#include "streaming/natnet/commands.hpp"
 #include "streaming/natnet/frame_encoder.hpp"
-#include "streaming/natnet/quiet_connects.hpp"
-#include "streaming/natnet/reflection_guard.hpp"
 #include "streaming/natnet/registry.hpp"
-#include "streaming/natnet/request.hpp"
-#include "streaming/natnet/server_view.hpp"
 
 namespace fiducap::natnet {
 
-/// Which of the two command ports a request came to: at that of multicast, clients are told to join
-/// the group. Who sends keep-alives there gets frames of its own all the same.
+/// The command port of a request. At the multicast port, replies name the group; clients that send
+/// keep-alives there get unicast frames as well.
 enum class Channel { kUnicast, kMulticast };
 
-/// Requests that got no answer, by reason.
+/// Counts of requests without a reply, by reason.
 struct Unanswered {
   std::uint64_t malformed{};
-  std::uint64_t too_much{};   ///< ReflectionGuard said no.
+  std::uint64_t too_much{};   ///< By ReflectionGuard.
   std::uint64_t full{};       ///< No place for another client.
-  std::uint64_t untrusted{};  ///< Wanted frames from a network that is not served.
+  std::uint64_t untrusted{};  ///< From a network that is not served.
 };
 
-/// The conversation with all clients and the frames they get: datagram in → datagram out, time
-/// passed in, no socket.
-///
-/// Answers and frames are views that live until the next call.
+/// The protocol state of all clients, and their frames: datagram in → datagram out, time passed in,
+/// no socket. Replies and frames are views, valid until the next call.
 class Conversation final {
  public:
-  /// A slow client takes the datagram after its MODELDEF request for the answer, whatever it is.
+  /// No frames after a connect: a slow client takes them for the reply to its MODELDEF request.
   static constexpr Duration kHold = std::chrono::milliseconds(200);
-  /// How long frames say "the model changed" or "the bitstream changed".
+  /// For frames with "model changed" or "bitstream changed".
   static constexpr Duration kAnnounce = std::chrono::milliseconds(200);
 
   /// @param key  random for each start of the server
-  /// @param networks  whose addresses may be clients
-  /// @param epoch  where the frames' seconds begin
+  /// @param networks  of the clients
+  /// @param epoch  of the frames' seconds
   Conversation(const NatNetConfig& config, std::shared_ptr<const SceneModel> model,
-               OperatorDesk* desk, double rate_hz, std::uint64_t key, net::TrustedNetworks networks,
-               Instant epoch);
+               OperatorApi* operator_api, double rate_hz, std::uint64_t key,
+               net::TrustedNetworks networks, Instant epoch);
 
-  /// @return the answer; empty: none
+  /// @return the reply; empty: none
   [[nodiscard]] std::span<const std::byte> receive(std::span<const std::byte> datagram,
                                                    const Peer& from, Channel channel, Instant now);
 
-  /// The last datagram was that of a client that is served by the group.
+  /// The last datagram was of a client of the multicast group.
   [[nodiscard]] bool asked_for_group() const { return asked_for_group_; }
 
-  /// The frame that `frame_for` and `multicast_frame` are about from now on.
+  /// Sets the frame of `frame_for` and `multicast_frame`.
   void take(std::shared_ptr<const SceneFrame> frame, Instant now);
-  /// @return empty: nothing for this client now
+  /// @return empty: none for this client
   [[nodiscard]] std::span<const std::byte> frame_for(const Subscriber& subscriber, Instant now);
   [[nodiscard]] std::span<const std::byte> multicast_frame(Instant now);
 
-  /// Whoever was silent for too long goes; who went away for a reason is told of. @return how many
-  /// clients went
+  /// Removes timed-out clients; logs clients that left early. @return how many were removed
   std::size_t expire(Instant now);
-  /// Its port is closed, as its machine says.
-  bool gone(const Peer& peer) { return registry_.remove(peer); }
-  /// An answer came back: nobody listens where it was asked from. Said once in a while.
-  void refused_answer(const Peer& peer, Instant now);
+  /// Its port is closed.
+  bool remove(const Peer& peer) { return registry_.remove(peer); }
+  /// The port of a client was closed before the reply arrived; removes and logs it.
+  void reply_refused(const Peer& peer, Instant now);
   [[nodiscard]] std::span<Subscriber> subscribers() { return registry_.all(); }
   [[nodiscard]] std::span<const Subscriber> subscribers() const { return registry_.all(); }
   [[nodiscard]] const Unanswered& unanswered() const { return unanswered_; }
   [[nodiscard]] const ServerView& server() const { return server_; }
-  /// The ports really bound, for what clients are told. @pre before the first request
+  /// The ports in use, for replies. @pre before the first request
   void set_ports(std::uint16_t port, std::uint16_t unicast_port);
 
  private:
-  struct Turn {
+  struct Sender {
     Peer from;
     Channel channel{};
     Instant now;
-    ReflectionGuard::Acquaintance before;
+    ReflectionGuard::Sender before;
     Subscriber* subscriber{};
   };
   using Bytes = std::span<const std::byte>;
 
-  Bytes on(const ConnectRequest& request, Turn& turn);
-  Bytes on(const DiscoveryRequest& request, Turn& turn);
-  Bytes on(const KeepAliveRequest& request, Turn& turn);
-  Bytes on(const DisconnectRequest& request, Turn& turn);
-  Bytes on(const EchoRequest& request, Turn& turn);
-  Bytes on(const ModelRequest& request, Turn& turn);
-  Bytes on(const FrameRequest& request, Turn& turn);
-  Bytes on(const CommandRequest& request, Turn& turn);
+  Bytes on(const ConnectRequest& request, Sender& sender);
+  Bytes on(const DiscoveryRequest& request, Sender& sender);
+  Bytes on(const KeepAliveRequest& request, Sender& sender);
+  Bytes on(const DisconnectRequest& request, Sender& sender);
+  Bytes on(const EchoRequest& request, Sender& sender);
+  Bytes on(const ModelRequest& request, Sender& sender);
+  Bytes on(const FrameRequest& request, Sender& sender);
+  Bytes on(const CommandRequest& request, Sender& sender);
 
   void use(std::shared_ptr<const SceneModel> model);
-  void refuse(const Turn& turn);
-  void warn_listener(const Turn& turn);
-  void subscribe(Turn& turn, Bitstream version, const std::string& name, Instant frames_from);
-  void switch_to(Bitstream version, Turn& turn);
-  [[nodiscard]] Bitstream version_for(const ClientVersions& versions, const Turn& turn) const;
-  [[nodiscard]] Bitstream version_of(const Turn& turn) const;
-  [[nodiscard]] Bytes info(Bitstream version, const Turn& turn);
+  void warn_refused(const Sender& sender);
+  void warn_listener(const Sender& sender);
+  void subscribe(Sender& sender, Bitstream version, const std::string& name, Instant frames_from);
+  void switch_to(Bitstream version, Sender& sender);
+  [[nodiscard]] Bitstream version_for(const ClientVersions& versions, const Sender& sender) const;
+  [[nodiscard]] Bitstream version_of(const Sender& sender) const;
+  [[nodiscard]] Bytes info(Bitstream version, const Sender& sender);
   [[nodiscard]] Bytes frame(const FrameProfile& profile, Instant now);
-  [[nodiscard]] Bytes say(Datagram datagram);
+  [[nodiscard]] Bytes reply(Datagram datagram);
 
   ServerView server_;
   Registry registry_;
@@ -112,8 +105,8 @@ class Conversation final {
   CommandWords words_;
   FrameEncoder encoder_;
   bool loaded_{false};                          ///< The encoder has server_.frame.
-  std::array<Datagram, kModelLayouts> models_;  ///< Encoded when first asked for.
-  Datagram answer_;
+  std::array<Datagram, kModelLayouts> models_;  ///< Encoded when first requested.
+  Datagram reply_;
   Unanswered unanswered_;
   bool asked_for_group_{false};
   Instant model_changed_until_{};

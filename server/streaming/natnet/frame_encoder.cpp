@@ -4,28 +4,25 @@
 #include <cmath>
 #include <utility>
 
-#include "base/assert.hpp"
-#include "base/byte_writer.hpp"
-#include "streaming/conventions/quaternion_order.hpp"
+#include "base/bytes.hpp"
+#include "base/expected.hpp"
 
 namespace fiducap::natnet {
 
 namespace {
 
-// A tracked body with mean error 0 counts as lost for some clients.
+// Some clients treat mean error 0 as lost.
 constexpr float kLeastMeanError = 1e-6F;
 constexpr std::int16_t kTrackingValid = 1;
 
 // One body from 3.0 on: i32 id, f32 position[3], f32 quaternion[4] x y z w, f32 mean error, i16
-// params. Older layouts are made of the same pieces, with the count of the body's markers in
-// between.
+// params. Older layouts have a count of markers before the mean error.
 constexpr std::size_t kRecordSize = 38;
 constexpr std::size_t kPosePart = 32;
 constexpr std::size_t kErrorPart = 4;
 
 // Empty sections around the rigid bodies: marker sets and other markers before; skeletons,
-// (assets,) labeled markers, (force plates,) (devices) after. From 4.1 on each count is followed by
-// the size in bytes.
+// (assets,) labeled markers, (force plates,) (devices) after. From 4.1 on: count, size in bytes.
 constexpr std::size_t kSectionsBefore = 2;
 std::size_t sections_after(FrameLayout layout) {
   switch (layout) {
@@ -112,7 +109,7 @@ void FrameEncoder::write_record(int id, const Pose& X_CP, float mean_error, bool
   LittleEndianWriter out(record_bytes_);
   out.i32(id);
   for (const double x : X_CP.p) out.f32(static_cast<float>(x));
-  for (const float x : xyzw<float>(X_CP.q)) out.f32(x);
+  for (const double x : X_CP.q.coeffs()) out.f32(static_cast<float>(x));  // x y z w
   out.f32(mean_error).i16(valid ? kTrackingValid : 0);
 }
 
@@ -160,7 +157,7 @@ void FrameEncoder::write(const FrameProfile& profile, std::vector<std::byte>& by
 
 void FrameEncoder::write_bodies(const FrameProfile& profile, std::vector<std::byte>& bytes) const {
   const FrameLayout layout = profile.layout;
-  // 2.5 has no validity bit: there a body that may not be used is left out.
+  // 2.5 has no validity bit: invalid bodies are left out.
   const auto shown = [&](const Record& record) {
     return (layout >= FrameLayout::k2_6 || record.valid) && wants(profile, record.id);
   };
@@ -189,7 +186,7 @@ void FrameEncoder::write_suffix(const FrameProfile& profile, std::vector<std::by
   if (layout >= FrameLayout::k3_0)
     out.i64(stamps_.mid_exposure).i64(stamps_.data_received).i64(stamps_.transmit);
   if (layout >= FrameLayout::k4_1)
-    out.u32(0).u32(0);  // no PTP time; two clients take anything else for params
+    out.u32(0).u32(0);  // no PTP time; two clients read other values as params
   const int bits = bits_ | (profile.bitstream_changed ? FrameBits::kBitstreamChanged : 0);
   if (layout >= FrameLayout::k2_6) out.i16(static_cast<std::int16_t>(bits));
   out.i32(0);

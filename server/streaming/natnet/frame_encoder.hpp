@@ -9,10 +9,9 @@
 
 #include "scene/scene_frame.hpp"
 #include "streaming/conventions/axes.hpp"
-#include "streaming/conventions/validity.hpp"
-#include "streaming/natnet/bitstream.hpp"
+#include "streaming/conventions/protocol_conventions.hpp"
+#include "streaming/natnet/codec.hpp"
 #include "streaming/natnet/registry.hpp"
-#include "streaming/natnet/wire.hpp"
 
 namespace fiducap::natnet {
 
@@ -23,25 +22,23 @@ struct FrameBits {
   static constexpr std::int16_t kBitstreamChanged = 1 << 3;
 };
 
-/// What decides the bytes of a frame for one client.
+/// Clients with equal profiles get equal bytes.
 struct FrameProfile {
   FrameLayout layout{FrameLayout::k3_0};
   bool bitstream_changed{};
-  const Selection* selection{};  ///< nullptr: everything.
+  const Selection* selection{};  ///< nullptr: all bodies.
 };
 
-/// A scene frame as FRAMEOFDATA, once per distinct profile.
+/// Encodes frames as FRAMEOFDATA, once per distinct profile.
 ///
-/// `load`, then `encode` for every profile that has clients. Poses are changed into the clients'
-/// axes once per frame, and each profile is written once, however many clients it has. Keeps its
-/// memory: after warm-up nothing is allocated.
+/// `load`, then `encode` for every profile with clients. Poses are converted to the clients' axes
+/// once per frame. Keeps its memory: after warm-up nothing is allocated.
 class FrameEncoder final {
  public:
-  /// @param epoch  where the frames' time stamp in seconds begins: small numbers, for 2.6 carries
-  /// them as float
+  /// @param epoch  of the frames' time stamps in seconds; recent, because 2.6 sends a float
   FrameEncoder(const OutputAxes& axes, WhenInvalid when_invalid, Instant epoch);
 
-  /// @param sent_at  the transmit stamp; never before the frame was made
+  /// @param sent_at  the transmit stamp; not before the frame was published
   /// @param bits  recording, model changed
   void load(const SceneFrame& frame, Instant sent_at, std::int16_t bits);
   /// @pre load
@@ -57,7 +54,7 @@ class FrameEncoder final {
     FrameLayout layout{};
     bool bitstream_changed{};
   };
-  /// The last pose of a body that could be used.
+  /// The last valid pose of a body.
   struct LastValid {
     int id{};
     bool known{};
@@ -74,7 +71,7 @@ class FrameEncoder final {
   struct Record {
     int id{};
     bool valid{};
-    std::size_t at{};  ///< Its 38 bytes in records_bytes_.
+    std::size_t at{};  ///< Its bytes in record_bytes_.
   };
 
   void load_body(std::size_t index, const BodyPose& body);
@@ -90,12 +87,12 @@ class FrameEncoder final {
   std::int32_t number_{};
   Stamps stamps_;
   std::int16_t bits_{};
-  std::uint64_t axes_number_{0};  ///< Of the last frame: what was valid in other axes is no more.
+  std::uint64_t axes_number_{0};  ///< Of the last frame; last_valid_ is dropped when it changes.
   std::vector<LastValid> last_valid_;  ///< In the order of the frame's bodies.
   std::vector<Record> records_;
   std::vector<std::byte> record_bytes_;
   std::array<Encoded, 2 * kLayouts> everything_;  ///< By layout, bitstream changed or not.
-  std::deque<Encoded> selections_;  ///< Those that leave bodies out; grows to the most at once.
+  std::deque<Encoded> selections_;                ///< With some bodies; grows to the most at once.
 };
 
 }  // namespace fiducap::natnet

@@ -1,13 +1,13 @@
-#include "streaming/natnet/natnet_server.hpp"
-
 #include <optional>
 #include <utility>
 #include <vector>
 
 #include "base/log.hpp"
+#include "streaming/natnet/codec.hpp"
+#include "streaming/natnet/commands.hpp"
 #include "streaming/natnet/conversation.hpp"
 #include "streaming/natnet/group_sender.hpp"
-#include "streaming/natnet/wire.hpp"
+#include "streaming/natnet/natnet.hpp"
 #include "streaming/net/interfaces.hpp"
 #include "streaming/net/udp_server.hpp"
 
@@ -16,12 +16,12 @@ namespace fiducap::natnet {
 namespace {
 
 constexpr std::size_t kLongestDatagram = 65536;
-// 1000 bodies for 64 clients at once are 2.5 MB; the kernel grants what net.core.wmem_max allows.
+// 1000 bodies for 64 clients are 2.5 MB; the kernel limits it to net.core.wmem_max.
 constexpr int kSendBuffer = 16 << 20;
 constexpr std::string_view kKey = "streaming.natnet";
 
-/// Where else DISCOVERY by broadcast arrives when only `address` is listened on: 255.255.255.255
-/// and its subnet's broadcast address. Empty for 0.0.0.0, which hears everything.
+/// Further addresses that receive broadcast DISCOVERY when `address` is that of one interface:
+/// 255.255.255.255 and its subnet's broadcast address. Empty for 0.0.0.0.
 std::vector<std::string> broadcast_addresses(const std::string& address) {
   const auto own = parse_address(address);
   if (!own || *own == 0) return {};
@@ -39,8 +39,7 @@ Expected<net::UdpServer> open_command_port(boost::asio::io_context& io,
   return net::UdpServer::open(io, target, options);
 }
 
-/// The socket that frames leave by. Never a command port: the vendor's library ignores unicast
-/// frames that come from there.
+/// The socket for unicast frames; the vendor's library ignores frames from a command port.
 Expected<net::UdpServer> open_frame_port(boost::asio::io_context& io, const NatNetConfig& config) {
   net::UdpOptions options{"natnet"};
   options.fragments = true;
@@ -66,7 +65,7 @@ class NatNetServer final : public NatNetStreamer {
     addressees_.reserve(conversation_.subscribers().size());
   }
 
-  /// The command ports of both channels, and sockets that only hear broadcasts.
+  /// Opens the command ports of both channels, and sockets for broadcasts.
   [[nodiscard]] Expected<void> listen(boost::asio::io_context& io, const NatNetConfig& config);
   [[nodiscard]] std::string_view protocol() const override { return "natnet"; }
   [[nodiscard]] std::uint16_t port() const override { return commands_ ? commands_->port() : 0; }
@@ -81,19 +80,19 @@ class NatNetServer final : public NatNetStreamer {
   Expected<void> listen(boost::asio::io_context& io, const net::BindTarget& target, Channel channel,
                         std::optional<net::UdpServer>& commands);
   void answer(const net::UdpServer::Datagram& request, Channel channel, net::UdpServer& from);
-  void forget_the_gone(Instant now);
-  void hear_refusals(net::UdpServer& commands, Instant now);
+  void remove_gone_clients(Instant now);
+  void read_refusals(net::UdpServer& commands, Instant now);
   void count_sent();
 
   const Clock& clock_;
   Conversation conversation_;
   GroupSender groups_;
-  std::vector<std::size_t> addressees_;  ///< Places of subscribers in the batch under way.
+  std::vector<std::size_t> addressees_;  ///< Places of subscribers in the current batch.
   std::optional<Instant> first_frame_at_;
   bool stopped_{false};
   net::UdpServer frames_;
   std::optional<net::UdpServer> commands_;
-  std::optional<net::UdpServer> unicast_;  ///< For clients that must hear of no group.
+  std::optional<net::UdpServer> unicast_;  ///< Replies without a group.
   std::vector<net::UdpServer> broadcasts_;
 };
 
@@ -114,24 +113,24 @@ Expected<void> NatNetServer::listen(boost::asio::io_context& io, const net::Bind
   auto opened = open_command_port(io, target);
   if (!opened) return tl::unexpected(opened.error());
   commands.emplace(std::move(*opened));
-  // Answers leave from the port of their channel, also when the question came by broadcast.
+  // Replies are sent from the port of their channel, also to a broadcast.
   const auto handler = [this, channel, &commands](const net::UdpServer::Datagram& request) {
     answer(request, channel, *commands);
   };
   commands->start(handler);
   const bool own_only = Peer{parse_address(target.address).value_or(0), 0}.is_loopback();
   for (const auto& address : broadcast_addresses(target.address)) {
-    // Discovery by broadcast is a comfort; without it a client is told the address.
+    // Optional: without discovery by broadcast the address is configured in the client.
     auto heard = open_command_port(io, {address, commands->port(), kKey});
     if (!heard) continue;
     broadcasts_.push_back(std::move(*heard));
-    // A client of this machine asks its network; others of that network are not served.
+    // Only clients of this machine are served.
     if (!own_only) {
       broadcasts_.back().start(handler);
       continue;
     }
     broadcasts_.back().start([handler](const net::UdpServer::Datagram& request) {
-      // Answered from the address that is served, not from that of the card it came in by.
+      // Replies from the served address, not from that of the receiving interface.
       if (net::is_this_machine(request.from)) handler({request.bytes, request.from, 0});
     });
   }
@@ -142,16 +141,16 @@ void NatNetServer::answer(const net::UdpServer::Datagram& request, Channel chann
                           net::UdpServer& from) {
   const auto answer = conversation_.receive(request.bytes, request.from, channel, clock_.now());
   if (!answer.empty()) from.send(answer, request.from, request.to);
-  if (conversation_.asked_for_group() && groups_.asked_at(request.to)) {
-    log::info("natnet", net::address_text(request.from) + " asked: frames go to " +
-                            groups_text(groups_) + " by " + groups_.cards_text());
+  if (conversation_.asked_for_group() && groups_.add_interface_of(request.to)) {
+    log::info("natnet", net::address_text(request.from) + " asked: frames are sent to " +
+                            groups_text(groups_) + " by " + groups_.interfaces_text());
   }
 }
 
 void NatNetServer::publish(const std::shared_ptr<const SceneFrame>& frame) {
   if (stopped_) return;
   const Instant now = clock_.now();
-  forget_the_gone(now);
+  remove_gone_clients(now);
   conversation_.take(frame, now);
   frames_.batch().clear();
   addressees_.clear();
@@ -171,19 +170,19 @@ void NatNetServer::publish(const std::shared_ptr<const SceneFrame>& frame) {
   count_sent();
 }
 
-void NatNetServer::hear_refusals(net::UdpServer& commands, Instant now) {
-  while (const auto peer = commands.next_refused()) conversation_.refused_answer(*peer, now);
+void NatNetServer::read_refusals(net::UdpServer& commands, Instant now) {
+  while (const auto peer = commands.next_refused()) conversation_.reply_refused(*peer, now);
 }
 
-void NatNetServer::forget_the_gone(Instant now) {
-  if (commands_) hear_refusals(*commands_, now);
-  if (unicast_) hear_refusals(*unicast_, now);
+void NatNetServer::remove_gone_clients(Instant now) {
+  if (commands_) read_refusals(*commands_, now);
+  if (unicast_) read_refusals(*unicast_, now);
   while (const auto peer = frames_.next_refused()) {
-    if (conversation_.gone(*peer))
-      log::info("natnet", text_of(*peer) + " is gone: its port is closed");
+    if (conversation_.remove(*peer))
+      log::info("natnet", text_of(*peer) + " is removed: its port is closed");
   }
   if (const auto silent = conversation_.expire(now); silent > 0) {
-    log::info("natnet", std::to_string(silent) + " client(s) fell silent and were forgotten");
+    log::info("natnet", std::to_string(silent) + " client(s) timed out and were removed");
   }
 }
 
@@ -206,11 +205,12 @@ void NatNetServer::append_clients(std::vector<ClientStatus>& out) const {
     out.push_back({"natnet", text_of(one.peer) + " udp", std::move(detail), one.frames_sent,
                    one.frames_dropped, to_seconds(now - one.since)});
   }
-  const std::string cards = groups_.cards_text();
-  if (!groups_.has_groups() || cards.empty()) return;
+  const std::string interfaces = groups_.interfaces_text();
+  if (!groups_.has_groups() || interfaces.empty()) return;
   out.push_back({"natnet", groups_text(groups_) + " multicast",
-                 "by " + cards + ", bitstream " + config.bitstream + ", " + axes, groups_.sent(),
-                 groups_.dropped(), first_frame_at_ ? to_seconds(now - *first_frame_at_) : 0.0});
+                 "by " + interfaces + ", bitstream " + config.bitstream + ", " + axes,
+                 groups_.sent(), groups_.dropped(),
+                 first_frame_at_ ? to_seconds(now - *first_frame_at_) : 0.0});
 }
 
 void NatNetServer::stop() {
@@ -227,14 +227,14 @@ std::string where_text(const NatNetConfig& config, const NatNetServer& server) {
       commands + ", to " + config.multicast_group + ":" + std::to_string(config.data_port);
   if (server.unicast_port() == 0) return text;
   return text + " and to each client that keeps alive; port " +
-         std::to_string(server.unicast_port()) + " tells of no group";
+         std::to_string(server.unicast_port()) + " names no group";
 }
 
 }  // namespace
 
 Expected<std::unique_ptr<NatNetStreamer>> start_natnet_server(
     boost::asio::io_context& io, const NatNetConfig& config,
-    std::shared_ptr<const SceneModel> model, const Clock& clock, OperatorDesk* desk,
+    std::shared_ptr<const SceneModel> model, const Clock& clock, OperatorApi* operator_api,
     double rate_hz) {
   if (model->bodies.size() > kMaxBodies) {
     return fail(ErrorCode::kInvalid, "NatNet clients take at most " + std::to_string(kMaxBodies) +
@@ -245,7 +245,7 @@ Expected<std::unique_ptr<NatNetStreamer>> start_natnet_server(
   if (!frames) return tl::unexpected(frames.error());
   auto groups = GroupSender::open(io, config);
   if (!groups) return tl::unexpected(groups.error());
-  Conversation conversation(config, std::move(model), desk, rate_hz, net::random_word(),
+  Conversation conversation(config, std::move(model), operator_api, rate_hz, net::random_word(),
                             net::TrustedNetworks(config.trusted_networks()), clock.now());
   auto server = std::make_unique<NatNetServer>(std::move(*frames), std::move(*groups),
                                                std::move(conversation), clock);

@@ -1,8 +1,9 @@
 #include "streaming/natnet/registry.hpp"
 
 #include <algorithm>
+#include <utility>
 
-#include "streaming/net/places.hpp"
+#include "streaming/net/limits.hpp"
 
 namespace fiducap::natnet {
 
@@ -105,6 +106,58 @@ const Subscriber* Registry::quietest(MayGo may_go) const {
     if (is_client(s) && may_go(s) && (found == nullptr || s.heard_at < found->heard_at)) found = &s;
   }
   return found;
+}
+
+void QuietConnects::connected(const net::Peer& peer, Instant now) {
+  heard(peer);
+  if (asked_.size() == kMost) asked_.erase(asked_.begin());
+  asked_.push_back({peer, now});
+}
+
+void QuietConnects::heard(const net::Peer& peer) {
+  std::erase_if(asked_, [&](const Asked& one) { return one.peer == peer; });
+}
+
+std::optional<net::Peer> QuietConnects::next(Instant now) {
+  if (asked_.empty() || now - asked_.front().at < kSilence) return std::nullopt;
+  const net::Peer peer = asked_.front().peer;
+  asked_.erase(asked_.begin());
+  return peer;
+}
+
+ReflectionGuard::ReflectionGuard(std::uint64_t key, net::TrustedNetworks networks)
+    : key_{key, ~key}, rule_(key_, std::move(networks)), tables_(std::make_unique<Tables>()) {}
+
+ReflectionGuard::Sender ReflectionGuard::heard(const Peer& from, std::size_t bytes, Instant now) {
+  if (!rule_.count_received(from, bytes, now)) return {};
+  Seen& seen = place_of(from);
+  const bool known =
+      seen.peer == from && seen.at_ns >= 0 && now - instant_from_ns(seen.at_ns) <= kRemembered;
+  if (!known) seen = {from, {}, 0};
+  seen.at_ns = to_ns(now);
+  return {true, seen.version};
+}
+
+void ReflectionGuard::set_version(const Peer& to, Bitstream version) {
+  if (Seen& seen = place_of(to); seen.peer == to) seen.version = version;
+}
+
+bool ReflectionGuard::may_answer(const Peer& to, std::size_t bytes, bool trusted, Instant now) {
+  if (to.is_loopback()) return true;
+  if (!trusted) return rule_.may_answer_untrusted(to, bytes);
+  return tables_->addresses[net::address_hash(key_, to) % kBuckets].take(
+      static_cast<double>(bytes), kAddressBurst, kAddressBytes_s, now);
+}
+
+bool ReflectionGuard::may_warn(const Peer& about, Instant now) {
+  std::int64_t& at_ns = tables_->warned_ns[net::address_hash(key_, about) % kBuckets];
+  if (at_ns != 0 && now - instant_from_ns(at_ns) < kWarningPeriod) return false;
+  at_ns = to_ns(now);
+  return true;
+}
+
+ReflectionGuard::Seen& ReflectionGuard::place_of(const Peer& peer) {
+  return tables_->seen[net::peer_hash(key_, peer) % kSeen];
 }
 
 }  // namespace fiducap::natnet

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -9,29 +11,29 @@
 #include <vector>
 
 #include "base/time.hpp"
+#include "middleware/net/networks.hpp"
 #include "middleware/net/peer.hpp"
-#include "streaming/natnet/bitstream.hpp"
+#include "streaming/natnet/codec.hpp"
+#include "streaming/net/limits.hpp"
 
 namespace fiducap::natnet {
 
 using net::Peer;
 
-/// Which bodies one unicast client wants: the outcome of its subscription commands.
-///
-/// Strongest first: a single body by name or id; all or none of the rigid bodies; all or none of
-/// all types; the server's default, which is everything until the client says "subscribed data
-/// only".
+/// The bodies for one unicast client, by its subscription commands. In order of precedence: a
+/// single body by name or id; all or none of the rigid bodies; all or none of all types; the
+/// default: all, or none after "subscribed data only".
 class Selection final {
  public:
   void only_subscribed() { subscribed_only_ = true; }
   void all_types(bool wanted) { all_types_ = wanted; }
   void rigid_bodies(bool wanted) { rigid_bodies_ = wanted; }
   void body(int id, bool wanted);
-  /// Back to the default; "subscribed data only" goes too.
+  /// Back to the default, also without "subscribed data only".
   void clear() { *this = {}; }
 
   [[nodiscard]] bool has(int id) const;
-  /// No body is left out: the usual case, encoded for many clients at once.
+  /// All bodies: the usual case, encoded once for many clients.
   [[nodiscard]] bool is_everything() const;
   [[nodiscard]] bool operator==(const Selection&) const = default;
 
@@ -44,15 +46,15 @@ class Selection final {
   std::vector<std::pair<int, bool>> bodies_;  ///< Sorted by id; at most one per body of the scene.
 };
 
-/// One unicast client: gets frames at the address and port it asks from.
+/// One unicast client; frames are sent to the address and port of its requests.
 struct Subscriber {
   Peer peer;
-  std::string name;  ///< As it calls itself, may be empty.
+  std::string name;  ///< From the client, may be empty.
   Bitstream version;
-  bool fixed{};  ///< From the configuration: never asked, never forgotten.
+  bool fixed{};  ///< From the configuration: never removed.
   Instant since{};
   Instant heard_at{};
-  Instant frames_from{};  ///< Nothing before: a slow start-up takes a frame for an answer.
+  Instant frames_from{};  ///< A client that starts takes an earlier frame for a reply.
   Instant bitstream_changed_until{};
   Selection selection;
   std::uint64_t frames_sent{};
@@ -61,29 +63,27 @@ struct Subscriber {
 
 struct RegistryLimits {
   int max_clients{64};
-  int max_clients_per_address{16};  ///< Of others; this machine's own may take all places.
+  int max_clients_per_address{16};  ///< Of other machines; this one's may take all places.
   Duration timeout{std::chrono::seconds(15)};
 };
 
-/// Who gets frames. Bounded, and shared fairly: when all places are taken, the address with the
-/// most of them gives one to an address that has at least two fewer, so that nobody can keep others
-/// out.
+/// The unicast clients. Bounded; when all places are taken, the address with the most loses one to
+/// an address with at least two fewer.
 class Registry final {
  public:
-  /// A client silent for longer gives its place to a new one when all are taken.
+  /// A client silent for longer may be replaced when all places are taken.
   static constexpr Duration kReplaceableAfter = std::chrono::seconds(8);
 
   explicit Registry(const RegistryLimits& limits);
 
-  /// @return nullptr: not one of ours
+  /// @return nullptr: not a client
   [[nodiscard]] Subscriber* find(const Peer& peer);
-  /// A new one. @pre find(peer) == nullptr
-  /// @return nullptr when there is no place for it
+  /// @pre find(peer) == nullptr   @return nullptr: no place
   Subscriber* add(const Peer& peer, Instant now);
   void add_fixed(const Peer& peer, Bitstream version, Instant now);
-  /// @return it was there; fixed ones stay.
+  /// @return it was a client; fixed ones stay
   bool remove(const Peer& peer);
-  /// Forgets who was silent for too long. @return how many
+  /// Removes timed-out clients. @return how many
   std::size_t expire(Instant now);
 
   [[nodiscard]] std::span<Subscriber> all() { return subscribers_; }
@@ -91,12 +91,88 @@ class Registry final {
 
  private:
   [[nodiscard]] bool make_place(const Peer& peer, Instant now);
-  /// Of whom `may_go` is true. @return nullptr: of nobody
+  /// Among those with `may_go`. @return nullptr: none
   template <typename MayGo>
   [[nodiscard]] const Subscriber* quietest(MayGo may_go) const;
 
   RegistryLimits limits_;
   std::vector<Subscriber> subscribers_;
+};
+
+/// Clients that connected at the multicast port and then sent nothing: the vendor's library in
+/// unicast mode ends there; in multicast mode it sends an echo request at once.
+class QuietConnects final {
+ public:
+  static constexpr Duration kSilence = std::chrono::seconds(3);
+  static constexpr std::size_t kMost = 16;  ///< A new one replaces the oldest.
+
+  void connected(const net::Peer& peer, Instant now);
+  void heard(const net::Peer& peer);
+  /// A peer that was silent for kSilence, each once. @return nullopt: no more of them
+  [[nodiscard]] std::optional<net::Peer> next(Instant now);
+
+ private:
+  struct Asked {
+    net::Peer peer;
+    Instant at;
+  };
+  std::vector<Asked> asked_;  ///< Oldest first.
+};
+
+using net::Peer;
+
+/// Limits reflection attacks. NatNet has no handshake: source addresses can be forged, frames are
+/// sent until a timeout, and replies are longer than requests. So:
+///
+/// - Only addresses of trusted networks are clients.
+/// - Any other address gets no frames, and only the replies that net::SenderRule allows.
+/// - A trusted address gets at most `kAddressBytes_s` of replies (without frames, whose rate is
+/// fixed).
+///   This machine's addresses, which cannot be forged from outside, have no limit.
+///
+/// Tables have a fixed size; slots are chosen by a keyed hash.
+class ReflectionGuard final {
+ public:
+  static constexpr double kAddressBytes_s = 64e3;
+  static constexpr double kAddressBurst = 1e6;  ///< 16 clients that fetch 1000 bodies at once.
+  static constexpr Duration kRemembered = std::chrono::seconds(15);
+
+  /// @param key  random for each start of the server
+  ReflectionGuard(std::uint64_t key, net::TrustedNetworks networks);
+
+  struct Sender {
+    bool trusted{};
+    Bitstream version{};  ///< Since it connected; 0.0: it has not.
+  };
+  /// Counts a received datagram. @return what is known of its sender
+  Sender heard(const Peer& from, std::size_t bytes, Instant now);
+  /// Sets the version for later calls of `heard`.
+  void set_version(const Peer& to, Bitstream version);
+  /// @return the reply may be sent; then it is counted
+  [[nodiscard]] bool may_answer(const Peer& to, std::size_t bytes, bool trusted, Instant now);
+  /// @return a warning about this address may be logged, once per kWarningPeriod
+  [[nodiscard]] bool may_warn(const Peer& about, Instant now);
+
+ private:
+  static constexpr Duration kWarningPeriod = std::chrono::minutes(10);
+  struct Seen {
+    Peer peer;
+    Bitstream version;
+    std::int64_t at_ns{-1};
+  };
+  static constexpr std::size_t kSeen = 16384;  ///< Enough beside 10 000 forged datagrams a second.
+  static constexpr std::size_t kBuckets = 1024;
+  struct Tables {
+    std::array<Seen, kSeen> seen{};
+    std::array<net::TokenBucket, kBuckets> addresses{};
+    std::array<std::int64_t, kBuckets> warned_ns{};
+  };
+
+  [[nodiscard]] Seen& place_of(const Peer& peer);
+
+  std::array<std::uint64_t, 2> key_;
+  net::SenderRule rule_;
+  std::unique_ptr<Tables> tables_;
 };
 
 }  // namespace fiducap::natnet

@@ -19,10 +19,10 @@ Expected<asio::ip::address> address_of(const BindTarget& target) {
   error_code error;
   const auto address = asio::ip::make_address(target.address, error);
   if (error) {
-    return fail(ErrorCode::kInvalid,
-                "expected an IP address, e.g. 127.0.0.1 or 0.0.0.0 for all, came \"" +
-                    target.address + "\"",
-                std::string(target.key) + ".address");
+    return fail(
+        ErrorCode::kInvalid,
+        "expected an IP address, e.g. 127.0.0.1 or 0.0.0.0 for all, got \"" + target.address + "\"",
+        std::string(target.key) + ".address");
   }
   return address;
 }
@@ -74,7 +74,7 @@ Expected<asio::ip::tcp::acceptor> listen_tcp(asio::io_context& io, const BindTar
   asio::ip::tcp::acceptor acceptor(io);
   error_code error;
   acceptor.open(endpoint.protocol(), error);
-  // So that a restart need not wait for connections that were closed a moment ago.
+  // A restart does not wait for connections that were just closed.
   if (!error) acceptor.set_option(asio::ip::tcp::acceptor::reuse_address(true), error);
   if (!error) acceptor.bind(endpoint, error);
   if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);

@@ -11,13 +11,13 @@
 
 namespace fiducap::net {
 
-/// What went wrong and what to do next: who has the port, which key to change.
+/// The reason and the remedy: how to find the owner of the port, which key to change.
 [[nodiscard]] std::string bind_remedy(const boost::system::error_code& error,
                                       const BindTarget& target);
 
 /// A bound, non-blocking socket.
-/// @param shared  several sockets of this machine may hear the same broadcast
-/// @return Error `kUnavailable` with the remedy, `kInvalid` for an address that is none.
+/// @param shared  several sockets of this machine may receive the same broadcast
+/// @return Error `kUnavailable` with the remedy; `kInvalid` when the address is not one
 [[nodiscard]] Expected<boost::asio::ip::udp::socket> bind_udp(boost::asio::io_context& io,
                                                               const BindTarget& target,
                                                               bool shared = false);
@@ -25,7 +25,7 @@ namespace fiducap::net {
 [[nodiscard]] Expected<boost::asio::ip::tcp::acceptor> listen_tcp(boost::asio::io_context& io,
                                                                   const BindTarget& target);
 
-/// An open connection under a name that other headers can declare without Asio.
+/// An open connection; other headers can declare this name without Asio.
 struct TcpSocket {
   boost::asio::ip::tcp::socket asio;
 };

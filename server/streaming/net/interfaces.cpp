@@ -20,11 +20,11 @@ std::uint32_t address_in(const sockaddr* from) {
 
 }  // namespace
 
-std::vector<Card> network_cards() {
+std::vector<Interface> ipv4_interfaces() {
   ifaddrs* first = nullptr;
   if (::getifaddrs(&first) != 0) return {};
   const std::unique_ptr<ifaddrs, decltype(&::freeifaddrs)> owner(first, &::freeifaddrs);
-  std::vector<Card> found;
+  std::vector<Interface> found;
   for (const ifaddrs* one = first; one != nullptr; one = one->ifa_next) {
     const bool usable = (one->ifa_flags & IFF_UP) != 0 && (one->ifa_flags & IFF_LOOPBACK) == 0;
     if (!usable || one->ifa_addr == nullptr || one->ifa_addr->sa_family != AF_INET) continue;
@@ -38,9 +38,9 @@ std::vector<Card> network_cards() {
 
 bool is_this_machine(const Peer& peer) {
   if (peer.is_loopback()) return true;
-  const auto cards = network_cards();
-  return std::any_of(cards.begin(), cards.end(), [&](const Card& card) {
-    return peer.same_address(Peer{card.address, 0});
+  const auto all = ipv4_interfaces();
+  return std::any_of(all.begin(), all.end(), [&](const Interface& one) {
+    return peer.same_address(Peer{one.address, 0});
   });
 }
 
@@ -51,9 +51,9 @@ std::string host_name() {
 
 std::vector<std::string> subnet_broadcasts(std::uint32_t own) {
   std::vector<std::string> all;
-  for (const Card& card : network_cards()) {
-    if (card.address == own && card.broadcast != 0)
-      all.push_back(address_text(Peer{card.broadcast, 0}));
+  for (const Interface& one : ipv4_interfaces()) {
+    if (one.address == own && one.broadcast != 0)
+      all.push_back(address_text(Peer{one.broadcast, 0}));
   }
   return all;
 }

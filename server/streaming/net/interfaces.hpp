@@ -8,21 +8,20 @@
 
 namespace fiducap::net {
 
-/// An IPv4 network card that is up, not the loopback.
-struct Card {
+/// An IPv4 interface that is up; never the loopback.
+struct Interface {
   std::string name;
   std::uint32_t address{};    ///< a.b.c.d as 0xaabbccdd
   std::uint32_t broadcast{};  ///< 0: none
   bool multicast{};
 };
 
-[[nodiscard]] std::vector<Card> network_cards();
-/// Is it an IPv4 address of this machine?
+[[nodiscard]] std::vector<Interface> ipv4_interfaces();
+/// @return the peer has an address of this machine
 [[nodiscard]] bool is_this_machine(const Peer& peer);
-/// This machine's, as it calls itself.
+/// Of this machine.
 [[nodiscard]] std::string host_name();
-/// Where broadcasts of its networks go that a socket bound to `own` does not hear; e.g.
-/// `10.0.0.255`.
+/// Broadcast addresses of the networks of `own`, e.g. `10.0.0.255`; not received by its sockets.
 [[nodiscard]] std::vector<std::string> subnet_broadcasts(std::uint32_t own);
 
 }  // namespace fiducap::net

@@ -4,14 +4,19 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
+#include <optional>
+#include <span>
+#include <vector>
 
 #include "base/time.hpp"
+#include "middleware/net/peer.hpp"
 
-/// Limits against floods and guesses. Fixed tables, memory never grows: two addresses that fall on
-/// the same place share it, and their hashes are keyed, so that nobody can choose with whom.
+/// Limits against floods and guesses. Tables have a fixed size. Two addresses with the same slot
+/// share it; the hashes are keyed, so a client cannot choose its slot.
 namespace fiducap::net {
 
-/// What was spent flows off at a steady rate; what would rise above the burst is refused.
+/// Token bucket: refills at a steady rate, refuses what exceeds the burst.
 class TokenBucket final {
  public:
   [[nodiscard]] bool take(double cost, double burst, double per_second, Instant now) {
@@ -19,7 +24,7 @@ class TokenBucket final {
     spent_ += cost;
     return true;
   }
-  /// Would `take` succeed?
+  /// @return `take` would succeed
   [[nodiscard]] bool has(double cost, double burst, double per_second, Instant now) {
     flow(per_second, now);
     return spent_ + cost <= burst;
@@ -40,13 +45,13 @@ class TokenBucket final {
   double spent_{0};
 };
 
-/// A budget for each address: so much at once, then so much per second.
+/// A token bucket for each address.
 class AddressLimiter {
  public:
   [[nodiscard]] bool allow(std::uint64_t address_hash, Instant now, double cost = 1) {
     return bucket(address_hash).take(cost, burst_, per_second_, now);
   }
-  /// Would `allow` say yes?
+  /// @return `allow` would return true
   [[nodiscard]] bool has(std::uint64_t address_hash, Instant now) {
     return bucket(address_hash).has(1, burst_, per_second_, now);
   }
@@ -64,8 +69,7 @@ class AddressLimiter {
   std::array<TokenBucket, 1024> buckets_{};
 };
 
-/// How often an address that has not proven itself is answered: `kBurst` at once, then
-/// `kPerSecond`.
+/// Answers to an address that has not proven itself.
 class AnswerLimiter final : public AddressLimiter {
  public:
   static constexpr double kBurst = 64;  // all clients of a lab computer at once, after a restart
@@ -73,8 +77,7 @@ class AnswerLimiter final : public AddressLimiter {
   AnswerLimiter() : AddressLimiter(kBurst, kPerSecond) {}
 };
 
-/// How many requests of HTTP an address has answered: a page is a dozen, a program may ask ten
-/// times a second, and behind one address there may be several of both.
+/// HTTP requests of an address: a page needs a dozen, a program may send ten per second.
 class RequestLimiter final : public AddressLimiter {
  public:
   static constexpr double kBurst = 120;
@@ -82,8 +85,7 @@ class RequestLimiter final : public AddressLimiter {
   RequestLimiter() : AddressLimiter(kBurst, kPerSecond) {}
 };
 
-/// Who guesses tokens: after `kAllowed` wrong ones within `kWindow` an address is shut out for the
-/// rest of it.
+/// Wrong tokens per address: `kAllowed` within `kWindow` shut it out for the rest of the window.
 class WrongProofs final {
  public:
   static constexpr int kAllowed = 5;
@@ -110,7 +112,7 @@ class WrongProofs final {
   [[nodiscard]] static bool is_fresh(const Entry& entry, Instant now) {
     return entry.count > 0 && now - entry.since < kWindow;
   }
-  /// Its own, else a free one, else that of whoever guessed least: nobody is shut out for another.
+  /// Its own entry, else a free one, else the one with the lowest count.
   [[nodiscard]] Entry& place_of(std::uint64_t address_hash, Instant now) {
     const auto rank = [&](const Entry& entry) {
       if (!is_fresh(entry, now)) return 0;
@@ -122,5 +124,52 @@ class WrongProofs final {
 
   std::array<Entry, 256> entries_{};
 };
+
+/// The address with the most connections.
+/// @return nullopt: no address has at least `least`
+[[nodiscard]] inline std::optional<Peer> address_with_most_connections(
+    std::span<const Peer> holders, std::ptrdiff_t least) {
+  std::optional<Peer> found;
+  for (const Peer& one : holders) {
+    const auto has = std::count_if(holders.begin(), holders.end(),
+                                   [&](const Peer& other) { return other.same_address(one); });
+    if (has < least) continue;
+    least = has + 1;
+    found = one;
+  }
+  return found;
+}
+
+/// Whether a client gets one of a bounded number of places.
+struct Place {
+  bool is_there{};
+  std::optional<Peer> instead_of{};  ///< The address that loses a place for it.
+};
+
+/// Places (at most half of all) that loopback always gets, from the remote address with the most:
+/// an operator at the machine itself can always connect.
+inline constexpr std::ptrdiff_t kOperatorPlaces = 4;
+
+/// The rule for all places: connections, clients, pages, profiles. When all are taken, the address
+/// with the most loses one to an address with at least two fewer.
+/// @param holders  one entry per place taken   @param most  number of places
+[[nodiscard]] inline Place place_for(const Peer& peer, std::span<const Peer> holders,
+                                     std::size_t most) {
+  if (holders.size() < most) return {true};
+  if (peer.is_loopback()) {
+    std::vector<Peer> remote;
+    std::copy_if(holders.begin(), holders.end(), std::back_inserter(remote),
+                 [](const Peer& one) { return !one.is_loopback(); });
+    const auto local = std::ssize(holders) - std::ssize(remote);
+    const auto reserved = std::min(kOperatorPlaces, static_cast<std::ptrdiff_t>(most + 1) / 2);
+    if (local < reserved) {
+      if (auto other = address_with_most_connections(remote, 1)) return {true, other};
+    }
+  }
+  const auto same = std::count_if(holders.begin(), holders.end(),
+                                  [&](const Peer& other) { return other.same_address(peer); });
+  auto other = address_with_most_connections(holders, same + 2);
+  return {other.has_value(), other};
+}
 
 }  // namespace fiducap::net

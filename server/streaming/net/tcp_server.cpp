@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "streaming/net/bind.hpp"
-#include "streaming/net/places.hpp"
-#include "streaming/net/standing_wait.hpp"
+#include "streaming/net/limits.hpp"
+#include "streaming/net/repeated_wait.hpp"
 
 namespace fiducap::net {
 
@@ -21,8 +21,8 @@ constexpr auto kTick = std::chrono::milliseconds(100);
 
 }  // namespace
 
-/// Shared with the waits under way, which may outlive the server in the I/O queue.
-struct TcpServer::State final : StandingWait, std::enable_shared_from_this<State> {
+/// Shared with pending handlers, which may outlive the server.
+struct TcpServer::State final : RepeatedWait, std::enable_shared_from_this<State> {
   struct Listener {
     tcp::acceptor acceptor;
     MakeSession make;
@@ -34,9 +34,9 @@ struct TcpServer::State final : StandingWait, std::enable_shared_from_this<State
     Instant until;
   };
 
-  struct Room {
-    bool is_there{};
-    std::shared_ptr<Session> instead_of{};  ///< Who has to go for it.
+  struct Admission {
+    bool is_granted{};
+    std::shared_ptr<Session> instead_of{};  ///< To be closed for it.
   };
 
   State(asio::io_context& context, const TcpLimits& given, const Clock& time)
@@ -44,28 +44,28 @@ struct TcpServer::State final : StandingWait, std::enable_shared_from_this<State
 
   void accept(const std::shared_ptr<Listener>& listener);
   void take_in(tcp::socket socket, const MakeSession& make);
-  void connect(const Peer& peer, Duration patience, MakeSession make);
+  void connect(const Peer& peer, Duration timeout, MakeSession make);
   void connected(const std::shared_ptr<Connecting>& one, const error_code& error,
                  const MakeSession& make);
   [[nodiscard]] std::vector<Peer> holders() const;
   [[nodiscard]] std::shared_ptr<Session> newest_of(const Peer& address) const;
   [[nodiscard]] std::shared_ptr<Session> oldest_replaceable() const;
-  [[nodiscard]] Room room_for(const Peer& peer);
-  void complain_about_room(const Peer& peer, std::size_t all, std::ptrdiff_t same);
+  [[nodiscard]] Admission admit(const Peer& peer);
+  void warn_full(const Peer& peer, std::size_t all, std::ptrdiff_t same);
   void tick();
   void wait_for_tick();
   void resume() override;
   void give_up_oldest();
   void give_up_connecting(Instant now);
   void close_listeners();
-  void stop(Duration goodbye);
+  void stop(Duration delay);
   void close_sessions();
   void sweep() {
     std::erase_if(sessions, [](const auto& session) { return session->closed(); });
   }
   template <typename Work>
   void guard(Work&& work) const {
-    guarded(
+    log::guarded(
         limits.protocol, [] { return "a connection"; }, std::forward<Work>(work));
   }
 
@@ -77,7 +77,7 @@ struct TcpServer::State final : StandingWait, std::enable_shared_from_this<State
   std::vector<std::shared_ptr<Connecting>> connecting;
   std::vector<std::shared_ptr<Session>> sessions;
   std::function<void(Instant)> ticked;
-  bool may_complain{true};  ///< About a lack of room, once per tick: clients cannot flood the log.
+  bool may_warn{true};  ///< Once per tick: clients cannot flood the log.
   PendingWait ticking;
   bool started{false};
   bool stopped{false};
@@ -101,20 +101,20 @@ void TcpServer::State::take_in(tcp::socket socket, const MakeSession& make) {
   const tcp::endpoint from = socket.remote_endpoint(gone);
   sweep();
   if (gone) return;
-  const Room room = room_for(peer_of(from));
-  if (!room.is_there) return;  // closes it
-  if (room.instead_of)
-    room.instead_of->close("is closed: all places are taken and somebody else wants one",
-                           log::Level::kWarning);
+  const Admission admission = admit(peer_of(from));
+  if (!admission.is_granted) return;  // closes the socket
+  if (admission.instead_of)
+    admission.instead_of->close("is closed: all places are taken and another client needs one",
+                                log::Level::kWarning);
   const auto session = make(Socket(new TcpSocket{std::move(socket)}), peer_of(from));
   if (session == nullptr) return;
   sessions.push_back(session);
   const auto whose = [&] { return "client " + text_of(session->peer()); };
-  if (!guarded(limits.protocol, whose, [&] { session->start(); }))
+  if (!log::guarded(limits.protocol, whose, [&] { session->start(); }))
     session->close("is closed after a failure", log::Level::kWarning);
 }
 
-/// Who has a place. One that is only being connected to has none yet: it may never answer.
+/// Peers of all open sessions; one that is being connected to has no place yet.
 std::vector<Peer> TcpServer::State::holders() const {
   std::vector<Peer> all;
   for (const auto& session : sessions) {
@@ -127,7 +127,7 @@ std::vector<Peer> TcpServer::State::holders() const {
 std::shared_ptr<Session> TcpServer::State::newest_of(const Peer& address) const {
   const auto newest = std::find_if(sessions.rbegin(), sessions.rend(), [&](const auto& session) {
     return !session->closed() && session->peer().same_address(address);
-  });  // they stand in the order they came
+  });  // in order of arrival
   return newest == sessions.rend() ? nullptr : *newest;
 }
 
@@ -139,7 +139,7 @@ std::shared_ptr<Session> TcpServer::State::oldest_replaceable() const {
   return oldest == sessions.end() ? nullptr : *oldest;
 }
 
-TcpServer::State::Room TcpServer::State::room_for(const Peer& peer) {
+TcpServer::State::Admission TcpServer::State::admit(const Peer& peer) {
   const std::vector<Peer> all = holders();
   const auto same = std::count_if(all.begin(), all.end(),
                                   [&](const Peer& other) { return other.same_address(peer); });
@@ -151,32 +151,32 @@ TcpServer::State::Room TcpServer::State::room_for(const Peer& peer) {
     auto spare = place.instead_of ? newest_of(*place.instead_of) : oldest_replaceable();
     if (spare) return {true, std::move(spare)};
   }
-  complain_about_room(peer, all.size(), same);
+  warn_full(peer, all.size(), same);
   return {false};
 }
 
-void TcpServer::State::complain_about_room(const Peer& peer, std::size_t all, std::ptrdiff_t same) {
-  if (limits.section.empty() || !std::exchange(may_complain, false)) return;
+void TcpServer::State::warn_full(const Peer& peer, std::size_t all, std::ptrdiff_t same) {
+  if (limits.section.empty() || !std::exchange(may_warn, false)) return;
   const std::string section(limits.section);
   const std::string per_address =
       limits.max_clients_per_address > 0 ? ", " + section + ".max_clients_per_address" : "";
-  log::warning(limits.protocol, "no room for client " + text_of(peer) +
+  log::warning(limits.protocol, "no place for client " + text_of(peer) +
                                     " tcp: " + std::to_string(all) + " places are taken, " +
                                     std::to_string(same) + " by its address (" + section +
                                     ".max_clients" + per_address + ")");
 }
 
-void TcpServer::State::connect(const Peer& peer, Duration patience, MakeSession make) {
+void TcpServer::State::connect(const Peer& peer, Duration timeout, MakeSession make) {
   const auto there = std::count_if(connecting.begin(), connecting.end(),
                                    [&](const auto& one) { return one->peer.same_address(peer); });
   const bool under_way = std::any_of(connecting.begin(), connecting.end(),
                                      [&](const auto& one) { return one->peer == peer; });
   if (stopped || under_way || there >= static_cast<std::ptrdiff_t>(kMaxConnectingPerAddress) ||
-      !room_for(peer).is_there)
+      !admit(peer).is_granted)
     return;
   if (connecting.size() >= kMaxConnecting) give_up_oldest();
   const auto one =
-      std::make_shared<Connecting>(Connecting{peer, tcp::socket(io), clock.now() + patience});
+      std::make_shared<Connecting>(Connecting{peer, tcp::socket(io), clock.now() + timeout});
   connecting.push_back(one);
   one->socket.async_connect(endpoint_of(peer), [self = shared_from_this(), one,
                                                 make = std::move(make)](const error_code& error) {
@@ -191,7 +191,7 @@ void TcpServer::State::connected(const std::shared_ptr<Connecting>& one, const e
   log::debug(limits.protocol, text_of(one->peer) + " tcp cannot be reached: " + error.message());
 }
 
-/// Addresses that never answer keep nobody out: who is there answers long before its turn comes.
+/// Peers that exist answer long before this: only dead addresses are given up.
 void TcpServer::State::give_up_oldest() {
   error_code ignored;
   connecting.front()->socket.close(ignored);
@@ -210,10 +210,10 @@ void TcpServer::State::give_up_connecting(Instant now) {
 
 void TcpServer::State::tick() {
   const Instant now = clock.now();
-  may_complain = true;
+  may_warn = true;
   for (const auto& session : sessions) {
     const auto whose = [&] { return "client " + text_of(session->peer()); };
-    if (!guarded(limits.protocol, whose, [&] { session->tick(now); }))
+    if (!log::guarded(limits.protocol, whose, [&] { session->tick(now); }))
       session->close("is closed after a failure", log::Level::kWarning);
   }
   guard([&] { give_up_connecting(now); });
@@ -243,21 +243,21 @@ void TcpServer::State::close_listeners() {
   listeners.clear();
 }
 
-void TcpServer::State::stop(Duration goodbye) {
+void TcpServer::State::stop(Duration delay) {
   if (std::exchange(stopped, true)) return;
   close_listeners();
   error_code ignored;
   for (const auto& one : connecting) one->socket.close(ignored);
   connecting.clear();
   timer.cancel(ignored);
-  if (goodbye == Duration{0}) return close_sessions();
-  timer.expires_after(goodbye);
+  if (delay == Duration{0}) return close_sessions();
+  timer.expires_after(delay);
   timer.async_wait([self = shared_from_this()](const error_code&) { self->close_sessions(); });
 }
 
 void TcpServer::State::close_sessions() {
   for (const auto& session : sessions) {
-    session->close("is left: the server stops", log::Level::kDebug);
+    session->close("is closed: the server stops", log::Level::kDebug);
   }
   sessions.clear();
 }
@@ -278,15 +278,15 @@ Expected<std::uint16_t> TcpServer::listen(const BindTarget& target, MakeSession 
 }
 
 void TcpServer::close_listeners() { state_->close_listeners(); }
-void TcpServer::connect(const Peer& peer, Duration patience, MakeSession make) {
-  state_->connect(peer, patience, std::move(make));
+void TcpServer::connect(const Peer& peer, Duration timeout, MakeSession make) {
+  state_->connect(peer, timeout, std::move(make));
 }
 void TcpServer::start(std::function<void(Instant)> ticked) {
   state_->ticked = std::move(ticked);
   state_->started = true;
   state_->resume();
 }
-void TcpServer::stop(Duration goodbye) { state_->stop(goodbye); }
+void TcpServer::stop(Duration delay) { state_->stop(delay); }
 const std::vector<std::shared_ptr<Session>>& TcpServer::sessions() const {
   return state_->sessions;
 }

@@ -7,9 +7,9 @@
 #include <string_view>
 #include <vector>
 
-#include "base/clock.hpp"
 #include "base/expected.hpp"
-#include "streaming/net/guard.hpp"
+#include "base/log.hpp"
+#include "base/time.hpp"
 #include "streaming/net/tcp_session.hpp"
 
 namespace boost::asio {
@@ -22,24 +22,21 @@ struct TcpLimits {
   std::string_view protocol;  ///< For the log, e.g. `vicon`; a literal.
   int max_clients{64};
   int max_clients_per_address{0};  ///< 0: as many as there is room for.
-  /// Section of the configuration that has the limits, a literal; empty: nobody is told.
+  /// Section of the configuration with the limits, a literal; empty: nothing is logged.
   std::string_view section{};
 };
 
-/// The TCP side of a protocol: listens, takes in sessions within the limits, ticks and forgets
-/// them. What a session throws ends that session; accepting and ticking go on.
+/// The TCP side of a protocol: accepts sessions within the limits, ticks and removes them. An
+/// exception of a session ends that session only.
 ///
-/// Nobody keeps others out by holding many places: when all are taken, the address with the most
-/// loses its newest session to an address that has at least two fewer, and to the operator at the
-/// machine itself (`place_for`). When nobody holds more than others, the oldest session that may be
-/// replaced goes.
-///
-/// Nothing of it is called after `stop`, whatever still waits in the I/O queue.
+/// When all places are taken, the address with the most loses its newest session to an address with
+/// at least two fewer, or to the operator at the machine itself (`place_for`); else the oldest
+/// session that may be replaced is closed. No callback is called after `stop`.
 class TcpServer final {
  public:
   /// @return the session of this connection; nullptr: refused
   using MakeSession = std::function<std::shared_ptr<Session>(Socket, const Peer&)>;
-  /// Connections of our own under way, in all and to one address.
+  /// Outgoing connections being established, in total and per address.
   static constexpr std::size_t kMaxConnecting = 32;
   static constexpr std::size_t kMaxConnectingPerAddress = 16;
 
@@ -49,30 +46,29 @@ class TcpServer final {
   TcpServer(const TcpServer&) = delete;
   TcpServer& operator=(const TcpServer&) = delete;
 
-  /// One more port. @return the one it got; Error with the remedy when it cannot be had
+  /// One more port. @return its number; Error with the remedy when it cannot be bound
   [[nodiscard]] Expected<std::uint16_t> listen(const BindTarget& target, MakeSession make);
-  /// Gives all ports back, so that others can be tried.
+  /// Releases all ports.
   void close_listeners();
-  /// Connects to a peer, as if it had connected to us: within the limits, and once. Nothing
-  /// happens when a connection to it is under way. When too many are, the oldest is given up.
-  void connect(const Peer& peer, Duration patience, MakeSession make);
-  /// Ticks all sessions ten times a second, and then `ticked`.
+  /// Connects to a peer, within the limits; does nothing when it is already connecting. Beyond
+  /// kMaxConnecting the oldest attempt is given up.
+  void connect(const Peer& peer, Duration timeout, MakeSession make);
+  /// Ticks all sessions, then calls `ticked`, ten times a second.
   void start(std::function<void(Instant)> ticked = {});
 
-  /// All sessions that are not closed. @tparam S  what the server's `MakeSession` makes
+  /// All open sessions. @tparam S  the type that `MakeSession` makes
   template <typename S, typename Work>
   void each(Work&& work) const {
     for (const auto& session : sessions()) {
       if (session->closed()) continue;
       const auto whose = [&] { return "client " + text_of(session->peer()); };
-      if (!guarded(limits().protocol, whose, [&] { work(static_cast<S&>(*session)); }))
+      if (!log::guarded(limits().protocol, whose, [&] { work(static_cast<S&>(*session)); }))
         session->close("is closed after a failure", log::Level::kWarning);
     }
   }
 
-  /// No new sessions and no more ticks; the sessions end when `goodbye` is over, so that clients
-  /// whose socket is full may still read what was sent last.
-  void stop(Duration goodbye = Duration{0});
+  /// No new sessions and ticks; sessions are closed after `delay`, for slow clients.
+  void stop(Duration delay = Duration{0});
 
  private:
   struct State;

@@ -8,9 +8,9 @@
 #include <boost/asio/write.hpp>
 #include <utility>
 
+#include "base/log.hpp"
 #include "streaming/net/bind.hpp"
-#include "streaming/net/guard.hpp"
-#include "streaming/net/standing_wait.hpp"
+#include "streaming/net/repeated_wait.hpp"
 
 namespace fiducap::net {
 
@@ -20,7 +20,7 @@ namespace asio = boost::asio;
 using asio::ip::tcp;
 using boost::system::error_code;
 
-// About half a second of a busy scene. More would only let a client that wakes up read old poses.
+// About half a second of a busy scene; a larger buffer would hold old poses.
 constexpr int kSendBuffer_bytes = 64 * 1024;
 // A dead peer (power, cable) is found after 10 + 3 · 5 s.
 constexpr int kKeepAliveIdle_s = 10;
@@ -28,12 +28,10 @@ constexpr int kKeepAliveInterval_s = 5;
 constexpr int kKeepAliveProbes = 3;
 
 void set_option(int socket, int level, int option, int value) {
-  ::setsockopt(socket, level, option, &value,
-               sizeof(value));  // a refusal costs latency or patience, nothing else
+  ::setsockopt(socket, level, option, &value, sizeof(value));  // optional: a failure is harmless
 }
 
-/// Low latency, a send buffer that holds no stale seconds, and dead peers found within half a
-/// minute.
+/// Low latency, a small send buffer, and dead peers found within half a minute.
 void tune(tcp::socket& socket) {
   const int fd = socket.native_handle();
   set_option(fd, IPPROTO_TCP, TCP_NODELAY, 1);
@@ -45,11 +43,54 @@ void tune(tcp::socket& socket) {
 }
 
 Peer remote_peer(const tcp::socket& socket) {
-  error_code gone;  // one that left already: the first read says so
+  error_code gone;  // closed already: the first read fails
   return peer_of(socket.remote_endpoint(gone));
 }
 
 }  // namespace
+
+bool TcpOutbox::offer(SharedBytes frame) {
+  const bool nothing_lost = frame_ == nullptr;
+  frame_ = std::move(frame);
+  return nothing_lost;
+}
+
+std::optional<TcpOutbox::Pieces> TcpOutbox::take(Instant now) {
+  note_waiting(now);
+  if (writing_ || (replies_.empty() && frame_ == nullptr)) return std::nullopt;
+  writing_ = true;
+  in_flight_since_ = std::exchange(waiting_since_, std::nullopt).value_or(now);
+  replies_in_flight_.swap(replies_);
+  replies_.clear();
+  frame_in_flight_ = std::exchange(frame_, nullptr);
+  Pieces pieces{};
+  pieces[0] = replies_in_flight_;
+  if (frame_in_flight_) pieces[1] = *frame_in_flight_;
+  return pieces;
+}
+
+void TcpOutbox::written(Instant now) {
+  writing_ = false;
+  in_flight_since_.reset();
+  replies_in_flight_.clear();
+  frame_in_flight_.reset();
+  note_waiting(now);
+}
+
+std::optional<std::string> TcpOutbox::overdue(Instant now) {
+  note_waiting(now);
+  const std::size_t bytes = replies_in_flight_.size() + replies_.size();
+  if (bytes > kMaxReplyBytes)
+    return "does not read: " + std::to_string(bytes) + " bytes of replies are waiting";
+  const auto oldest = in_flight_since_ ? in_flight_since_ : waiting_since_;
+  if (oldest && now - *oldest > kMaxWait)
+    return "does not read: a message is waiting for more than 5 s";
+  return std::nullopt;
+}
+
+void TcpOutbox::note_waiting(Instant now) {
+  if (!waiting_since_ && !replies_.empty()) waiting_since_ = now;
+}
 
 void DeleteSocket::operator()(TcpSocket* socket) const { delete socket; }
 
@@ -73,8 +114,8 @@ TcpSession::~TcpSession() = default;
 
 template <typename Work>
 void TcpSession::guard(Work&& work) {
-  const auto whose = [this] { return "client " + peer_text() + " is left"; };
-  if (!guarded(protocol_, whose, std::forward<Work>(work))) {
+  const auto whose = [this] { return "client " + peer_text() + " is closed"; };
+  if (!log::guarded(protocol_, whose, std::forward<Work>(work))) {
     close("is closed after a failure", log::Level::kWarning);
   }
 }
@@ -119,8 +160,8 @@ void TcpSession::offer(SharedBytes frame) {
   flush();
 }
 
-// Written at once: nearly always it fits into the socket's buffer, and then no operation is queued,
-// nothing allocated and nobody woken. What does not fit is written when there is room.
+// Writes synchronously: nearly always all fits into the socket's buffer, so no operation is queued
+// and nothing allocated. The rest is written asynchronously.
 void TcpSession::flush() {
   while (!closed()) {
     const auto pieces = outbox_.take(clock_.now());

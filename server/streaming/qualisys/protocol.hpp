@@ -9,13 +9,13 @@
 namespace fiducap::qualisys {
 
 inline constexpr std::size_t kHeaderSize = 8;          ///< u32 size of the whole packet, u32 type.
-inline constexpr std::size_t kMaxIncoming = 64 << 10;  ///< Settings are the longest that come.
-/// What fits into one UDP datagram.
+inline constexpr std::size_t kMaxIncoming = 64 << 10;  ///< Settings are the longest packets.
+/// Of UDP.
 inline constexpr std::size_t kMaxDatagram = 65'507;
 inline constexpr std::uint16_t kLowestUdpPort = 1024;
 inline constexpr std::size_t kDiscoverSize = 10;
 
-/// Of the ports: what is added to the base port.
+/// Offsets of the ports from the base port.
 inline constexpr std::uint16_t kLegacyOffset = 0;        ///< Version 1.0 only, big-endian.
 inline constexpr std::uint16_t kLittleEndianOffset = 1;  ///< What every current client uses.
 inline constexpr std::uint16_t kBigEndianOffset = 2;
@@ -35,23 +35,23 @@ enum class Event : std::uint8_t {
   kConnectionClosed = 2,
   kCaptureStarted = 3,
   kCaptureStopped = 4,
-  kCameraSettingsChanged = 11,  ///< Here: the list of bodies is another one.
+  kCameraSettingsChanged = 11,  ///< Here: the list of bodies changed.
   kShuttingDown = 12,
   kCaptureSaved = 13,
 };
 
 /// Minor number of protocol 1.N.
 struct Version {
-  int minor{1};  ///< What a client gets that never asks for one.
+  int minor{1};  ///< Default.
 
   static constexpr int kNewest = 28;
   /// Before 1.8 coordinates are doubles.
   [[nodiscard]] constexpr bool wide() const { return minor < 8; }
-  /// Until 1.20 bodies are described in another way.
+  /// Until 1.20 bodies are described differently.
   [[nodiscard]] constexpr bool old_parameters() const { return minor < 21; }
 };
 
-/// Component types of data packets. The numbers are those of the wire.
+/// Component types of data packets, as on the wire.
 enum class Component : std::uint32_t {
   k3d = 1,
   k3dNoLabels = 2,
@@ -75,7 +75,7 @@ enum class Component : std::uint32_t {
 };
 
 struct ComponentWord {
-  std::string_view word;  ///< As clients send it; upper and lower case are the same.
+  std::string_view word;  ///< As clients send it; case does not matter.
   Component component;
 };
 
@@ -101,8 +101,7 @@ inline constexpr std::array<ComponentWord, 19> kComponentWords{{
     {"EyeTracker", Component::kEyeTracker},
 }};
 
-/// A set of components; they are sent in ascending order of their types, whatever the order of the
-/// words (clients look them up by type).
+/// A set of components; they are sent in ascending order of their types.
 class Components final {
  public:
   constexpr void add(Component c) { bits_ |= bit(c); }
@@ -110,7 +109,7 @@ class Components final {
   [[nodiscard]] constexpr bool empty() const { return bits_ == 0; }
   [[nodiscard]] constexpr std::uint32_t bits() const { return bits_; }
 
-  /// What `All` means here: everything that we have.
+  /// Meaning of `All` here.
   [[nodiscard]] static constexpr Components all() {
     Components c;
     c.add(Component::k6d);

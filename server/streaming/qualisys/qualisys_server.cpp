@@ -1,5 +1,4 @@
-#include "streaming/qualisys/qualisys_server.hpp"
-
+#include <algorithm>
 #include <array>
 #include <optional>
 #include <string>
@@ -7,32 +6,42 @@
 #include <vector>
 
 #include "base/log.hpp"
-#include "middleware/net/sender_rule.hpp"
+#include "middleware/net/networks.hpp"
+#include "middleware/net/peer.hpp"
 #include "streaming/net/interfaces.hpp"
 #include "streaming/net/limits.hpp"
 #include "streaming/net/tcp_server.hpp"
 #include "streaming/net/udp_server.hpp"
 #include "streaming/qualisys/codec.hpp"
+#include "streaming/qualisys/control.hpp"
+#include "streaming/qualisys/protocol.hpp"
+#include "streaming/qualisys/qualisys.hpp"
 #include "streaming/qualisys/session.hpp"
 
 namespace fiducap::qualisys {
 
 namespace {
 
-constexpr Duration kGoodbye = std::chrono::milliseconds(50);
+bool is_short_text(const std::string& text) {
+  return !text.empty() && text.size() <= 60 &&
+         std::all_of(text.begin(), text.end(), [](char c) { return c >= 0x20 && c < 0x7f; });
+}
+
+constexpr Duration kStopDelay = std::chrono::milliseconds(50);
 constexpr std::string_view kKey = "streaming.qualisys";
 constexpr int kBindAttempts = 32;  // for port 0: three in a row must be free
 constexpr std::uint16_t kLastFreeBase = 65'533;
 constexpr std::size_t kLongestQuestion = 64;
-/// Listeners, discovery, and the fan-out of frames: each is encoded once per profile, and goes to
-/// all its UDP readers by one call.
+
+/// Listeners, discovery, and the fan-out of frames: each is encoded once per profile and sent to
+/// all its UDP clients by one system call.
 class QualisysServer final : public QualisysStreamer {
  public:
-  QualisysServer(boost::asio::io_context& io, const QualisysConfig& config, OperatorDesk* desk,
-                 const Clock& clock)
+  QualisysServer(boost::asio::io_context& io, const QualisysConfig& config,
+                 OperatorApi* operator_api, const Clock& clock)
       : io_(io),
         clock_(clock),
-        shared_(std::make_shared<SharedState>(config, desk)),
+        shared_(std::make_shared<SharedState>(config, operator_api)),
         tcp_(io, {"qualisys", config.max_clients, config.max_clients_per_address, kKey}, clock) {}
   ~QualisysServer() override { QualisysServer::stop(); }
 
@@ -51,7 +60,7 @@ class QualisysServer final : public QualisysStreamer {
   Expected<std::uint16_t> open_port(Dialect dialect, std::uint16_t port);
   void open_discovery();
   void answer(const net::UdpServer::Datagram& question);
-  void tell_all(Event event);
+  void send_to_all(Event event);
   void send_frame(Session& session, const SceneFrame& frame);
   void tick();
 
@@ -62,8 +71,8 @@ class QualisysServer final : public QualisysStreamer {
   std::uint64_t next_client_{1};
   bool stopped_{false};
   std::vector<Event> events_;
-  std::string about_;  ///< What discovery says.
-  // An answer to "who is there?" is longer than its question, and nobody has proven his address.
+  std::string about_;  ///< Text for discovery.
+  // A discovery reply is longer than its request, whose sender is not proven.
   std::array<std::uint64_t, 2> key_{net::random_key()};
   net::SenderRule senders_{key_, net::TrustedNetworks({})};
   net::AnswerLimiter answers_;
@@ -119,7 +128,7 @@ void QualisysServer::open_discovery() {
   auto opened = net::UdpServer::open(
       io_, {loopback ? config.address : "0.0.0.0", config.discovery_port, kKey, "discovery_port"},
       {"qualisys", kLongestQuestion});
-  if (!opened) {  // clients that are told the address work without
+  if (!opened) {  // clients with a configured address work without it
     log::warning("qualisys", "discovery is not answered: " + opened.error().text());
     return;
   }
@@ -130,13 +139,13 @@ void QualisysServer::open_discovery() {
 
 void QualisysServer::answer(const net::UdpServer::Datagram& question) {
   const Instant now = clock_.now();
-  const bool is_trusted = senders_.heard(question.from, question.bytes.size(), now);
+  const bool is_trusted = senders_.count_received(question.from, question.bytes.size(), now);
   const auto port = decode_discover(question.bytes);
   if (!port) return;
   std::vector<std::byte> answer;
   encode_discover_answer(about_, base_port_, answer);
   const bool may_go = is_trusted ? answers_.allow(net::address_hash(key_, question.from), now)
-                                 : senders_.may_answer_stranger(question.from, answer.size());
+                                 : senders_.may_answer_untrusted(question.from, answer.size());
   if (may_go) discovery_->send(answer, question.from.with_port(*port));
 }
 
@@ -144,7 +153,7 @@ void QualisysServer::publish(const std::shared_ptr<const SceneFrame>& frame) {
   if (stopped_) return;
   shared_->rate_hz = frame->rate_hz;
   if (frame->model != nullptr && shared_->bodies.update(*frame->model)) {
-    tell_all(Event::kCameraSettingsChanged);
+    send_to_all(Event::kCameraSettingsChanged);
   }
   shared_->frames.put(frame, shared_->bodies);
   udp_->batch().clear();
@@ -164,7 +173,7 @@ void QualisysServer::send_frame(Session& session, const SceneFrame& frame) {
   if (!session.connection().udp_port()) {
     return session.offer(net::SharedBytes(encoded, &encoded->packet));
   }
-  // The TCP peer's address, whatever address the client named: nobody can aim frames at another.
+  // The address of the TCP peer: a client cannot redirect frames.
   const net::Peer target = session.peer().with_port(*session.connection().udp_port());
   session.datagrams.open(udp_->batch());
   std::size_t begin = 0;
@@ -176,8 +185,8 @@ void QualisysServer::send_frame(Session& session, const SceneFrame& frame) {
   if (encoded->datagram_ends.empty()) session.datagrams.drop();  // too long for any datagram
 }
 
-void QualisysServer::tell_all(Event event) {
-  tcp_.each<Session>([event](Session& session) { session.tell(event); });
+void QualisysServer::send_to_all(Event event) {
+  tcp_.each<Session>([event](Session& session) { session.send_event(event); });
 }
 
 void QualisysServer::append_clients(std::vector<ClientStatus>& out) const {
@@ -189,22 +198,46 @@ void QualisysServer::tick() {
   shared_->now = clock_.now();
   events_.clear();
   shared_->control.observe(events_);
-  for (const Event event : events_) tell_all(event);
+  for (const Event event : events_) send_to_all(event);
 }
 
 void QualisysServer::stop() {
   if (std::exchange(stopped_, true)) return;
   if (discovery_) discovery_->stop();
-  tell_all(Event::kShuttingDown);
-  tcp_.stop(kGoodbye);
+  send_to_all(Event::kShuttingDown);
+  tcp_.stop(kStopDelay);
 }
 
 }  // namespace
 
+std::vector<ConfigError> QualisysConfig::check() const {
+  return Checker{"streaming.qualisys."}
+      .require(net::parse_address(address).has_value(), "address", address,
+               "must be an IPv4 address, e.g. 127.0.0.1 or 0.0.0.0 for all")
+      .require(base_port <= 65535 - kBigEndianOffset, "base_port", std::to_string(base_port),
+               "must leave room for the two ports behind it")
+      .within("max_clients", max_clients, 1, 256)
+      .within("max_clients_per_address", max_clients_per_address, 1, 256)
+      .require(is_short_text(qtm_version), "qtm_version", qtm_version,
+               "must be 1 to 60 printable characters")
+      .errors;
+}
+
+ServedProtocol QualisysConfig::served() const {
+  const auto tcp = [this](int offset) {
+    return PortUse{static_cast<std::uint16_t>(base_port + offset), false};
+  };
+  // Bodies are identified by index: the list is fixed.
+  const bool stop = when_invalid == WhenInvalid::kStop;
+  return {"qualisys", enabled,
+          address,    {tcp(kLittleEndianOffset), tcp(kBigEndianOffset), {discovery_port, true}},
+          axes(),     stop ? WhenInvalid::kFlag : when_invalid};
+}
+
 Expected<std::unique_ptr<QualisysStreamer>> start_qualisys_server(
-    boost::asio::io_context& io, const QualisysConfig& config, OperatorDesk* desk,
+    boost::asio::io_context& io, const QualisysConfig& config, OperatorApi* operator_api,
     std::shared_ptr<const SceneModel> model, const Clock& clock) {
-  auto server = std::make_unique<QualisysServer>(io, config, desk, clock);
+  auto server = std::make_unique<QualisysServer>(io, config, operator_api, clock);
   if (auto listening = server->listen(*model); !listening) {
     return tl::unexpected(listening.error());
   }

@@ -4,8 +4,7 @@
 #include <cmath>
 #include <string>
 
-#include "base/byte_reader.hpp"
-#include "base/byte_writer.hpp"
+#include "base/bytes.hpp"
 
 namespace fiducap::vicon {
 
@@ -26,7 +25,7 @@ LittleEndianWriter begin(Type type, std::size_t payload, std::vector<std::byte>&
   return to;
 }
 
-/// Of a per-subject object with one segment.
+/// A per-subject object with one segment.
 LittleEndianWriter begin_segment(Type type, std::size_t values, std::uint32_t subject,
                                  std::vector<std::byte>& out) {
   LittleEndianWriter to = begin(type, 12 + values, out);
@@ -51,7 +50,7 @@ void encode_named(Type type, std::span<const NamedValue> values, std::vector<std
   }
 }
 
-/// A count that the bytes behind it can hold, at `size` each.
+/// A count of elements of `size` bytes, at most as many as bytes are left.
 Expected<std::uint32_t> checked_count(LittleEndianReader& from, std::size_t size,
                                       const char* context) {
   const std::uint32_t n = from.u32();
@@ -211,7 +210,7 @@ void encode_lightweight_segments(const SegmentPose& pose, std::vector<std::byte>
 Expected<std::size_t> packet_size(std::span<const std::byte> in) {
   for (std::size_t i = 0; i < std::min<std::size_t>(in.size(), 4); ++i) {
     if (in[i] == static_cast<std::byte>(kPacketTag >> (8 * i) & 0xff)) continue;
-    return fail(ErrorCode::kInvalid, "expected the packet tag 01 00 2b 1a, came something else",
+    return fail(ErrorCode::kInvalid, "expected the packet tag 01 00 2b 1a, got something else",
                 "Vicon packet");
   }
   if (in.size() < kHeaderSize) return 0;
@@ -220,7 +219,7 @@ Expected<std::size_t> packet_size(std::span<const std::byte> in) {
   const std::size_t length = from.u32();
   if (length > kMaxClientPacket) {
     return fail(ErrorCode::kInvalid,
-                "expected a length up to " + std::to_string(kMaxClientPacket) + ", came " +
+                "expected a length up to " + std::to_string(kMaxClientPacket) + ", got " +
                     std::to_string(length),
                 "Vicon packet");
   }

@@ -1,16 +1,26 @@
 #include "streaming/vicon/frame_board.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <span>
 #include <utility>
 
+#include "base/pose.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
 
 namespace fiducap::vicon {
 
 namespace {
 
-// A packet leaves this much later than it was made before it is worth one of its own.
+constexpr std::int64_t kNumbers = std::int64_t{1} << 31;
+// Frames are often late, rarely early: from a quarter of a period early to three quarters late.
+constexpr double kEarly = 0.25;
+
+// A pose this uncertain has quality one half.
+constexpr double kHalfGood_m = 0.02;
+constexpr double kHalfGood_rad = 0.02;
+
+// A packet that leaves later than this after the update is composed again, with its latency.
 constexpr Duration kFresh = std::chrono::microseconds(500);
 
 const std::vector<std::uint32_t>* wanted_of(const Profile& profile, Type type) {
@@ -28,18 +38,71 @@ Duration not_negative(Duration d) { return std::max(d, Duration::zero()); }
 
 }  // namespace
 
+std::uint32_t FrameNumbers::next(Instant at, double rate_hz) {
+  if (!start_ || rate_hz != rate_hz_) {
+    start_ = at;
+    rate_hz_ = rate_hz;
+    first_ = next_;
+  }
+  const auto ticks =
+      static_cast<std::int64_t>(std::floor(to_seconds(at - *start_) * rate_hz + kEarly));
+  const std::int64_t number = std::max(next_, first_ + ticks);
+  next_ = number + 1;
+  return static_cast<std::uint32_t>(number % kNumbers);
+}
+
+Instant FrameNumbers::due() const {
+  return *start_ + from_seconds(static_cast<double>(next_ - 1 - first_) / rate_hz_);
+}
+
+double quality_of(const BodyPose& body) {
+  if (!body.valid) return 0.0;
+  const double worst =
+      std::max(body.position_sigma_m() / kHalfGood_m, body.rotation_sigma_rad() / kHalfGood_rad);
+  return std::isfinite(worst) ? 1.0 / (1.0 + worst * worst) : 0.0;
+}
+
+void SubjectPoses::update(const SceneFrame& frame) {
+  if (std::exchange(axes_number_, frame.axes) != frame.axes) held_.clear();
+  all_.resize(frame.bodies.size());
+  for (std::size_t i = 0; i < all_.size(); ++i) show(frame.bodies[i], all_[i]);
+}
+
+void SubjectPoses::show(const BodyPose& body, SubjectPose& out) {
+  const Pose X = axes_.pose(body.X_WP);
+  // Clients do not check for NaN.
+  const bool usable = body.valid && X.p.allFinite() && X.q.coeffs().allFinite();
+  out.listed = usable || when_invalid_ != WhenInvalid::kStop;
+  out.visible = usable;
+  out.quality = usable ? quality_of(body) : 0.0;
+  out.segment.subject = static_cast<std::uint32_t>(body.body_id);
+  if (usable) {
+    const Eigen::Quaterniond q = X.q.normalized();
+    out.segment.t_mm = X.p;
+    out.segment.R = q.toRotationMatrix();
+    out.segment.rotation_vector = log_so3(q);
+  }
+  if (when_invalid_ != WhenInvalid::kHold) return;
+  if (usable) {
+    held_[body.body_id] = out.segment;
+  } else if (const auto last = held_.find(body.body_id); last != held_.end()) {
+    out.segment = last->second;
+    out.visible = true;
+  }
+}
+
 FrameBoard::FrameBoard(WhenInvalid when_invalid, NameAliases aliases)
     : poses_(conventions_of("vicon").axes, when_invalid), aliases_(std::move(aliases)) {}
 
-void FrameBoard::put_up(const SceneFrame& frame, Instant now) {
-  poses_.take_over(frame);
+void FrameBoard::update(const SceneFrame& frame, Instant now) {
+  poses_.update(frame);
   id_ = numbers_.next(frame.at, frame.rate_hz);
   hardware_number_ = static_cast<std::uint32_t>(frame.number);
   timecode_ = timecode_of(to_ns(numbers_.due()) + frame.utc_offset.count(), frame.rate_hz);
   camera_hz_ = fastest_camera_hz(frame);
   made_ = not_negative(frame.published_at - frame.at);
   offered_ = not_negative(now - frame.published_at);
-  put_up_at_ = now;
+  updated_at_ = now;
   ready_.clear();
   for (std::size_t i = 0; i < kOffered.size(); ++i)
     encoded_[i] = encoded_[i] && is_static(kOffered[i]);
@@ -114,7 +177,7 @@ void FrameBoard::encode_once(Type type, std::vector<std::byte>& out) const {
       return encode_frame_rate_info(rates, out);
     }
     default:
-      return;  // the contents and the latency are written per packet; a ping is no part of a frame
+      return;  // contents and latency are written per packet; a ping is not part of a frame
   }
 }
 
@@ -157,7 +220,7 @@ void FrameBoard::encode_per_subject(Type type, ObjectRun& run) const {
 
 net::SharedBytes FrameBoard::packet(const std::shared_ptr<const Profile>& profile, bool statics,
                                     Instant now) {
-  const Duration waited = not_negative(now - put_up_at_);
+  const Duration waited = not_negative(now - updated_at_);
   const bool late = waited > kFresh;
   if (!late) {
     for (const Ready& one : ready_) {

@@ -3,21 +3,22 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <vector>
 
-/// The numbers of the Vicon DataStream ("CGStream").
+/// The numbers of the Vicon DataStream ("CGStream"), and what a client selects of it.
 namespace fiducap::vicon {
 
 inline constexpr std::uint32_t kPacketTag = 0x1A2B0001;
-inline constexpr std::size_t kHeaderSize =
-    8;  ///< Of a packet and of an object alike: u32, u32 length.
-inline constexpr std::size_t kMaxClientPacket =
-    64 * 1024;  ///< Real clients send some hundred bytes.
+inline constexpr std::size_t kHeaderSize = 8;  ///< Of packets and objects: u32, u32 length.
+inline constexpr std::size_t kMaxClientPacket = 64 * 1024;  ///< Clients send some hundred bytes.
 inline constexpr std::uint32_t kTicksPerSecond = 135'000'000;
 inline constexpr std::uint32_t kRootParent = 0;
-inline constexpr std::uint32_t kSegment =
-    1;  ///< Each subject's only one. 0 would be its own parent.
+inline constexpr std::uint32_t kSegment = 1;  ///< The only one of a subject; 0 would be its parent.
 
-/// What an object is.
+/// Type of an object.
 enum class Type : std::uint32_t {
   kStreamInfo = 1,
   kSubjectInfo = 2,
@@ -43,33 +44,34 @@ enum class Type : std::uint32_t {
   kRequestNextFrame = 100008,
 };
 
-/// What this server can send, ascending: its greeting.
-inline constexpr std::array<Type, 16> kOffered{Type::kStreamInfo,
-                                               Type::kSubjectInfo,
-                                               Type::kFrameInfo,
-                                               Type::kLocalSegments,
-                                               Type::kGlobalSegments,
-                                               Type::kTimecode,
-                                               Type::kLatencyInfo,
-                                               Type::kSubjectTopology,
-                                               Type::kHardwareFrameInfo,
-                                               Type::kApplicationInfo,
-                                               Type::kFrameRateInfo,
-                                               Type::kObjectQuality,
-                                               Type::kPing,
-                                               Type::kLightweightSegments,
-                                               Type::kSubjectScale,
-                                               Type::kContents};
+/// Types that this server sends, ascending: its greeting.
+inline constexpr std::array<Type, 16> kOffered{
+    Type::kStreamInfo,
+    Type::kSubjectInfo,
+    Type::kFrameInfo,
+    Type::kLocalSegments,
+    Type::kGlobalSegments,
+    Type::kTimecode,
+    Type::kLatencyInfo,
+    Type::kSubjectTopology,
+    Type::kHardwareFrameInfo,
+    Type::kApplicationInfo,
+    Type::kFrameRateInfo,
+    Type::kObjectQuality,
+    Type::kPing,
+    Type::kLightweightSegments,
+    Type::kSubjectScale,
+    Type::kContents,
+};
 
-/// Sent when they change; in all other frames a client is told that they did not.
+/// Sent when they change; in other frames marked as unchanged.
 [[nodiscard]] constexpr bool is_static(Type type) {
   return type == Type::kStreamInfo || type == Type::kSubjectInfo ||
          type == Type::kSubjectTopology || type == Type::kApplicationInfo ||
          type == Type::kSubjectScale;
 }
 
-/// Clients keep these from frame to frame unless a newer one comes: the static ones, and the
-/// quality, which we renew.
+/// Clients keep these until a newer one comes: the static ones, and the quality.
 [[nodiscard]] constexpr bool is_kept_by_clients(Type type) {
   return is_static(type) || type == Type::kObjectQuality;
 }
@@ -81,5 +83,76 @@ inline constexpr std::array<Type, 16> kOffered{Type::kStreamInfo,
          type == Type::kObjectQuality || type == Type::kLightweightSegments ||
          type == Type::kSubjectScale;
 }
+
+/// Place in kOffered; nullopt for a type that is not sent.
+[[nodiscard]] constexpr std::optional<std::size_t> index_of(std::uint32_t type) {
+  for (std::size_t i = 0; i < kOffered.size(); ++i) {
+    if (static_cast<std::uint32_t>(kOffered[i]) == type) return i;
+  }
+  return std::nullopt;
+}
+
+/// Some of the offered types.
+class TypeSet final {
+ public:
+  constexpr TypeSet() = default;
+
+  /// Ignores a type that is not offered.
+  constexpr void add(std::uint32_t type) {
+    if (const auto i = index_of(type)) bits_ |= 1u << *i;
+  }
+  [[nodiscard]] constexpr bool has(Type type) const {
+    const auto i = index_of(static_cast<std::uint32_t>(type));
+    return i && (bits_ >> *i & 1u) != 0;
+  }
+  [[nodiscard]] constexpr std::size_t size() const {
+    std::size_t n = 0;
+    for (std::uint32_t left = bits_; left != 0; left &= left - 1) ++n;
+    return n;
+  }
+  [[nodiscard]] static constexpr TypeSet all() {
+    TypeSet set;
+    for (const Type type : kOffered) set.add(static_cast<std::uint32_t>(type));
+    return set;
+  }
+
+  friend constexpr bool operator==(TypeSet, TypeSet) = default;
+  friend constexpr TypeSet operator|(TypeSet a, TypeSet b) {
+    a.bits_ |= b.bits_;
+    return a;
+  }
+
+ private:
+  std::uint32_t bits_{0};  ///< Bit i: kOffered[i].
+};
+
+/// Subjects that a client wants, by type. A type without an entry is unrestricted. Keys are offered
+/// per-subject types; ids ascend, each once.
+using SubjectFilter = std::map<Type, std::vector<std::uint32_t>>;
+
+/// Clients with equal profiles get the same bytes.
+struct Profile {
+  TypeSet types;
+  SubjectFilter filter;
+
+  friend bool operator==(const Profile&, const Profile&) = default;
+};
+
+/// Makes equal profiles one object, so that they are compared by pointer.
+class ProfileTable final {
+ public:
+  [[nodiscard]] std::shared_ptr<const Profile> share(const Profile& profile) {
+    std::erase_if(profiles_, [](const auto& one) { return one.expired(); });
+    for (const auto& one : profiles_) {
+      if (auto known = one.lock(); *known == profile) return known;
+    }
+    auto added = std::make_shared<const Profile>(profile);
+    profiles_.push_back(added);
+    return added;
+  }
+
+ private:
+  std::vector<std::weak_ptr<const Profile>> profiles_;
+};
 
 }  // namespace fiducap::vicon

@@ -1,11 +1,12 @@
-#include "streaming/vicon/vicon_server.hpp"
-
 #include <string>
 #include <utility>
 
 #include "base/log.hpp"
+#include "middleware/net/peer.hpp"
 #include "streaming/net/tcp_server.hpp"
+#include "streaming/vicon/frame_board.hpp"
 #include "streaming/vicon/session.hpp"
+#include "streaming/vicon/vicon.hpp"
 
 namespace fiducap::vicon {
 
@@ -14,11 +15,10 @@ namespace {
 constexpr std::string_view kKey = "streaming.vicon";
 
 /// Offers each frame to all sessions.
-class ViconServer final : public ViconStreamer {
+class ViconServer final : public Streamer {
  public:
   ViconServer(boost::asio::io_context& io, const ViconConfig& config, const Clock& clock)
-      : context_(std::make_shared<SessionContext>(
-            SessionContext{clock, FrameBoard(config.when_invalid, config.aliases)})),
+      : context_(std::make_shared<SessionContext>(config, clock)),
         tcp_(io, {"vicon", config.max_clients, config.max_clients_per_address, kKey}, clock) {}
 
   Expected<void> listen(const ViconConfig& config) {
@@ -37,7 +37,7 @@ class ViconServer final : public ViconStreamer {
 
   void publish(const std::shared_ptr<const SceneFrame>& frame) override {
     if (stopped_ || frame->model == nullptr) return;
-    context_->board.put_up(*frame, context_->clock.now());
+    context_->board.update(*frame, context_->clock.now());
     tcp_.each<Session>([](Session& session) { session.publish(); });
   }
   void append_clients(std::vector<ClientStatus>& out) const override {
@@ -60,9 +60,22 @@ class ViconServer final : public ViconStreamer {
 
 }  // namespace
 
-Expected<std::unique_ptr<ViconStreamer>> start_vicon_server(boost::asio::io_context& io,
-                                                            const ViconConfig& config,
-                                                            const Clock& clock) {
+std::vector<ConfigError> ViconConfig::check() const {
+  return Checker{"streaming.vicon."}
+      .require(net::parse_address(address).has_value(), "address", address,
+               "must be an IPv4 address, e.g. 127.0.0.1 or 0.0.0.0 for all")
+      .within("max_clients", max_clients, 1, 256)
+      .within("max_clients_per_address", max_clients_per_address, 1, 256)
+      .errors;
+}
+
+ServedProtocol ViconConfig::served() const {
+  return {"vicon", enabled, address, {{port, false}}, conventions_of("vicon").axes, when_invalid};
+}
+
+Expected<std::unique_ptr<Streamer>> start_vicon_server(boost::asio::io_context& io,
+                                                       const ViconConfig& config,
+                                                       const Clock& clock) {
   auto server = std::make_unique<ViconServer>(io, config, clock);
   if (auto listening = server->listen(config); !listening) {
     return tl::unexpected(listening.error());

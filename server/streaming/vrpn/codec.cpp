@@ -1,10 +1,11 @@
 #include "streaming/vrpn/codec.hpp"
 
 #include <algorithm>
-#include <charconv>
+#include <numbers>
 
-#include "base/byte_reader.hpp"
-#include "base/byte_writer.hpp"
+#include "base/bytes.hpp"
+#include "base/pose.hpp"
+#include "streaming/conventions/text_fields.hpp"
 
 namespace fiducap::vrpn {
 
@@ -39,19 +40,13 @@ void put(std::span<std::byte> at, std::uint32_t v) {
   for (std::size_t i = 0; i < 4; ++i) at[i] = static_cast<std::byte>(v >> (24 - 8 * i));
 }
 
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
 std::string_view as_text(std::span<const std::byte> bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// Up to the first zero or the end.
-std::string_view until_zero(std::span<const std::byte> bytes) {
-  const std::string_view text = as_text(bytes);
-  return text.substr(0, text.find('\0'));
-}
-
-bool is_digit(char c) { return c >= '0' && c <= '9'; }
-
-/// What came, short and printable, for an error's text.
+/// Short and printable, for an error's text.
 std::string shown(std::string_view text) {
   std::string out = "\"";
   for (const char c : text.substr(0, 40)) out += c >= ' ' && c <= '~' ? c : '.';
@@ -61,7 +56,15 @@ std::string shown(std::string_view text) {
 Expected<std::uint16_t> checked_port(std::int64_t port, const char* context) {
   if (port >= kLowestPort && port <= 65535) return static_cast<std::uint16_t>(port);
   return fail(ErrorCode::kInvalid,
-              "expected a port from 1024 to 65535, came " + std::to_string(port), context);
+              "expected a port from 1024 to 65535, got " + std::to_string(port), context);
+}
+
+const Pose kAtPivot{Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero()};
+// A rotation of pi or more within dt would be read as one in the other direction.
+constexpr double kLargestRotation_rad = 0.9 * std::numbers::pi;
+
+double rotation_time_s(double rate_rad_s) {
+  return rate_rad_s <= kLargestRotation_rad ? 1.0 : kLargestRotation_rad / rate_rad_s;
 }
 
 }  // namespace
@@ -90,11 +93,11 @@ void encode_pos_quat(const Header& header, int sensor, const Pose& X, std::vecto
 }
 
 void encode_rate(const Header& header, int sensor, const Eigen::Vector3d& rate,
-                 const Eigen::Quaterniond& turn, double dt_s, std::vector<std::byte>& out) {
+                 const Eigen::Quaterniond& rotation, double dt_s, std::vector<std::byte>& out) {
   auto to = begin(header, 72, out);
   to.i32(sensor).i32(sensor);
   put(to, rate);
-  put(to, turn);
+  put(to, rotation);
   to.f64(dt_s);
 }
 
@@ -143,7 +146,7 @@ Expected<std::size_t> occupied_size(std::span<const std::byte> in) {
   if (length < kHeaderSize || length > kHeaderSize + kMaxPayload) {
     return fail(ErrorCode::kInvalid,
                 "expected a length from 24 to " + std::to_string(kHeaderSize + kMaxPayload) +
-                    ", came " + std::to_string(length),
+                    ", got " + std::to_string(length),
                 "VRPN message");
   }
   return kHeaderSize + padded(length - kHeaderSize);
@@ -177,7 +180,7 @@ Expected<Cookie> decode_cookie(std::span<const std::byte> in) {
                     is_digit(text[kMinorOffset]) && is_digit(text[kMinorOffset + 1]) &&
                     log_mode >= '0' && log_mode <= '3';
   if (!form) {
-    return fail(ErrorCode::kInvalid, "expected \"vrpn: ver. 07.NN  0\", came " + shown(text),
+    return fail(ErrorCode::kInvalid, "expected \"vrpn: ver. 07.NN  0\", got " + shown(text),
                 "VRPN cookie");
   }
   if (text.substr(kMajorOffset, 2) != "07") {
@@ -193,10 +196,10 @@ Expected<std::string_view> decode_name(std::span<const std::byte> payload) {
   from.u32();
   const std::string_view name = until_zero(from.bytes(from.left()));
   if (auto whole = from.check("VRPN description"); !whole) return tl::unexpected(whole.error());
-  // libvrpn holds names in 100 bytes; nobody has longer ones.
+  // libvrpn holds names in 100 bytes.
   if (name.empty() || name.size() > 100) {
     return fail(ErrorCode::kInvalid,
-                "expected a name of 1 to 100 bytes, came " + std::to_string(name.size()),
+                "expected a name of 1 to 100 bytes, got " + std::to_string(name.size()),
                 "VRPN description");
   }
   return name;
@@ -209,7 +212,7 @@ Expected<std::uint16_t> decode_udp_description(const Message& message) {
       std::all_of(address.begin(), address.end(), [](char c) { return is_digit(c) || c == '.'; });
   if (!form) {
     return fail(ErrorCode::kInvalid,
-                "expected a dotted quad and a zero, came " + shown(as_text(message.payload)),
+                "expected a dotted quad and a zero, got " + shown(as_text(message.payload)),
                 "VRPN UDP description");
   }
   return checked_port(message.header.sender, "VRPN UDP description");
@@ -222,13 +225,13 @@ Expected<TextMessage> decode_text(std::span<const std::byte> payload) {
   if (auto whole = from.check("VRPN text"); !whole) return tl::unexpected(whole.error());
   if (severity > static_cast<std::uint32_t>(Severity::kError)) {
     return fail(ErrorCode::kInvalid,
-                "expected a severity from 0 to 2, came " + std::to_string(severity), "VRPN text");
+                "expected a severity from 0 to 2, got " + std::to_string(severity), "VRPN text");
   }
   const std::span<const std::byte> rest = from.bytes(from.left());
   const std::string_view text = until_zero(rest);
   if (text.size() == rest.size()) {
     return fail(ErrorCode::kTruncated,
-                "expected a text that ends with a zero, came " + std::to_string(rest.size()) +
+                "expected a text that ends with a zero, got " + std::to_string(rest.size()) +
                     " bytes without one",
                 "VRPN text");
   }
@@ -246,14 +249,71 @@ Expected<std::uint16_t> decode_request(std::span<const std::byte> datagram) {
   const std::string_view digits =
       space == std::string_view::npos ? std::string_view{} : text.substr(space + 1);
   const bool ends = text.size() < datagram.size();
-  std::uint32_t port = 0;
-  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), port);
-  const bool number = error == std::errc() && end == digits.data() + digits.size();
-  if (!ends || host.empty() || !std::all_of(host.begin(), host.end(), in_host) || !number) {
+  const auto port = whole_number<std::uint32_t>(digits);
+  if (!ends || host.empty() || !std::all_of(host.begin(), host.end(), in_host) || !port) {
     return fail(ErrorCode::kInvalid,
-                "expected \"a.b.c.d PORT\" and a zero, came " + shown(as_text(datagram)), kContext);
+                "expected \"a.b.c.d PORT\" and a zero, got " + shown(as_text(datagram)), kContext);
   }
-  return checked_port(port, kContext);
+  return checked_port(*port, kContext);
+}
+
+std::size_t EncodedFrame::equal_cut() const {
+  if (datagram_ends.size() < 2) return 0;
+  const std::size_t cut = datagram_ends.front();
+  for (std::size_t i = 0; i + 1 < datagram_ends.size(); ++i) {
+    if (datagram_ends[i] != (i + 1) * cut) return 0;
+  }
+  return bytes.size() - datagram_ends[datagram_ends.size() - 2] <= cut ? cut : 0;
+}
+
+void ReportEncoder::encode(const SceneFrame& frame, std::span<const std::int32_t> sender_of_body,
+                           std::span<const std::vector<Pose>> sensors_of_body,
+                           EncodedFrame& out) const {
+  out.bytes.clear();
+  out.datagram_ends.clear();
+  const std::int64_t utc_ns = frame.utc_ns();
+  const std::size_t count = std::min(frame.bodies.size(), sender_of_body.size());
+  std::size_t datagram_begin = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!frame.bodies[i].valid || sender_of_body[i] < 0) continue;
+    const std::size_t body_begin = out.bytes.size();
+    const BodyPose& body = frame.bodies[i];
+    append(body, kAtPivot, {utc_ns, sender_of_body[i], 0}, out.bytes);
+    if (i < sensors_of_body.size()) {
+      int sensor = 0;
+      for (const Pose& X_PS : sensors_of_body[i]) {
+        append(body, X_PS, {utc_ns, sender_of_body[i], ++sensor}, out.bytes);
+      }
+    }
+    // The reports of one body stay together.
+    if (out.bytes.size() - datagram_begin > kMaxDatagram) {
+      out.datagram_ends.push_back(body_begin);
+      datagram_begin = body_begin;
+    }
+  }
+  if (out.bytes.size() > datagram_begin) out.datagram_ends.push_back(out.bytes.size());
+}
+
+void ReportEncoder::append(const BodyPose& body, const Pose& X_PS, const Stamp& stamp,
+                           std::vector<std::byte>& out) const {
+  const auto header = [&](Type type) { return header_of(stamp.utc_ns, stamp.sender, type); };
+  const Eigen::Quaterniond& q_WP = body.X_WP.q;
+  const Pose X = axes_.pose({q_WP * X_PS.q, body.X_WP.p + q_WP * X_PS.p});
+  // Clients do not check for NaN.
+  if (!X.p.allFinite() || !X.q.coeffs().allFinite()) return;
+  encode_pos_quat(header(Type::kPosQuat), stamp.sensor, X, out);
+  const Eigen::Vector3d lever = body.w_WP_P.cross(X_PS.p);
+  const Eigen::Vector3d v = axes_.length(body.v_WP + q_WP * lever);
+  const Eigen::Vector3d w = axes_.world_rate(q_WP * body.w_WP_P);
+  if (content_.velocity && v.allFinite() && w.allFinite()) {
+    const double dt_s = rotation_time_s(w.norm());
+    encode_rate(header(Type::kVelocity), stamp.sensor, v, exp_so3(w * dt_s), dt_s, out);
+  }
+  const Eigen::Vector3d a = axes_.length(body.a_WP + q_WP * body.w_WP_P.cross(lever));
+  if (content_.acceleration && a.allFinite()) {
+    encode_rate(header(Type::kAcceleration), stamp.sensor, a, Eigen::Quaterniond::Identity(), 1.0,
+                out);
+  }
 }
 
 }  // namespace fiducap::vrpn

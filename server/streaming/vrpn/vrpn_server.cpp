@@ -1,40 +1,56 @@
-#include "streaming/vrpn/vrpn_server.hpp"
-
 #include <array>
 #include <optional>
 #include <span>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "base/handover.hpp"
 #include "base/log.hpp"
-#include "base/object_pool.hpp"
-#include "middleware/net/sender_rule.hpp"
+#include "middleware/net/networks.hpp"
+#include "middleware/net/peer.hpp"
 #include "streaming/net/tcp_server.hpp"
 #include "streaming/net/udp_server.hpp"
-#include "streaming/vrpn/body_watch.hpp"
 #include "streaming/vrpn/codec.hpp"
-#include "streaming/vrpn/report_encoder.hpp"
 #include "streaming/vrpn/session.hpp"
+#include "streaming/vrpn/vrpn.hpp"
 
 namespace fiducap::vrpn {
 
 namespace {
+
+bool is_box(const std::array<double, 6>& box) {
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (!std::isfinite(box[i]) || !std::isfinite(box[i + 3]) || box[i] >= box[i + 3]) return false;
+  }
+  return true;
+}
+
+bool is_pose(const Pose& X) {
+  return X.p.allFinite() && X.q.coeffs().allFinite() && std::abs(X.q.norm() - 1.0) < 1e-3;
+}
+
+std::string text_of(const std::array<double, 6>& box) {
+  std::ostringstream text;
+  for (std::size_t i = 0; i < box.size(); ++i) text << (i == 0 ? "[" : ", ") << box[i];
+  return text.str() + "]";
+}
 
 constexpr int kTicksPerSecond = 10;
 constexpr int kLogLinesPerSecond = 20;
 constexpr int kBindAttempts = 16;  // for port 0: the number that TCP got may be taken for UDP
 constexpr std::size_t kLongestRequest = 200;
 constexpr Duration kConnectTime = std::chrono::milliseconds(1500);
-// What a connection costs an address that did not ask for it: in that time the kernel sends a SYN
-// and repeats it once, with their headers; what it has sent has headers, too.
+// Bytes sent to an address that did not ask: a SYN and one repeat within kConnectTime, with
+// headers. Received datagrams count with their headers, too.
 constexpr std::size_t kConnectBytes = 2 * 60;
 constexpr std::size_t kHeaderBytes = 28;
 constexpr std::string_view kKey = "streaming.vrpn";
 
-/// Listens on TCP, connects back to who asks by UDP, and hands each frame to all sessions: the same
-/// bytes to everybody, by one call for all that take them by UDP.
-class VrpnServer final : public VrpnStreamer {
+/// Listens on TCP, connects back to clients that ask by UDP, and sends each frame to all sessions:
+/// the same bytes for all, by one system call for those that use UDP.
+class VrpnServer final : public Streamer {
  public:
   VrpnServer(boost::asio::io_context& io, const VrpnConfig& config, const Clock& clock)
       : io_(io),
@@ -44,7 +60,7 @@ class VrpnServer final : public VrpnStreamer {
     context_->log_lines_left = kLogLinesPerSecond;
   }
 
-  /// Binds the sockets and starts listening. @return Error naming port and remedy.
+  /// Binds the sockets and starts listening. @return Error with port and remedy
   [[nodiscard]] Expected<void> listen(const SceneModel& model);
   [[nodiscard]] std::string_view protocol() const override { return "vrpn"; }
   [[nodiscard]] std::uint16_t port() const override { return port_; }
@@ -60,7 +76,7 @@ class VrpnServer final : public VrpnStreamer {
   void connect_back(const net::UdpServer::Datagram& request);
   void tick();
   void take_over(const SceneModel& model);
-  void say_changes(const SceneFrame& frame);
+  void report_changes(const SceneFrame& frame);
   void send_frame(Session& session, const std::shared_ptr<const EncodedFrame>& reports);
 
   boost::asio::io_context& io_;
@@ -111,16 +127,15 @@ Expected<void> VrpnServer::bind(std::uint16_t port) {
   return {};
 }
 
-/// Only to the datagram's own source, whatever address its text names, and with at most three times
-/// the bytes that came: nobody can make us flood a third party. Clients repeat themselves, and
-/// would not accept a second connection.
+/// Connects only to the source of the datagram, with at most three times the received bytes: a
+/// forged request cannot flood a third party. Clients repeat requests and accept one connection.
 void VrpnServer::connect_back(const net::UdpServer::Datagram& request) {
   const std::uint64_t address = net::address_hash(key_, request.from);
-  unproven_.heard(address, request.bytes.size() + kHeaderBytes);
+  unproven_.count_received(address, request.bytes.size() + kHeaderBytes);
   const auto port = decode_request(request.bytes);
   if (!port) {
-    return context_->say(log::Level::kDebug,
-                         net::address_text(request.from) + " " + port.error().text());
+    return context_->write_log(log::Level::kDebug,
+                               net::address_text(request.from) + " " + port.error().text());
   }
   const net::Peer client = request.from.with_port(*port);
   bool served = false;
@@ -137,8 +152,8 @@ void VrpnServer::tick() {
   if (++ticks_ % kTicksPerSecond != 0) return;
   context_->log_lines_left = kLogLinesPerSecond;
   if (const int lost = std::exchange(context_->log_lines_lost, 0); lost > 0) {
-    context_->say(log::Level::kInfo,
-                  std::to_string(lost) + " more lines within a second were left out");
+    context_->write_log(log::Level::kInfo,
+                        std::to_string(lost) + " more lines within a second were dropped");
   }
 }
 
@@ -151,13 +166,13 @@ void VrpnServer::take_over(const SceneModel& model) {
       sensors_of_body_.push_back(context_->config.sensors_of(body.name));
   }
   for (const auto& name : context_->senders.update(model)) {
-    context_->say(
+    context_->write_log(
         log::Level::kError,
         "the body \"" + name + "\" is not served: its name is doubled or breaks VRPN's rules");
   }
 }
 
-void VrpnServer::say_changes(const SceneFrame& frame) {
+void VrpnServer::report_changes(const SceneFrame& frame) {
   if (frame.model != nullptr) {
     const std::size_t known = context_->senders.names().size();
     take_over(*frame.model);
@@ -178,10 +193,10 @@ void VrpnServer::publish(const std::shared_ptr<const SceneFrame>& newest) {
   if (stopped_) return;
   const SceneFrame& frame = *newest;
   context_->utc_offset = frame.utc_offset;
-  say_changes(frame);
-  bool anybody = false;
-  tcp_.each<Session>([&](const Session& session) { anybody = anybody || session.open(); });
-  if (!anybody) return;
+  report_changes(frame);
+  bool has_clients = false;
+  tcp_.each<Session>([&](const Session& session) { has_clients = has_clients || session.open(); });
+  if (!has_clients) return;
   const auto reports = frames_.acquire();
   encoder_.encode(frame, context_->senders.of_bodies(), sensors_of_body_, *reports);
   if (reports->bytes.empty()) return;
@@ -196,7 +211,7 @@ void VrpnServer::send_frame(Session& session, const std::shared_ptr<const Encode
   session.datagrams.clear();
   if (!session.open()) return;
   if (!session.udp_port()) return session.offer(net::SharedBytes(reports, &reports->bytes));
-  // The TCP peer's address, whatever address the client named: nobody can aim reports at another.
+  // The address of the TCP peer: a client cannot redirect reports.
   const net::Peer target = session.peer().with_port(*session.udp_port());
   session.datagrams.open(reports_->batch());
   if (const std::size_t cut = reports->equal_cut(); cut > 0) {
@@ -226,10 +241,47 @@ void VrpnServer::stop() {
 
 }  // namespace
 
-Expected<std::unique_ptr<VrpnStreamer>> start_vrpn_server(boost::asio::io_context& io,
-                                                          const VrpnConfig& config,
-                                                          std::shared_ptr<const SceneModel> model,
-                                                          const Clock& clock) {
+std::vector<Pose> VrpnConfig::sensors_of(std::string_view body) const {
+  std::vector<Pose> all;
+  for (const ExtraSensor& sensor : sensors) {
+    if (sensor.body == body) all.push_back({sensor.X_PS.q.normalized(), sensor.X_PS.p});
+  }
+  return all;
+}
+
+std::vector<ConfigError> VrpnConfig::check() const {
+  auto errors = Checker{"streaming.vrpn."}
+                    .require(net::parse_address(address).has_value(), "address", address,
+                             "must be an IPv4 address, e.g. 127.0.0.1 or 0.0.0.0 for all")
+                    .within("max_clients", max_clients, 1, 256)
+                    .within("minor_version", minor_version, 0, 99)
+                    .require(is_box(workspace_box_m), "workspace_box_m", text_of(workspace_box_m),
+                             "must be min x y z, max x y z, finite, each min below its max")
+                    .errors;
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    const auto of_body = static_cast<int>(sensors_of(sensors[i].body).size());
+    const auto broken =
+        Checker{"streaming.vrpn.sensors." + std::to_string(i) + "."}
+            .require(!sensors[i].body.empty() && of_body < kMaxSensors, "body",
+                     '"' + sensors[i].body + '"', "must name a body, at most four times")
+            .require(is_pose(sensors[i].X_PS), "X_PS", "{…}",
+                     "must be finite, with a unit quaternion")
+            .errors;
+    errors.insert(errors.end(), broken.begin(), broken.end());
+  }
+  return errors;
+}
+
+ServedProtocol VrpnConfig::served() const {
+  return {"vrpn",  enabled,
+          address, {{port, false}, {port, true}},
+          axes(),  conventions_of("vrpn").when_invalid};
+}
+
+Expected<std::unique_ptr<Streamer>> start_vrpn_server(boost::asio::io_context& io,
+                                                      const VrpnConfig& config,
+                                                      std::shared_ptr<const SceneModel> model,
+                                                      const Clock& clock) {
   auto server = std::make_unique<VrpnServer>(io, config, clock);
   if (auto listening = server->listen(*model); !listening) return tl::unexpected(listening.error());
   log::info("vrpn", "serves VRPN 07." + std::to_string(config.minor_version) + " on " +

@@ -10,11 +10,14 @@
 #include <boost/beast/websocket.hpp>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "streaming/net/guard.hpp"
+#include "base/log.hpp"
+#include "streaming/web/live_feed.hpp"
+#include "streaming/web/view_feed.hpp"
 #include "streaming/web/web_session.hpp"
 
 // Private to web_session.cpp and web_sockets.cpp.
@@ -33,13 +36,13 @@ inline constexpr std::size_t kReadLimit = 2 * kHeaderLimit;
   return {text.data(), text.size()};
 }
 
-/// A session on Beast: requests in web_session.cpp, what they may become in web_sockets.cpp.
+/// A session on Beast: requests in web_session.cpp, WebSockets in web_sockets.cpp.
 class BeastSession final : public WebSession {
  public:
-  BeastSession(net::Socket socket, const net::Peer& peer, std::shared_ptr<WebDesk> desk);
+  BeastSession(net::Socket socket, const net::Peer& peer, std::shared_ptr<WebContext> context);
   ~BeastSession() override { leave_places(); }
 
-  void start() override { desk_->may_ask(peer()) ? read_request() : pause(); }
+  void start() override { context_->may_ask(peer()) ? read_request() : pause(); }
   void tick(Instant now) override;
   void close(std::string_view why, log::Level level) override;
   void pump() override;
@@ -54,7 +57,7 @@ class BeastSession final : public WebSession {
                ErrorCodeOf error, auto&&... rest) {
       if (self->closed()) return;
       const auto whose = [&] { return "client " + net::text_of(self->peer()); };
-      if (!net::guarded("web", whose, [&] { (self.get()->*handler)(error, rest...); })) self->end();
+      if (!log::guarded("web", whose, [&] { (self.get()->*handler)(error, rest...); })) self->end();
     };
   }
 
@@ -70,7 +73,7 @@ class BeastSession final : public WebSession {
   void linger();
   void on_lingered(ErrorCodeOf error, std::size_t bytes);
   void leave_places();
-  [[nodiscard]] bool speaks_for_another() const;
+  [[nodiscard]] bool is_forwarded() const;
   [[nodiscard]] bool is_own_page() const;
   enum class SocketKind { kLive, kControl, kViews };
   [[nodiscard]] static std::optional<SocketKind> socket_at(std::string_view path);
@@ -78,20 +81,23 @@ class BeastSession final : public WebSession {
   void upgrade(SocketKind kind);
   void on_upgraded(ErrorCodeOf error);
   void on_live_read(ErrorCodeOf error, std::size_t bytes);
-  void on_live_written(ErrorCodeOf error, std::size_t bytes);
+  template <class Client>
+  void write_next(Client& client, std::string_view places);
+  void on_written(ErrorCodeOf error, std::size_t bytes);
+  [[nodiscard]] std::span<const std::byte> received() const;
+  void tune_socket(bool text);
+  void close_socket(const websocket::close_reason& reason);
   void on_control_upgraded(ErrorCodeOf error);
   void on_command(ErrorCodeOf error, std::size_t bytes);
-  void say_replies();
+  void send_replies();
   void on_replied(ErrorCodeOf error, std::size_t bytes);
   void on_views_upgraded(ErrorCodeOf error);
-  void on_wish(ErrorCodeOf error, std::size_t bytes);
+  void on_view_request(ErrorCodeOf error, std::size_t bytes);
   void prove_view();
   void on_view_reply(ErrorCodeOf error, std::size_t bytes);
-  void pump_views();
-  void on_view_written(ErrorCodeOf error, std::size_t bytes);
 
   websocket::stream<beast::tcp_stream> stream_;
-  std::shared_ptr<WebDesk> desk_;
+  std::shared_ptr<WebContext> context_;
   beast::flat_buffer buffer_{kReadLimit};
   std::optional<http::request_parser<http::empty_body>> parser_;
   std::optional<Response> response_;

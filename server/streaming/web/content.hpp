@@ -1,6 +1,8 @@
 #pragma once
 
+#include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,24 +12,23 @@
 
 namespace fiducap::web {
 
-/// A body of an answer, made once for all who ask: plain and, where that is shorter, compressed.
+/// The body of a reply, shared by all clients: plain and, if shorter, compressed.
 struct Content {
   std::shared_ptr<const std::string> plain;
   std::shared_ptr<const std::string> gzip{};  ///< nullptr: not worth it.
 };
 
-/// How hard to look for a shorter text: once at the start, or again and again while serving.
+/// Compression level: kBest at the start, kQuick while serving.
 enum class Effort { kQuick, kBest };
 
 [[nodiscard]] Content make_content(std::string text, Effort effort);
-/// Only plain.
+/// Not compressed.
 [[nodiscard]] Content plain_content(std::string text);
 
 /// @param accept_encoding  of a request, e.g. `gzip, deflate;q=0.5`
 [[nodiscard]] bool accepts_gzip(std::string_view accept_encoding);
 
-/// An answer that changes. Made when somebody asks, at most once per period, however many ask how
-/// often.
+/// A reply that changes; made on request, at most once per period.
 class Prepared final {
  public:
   static constexpr Duration kPeriod = std::chrono::milliseconds(250);
@@ -46,5 +47,31 @@ class Prepared final {
   std::optional<Instant> made_at_;
   Content content_;
 };
+
+/// One file of the page bundle, as sent.
+struct PageFile {
+  Content content;
+  std::string content_type;
+  std::string etag;      ///< Of the content, with its quotes.
+  bool never_changes{};  ///< Its name has a hash of its content.
+};
+
+/// The page bundle, read and compressed at start. Files are found by exact name only.
+class PageFiles final {
+ public:
+  /// Reads regular files of known types under `root`, bounded in number and size, without following
+  /// links. Empty without `index.html`.
+  [[nodiscard]] static PageFiles load(const std::filesystem::path& root);
+
+  [[nodiscard]] bool empty() const { return files_.empty(); }
+  /// @param path  of a request, e.g. `/assets/index-4f2a.js`; `/` is the index
+  [[nodiscard]] const PageFile* find(std::string_view path) const;
+
+ private:
+  std::map<std::string, PageFile, std::less<>> files_;
+};
+
+/// @param configured  empty: `web` or `../share/fiducap/web` beside the running program
+[[nodiscard]] std::filesystem::path page_root(const std::string& configured);
 
 }  // namespace fiducap::web

@@ -5,23 +5,25 @@
 #include <span>
 #include <utility>
 
+#include "streaming/conventions/frame_sequence.hpp"
 #include "streaming/web/codec.hpp"
 
 namespace fiducap::web {
 
 namespace {
 
+constexpr std::size_t slot(Topic topic) { return static_cast<std::size_t>(topic); }
+
 using namespace std::chrono_literals;
 
 constexpr Duration kTickPeriod = 1s;
-// While mapping, a map may change with every image; a page is served well by two a second.
+// While mapping, the map may change with every image.
 constexpr Duration kMapPeriod = 500ms;
 constexpr Duration kEventsPeriod = 500ms;
-// Longer than a tick: a page that was sent none for once misses nothing.
+// Longer than a tick, so that no sighting is missed.
 constexpr Duration kFitsOf = 3s;
-constexpr std::size_t kNewestEvents = 64;  // of those that the board keeps
-// A frame this much early is taken: waiting for the next one would halve the rate of a jittering
-// publisher.
+constexpr std::size_t kNewestEvents = 64;  // of the board
+// A frame may be this much early; else jitter would halve the rate.
 constexpr Duration kJitter = 2ms;
 constexpr Duration kFrozenAfter = 2s;
 
@@ -29,12 +31,50 @@ Message shared(std::string text) { return std::make_shared<const std::string>(st
 
 }  // namespace
 
+void LiveConnection::offer(Topic topic, Message message) {
+  auto& place = waiting_[slot(topic)];
+  if (topic == Topic::kFrame && place) ++frames_dropped_;
+  place = std::move(message);
+}
+
+void LiveConnection::offer_log(Message message, std::uint64_t last_number) {
+  waiting_[slot(Topic::kLog)] = std::move(message);
+  log_given_ = last_number;
+}
+
+std::optional<std::uint64_t> LiveConnection::log_wanted_after() const {
+  if (waiting_[slot(Topic::kLog)]) return std::nullopt;
+  return log_given_;
+}
+
+Message LiveConnection::next(Instant now) {
+  if (writing_since_) return nullptr;
+  for (std::size_t i = 0; i < kTopics; ++i) {
+    if (!waiting_[i]) continue;
+    if (i == slot(Topic::kFrame)) ++frames_sent_;
+    writing_since_ = now;
+    return std::exchange(waiting_[i], nullptr);
+  }
+  return nullptr;
+}
+
+void LiveConnection::written() { writing_since_.reset(); }
+
+bool LiveConnection::is_stuck(Instant now, Duration limit) const {
+  return writing_since_ && now - *writing_since_ > limit;
+}
+
+ClientStatus LiveConnection::status(Instant now) const {
+  return {"web",           net::text_of(peer_) + " tcp",   "live page", frames_sent_,
+          frames_dropped_, to_seconds(now - connected_at_)};
+}
+
 LiveFeed::LiveFeed(const WebConfig& config, WebSources sources,
                    std::shared_ptr<const SceneModel> model)
     : frame_period_(from_seconds(1.0 / config.rate_hz)),
       sources_(std::move(sources)),
       model_(std::move(model)),
-      told_mode_(sources_.map_mode ? sources_.map_mode() : std::string()) {}
+      sent_mode_(sources_.map_mode ? sources_.map_mode() : std::string()) {}
 
 std::shared_ptr<LiveConnection> LiveFeed::join(const net::Peer& peer, Instant now) {
   auto connection = std::make_shared<LiveConnection>(peer, now);
@@ -43,7 +83,7 @@ std::shared_ptr<LiveConnection> LiveFeed::join(const net::Peer& peer, Instant no
   if (sources_.events != nullptr) connection->offer(Topic::kEvents, events());
   if (sent_map_) connection->offer(Topic::kMap, map(sent_map_));
   if (newest_) connection->offer(Topic::kFrame, shared(encode_frame(*newest_)));
-  if (const Message told = fits(Duration::max())) connection->offer(Topic::kFits, told);
+  if (const Message message = fits(Duration::max())) connection->offer(Topic::kFits, message);
   connection->offer(Topic::kClients, clients());
   offer_log(*connection);
   return connection;
@@ -69,7 +109,8 @@ void LiveFeed::publish(const std::shared_ptr<const SceneFrame>& frame) {
     if (!connections_.empty()) offer_all(Topic::kHello, hello());
   }
   publish_map(*frame);
-  if (frame_due(frame->published_at) && !connections_.empty()) {
+  if (is_period_due(next_frame_at_, frame->published_at, frame_period_, kJitter) &&
+      !connections_.empty()) {
     offer_all(Topic::kFrame, shared(encode_frame(*frame)));
   }
 }
@@ -90,27 +131,19 @@ Message LiveFeed::map(const std::shared_ptr<const TagMap>& wanted) {
   return map_message_;
 }
 
-bool LiveFeed::frame_due(Instant at) {
-  if (next_frame_at_ && at + kJitter < *next_frame_at_) return false;
-  // On the beat of the wanted rate; after a gap the beat starts anew.
-  const bool on_beat = next_frame_at_ && at < *next_frame_at_ + frame_period_;
-  next_frame_at_ = (on_beat ? *next_frame_at_ : at) + frame_period_;
-  return true;
-}
-
 void LiveFeed::tick(Instant now) {
   offer_events(now);
   if (ticked_at_ && now - *ticked_at_ < kTickPeriod) return;
   ticked_at_ = now;
   const std::string mode = sources_.map_mode ? sources_.map_mode() : std::string();
-  const bool is_news = mode != told_mode_;
-  told_mode_ = mode;
+  const bool has_changed = mode != sent_mode_;
+  sent_mode_ = mode;
   const std::vector<ClientStatus> all = all_clients();
   tally_.note(all);
   if (connections_.empty()) return;
-  if (is_news) offer_all(Topic::kHello, hello());
+  if (has_changed) offer_all(Topic::kHello, hello());
   offer_all(Topic::kClients, shared(encode_clients(all)));
-  if (const Message told = fits(kFitsOf)) offer_all(Topic::kFits, told);
+  if (const Message message = fits(kFitsOf)) offer_all(Topic::kFits, message);
   for (const auto& connection : connections_) offer_log(*connection);
 }
 
@@ -127,8 +160,8 @@ void LiveFeed::offer_log(LiveConnection& connection) const {
 
 Message LiveFeed::hello() const {
   return shared(encode_hello(
-      {sources_.server_name, sources_.version, told_mode_, 1.0 / to_seconds(frame_period_),
-       sources_.desk != nullptr && !sources_.desk->token().empty()},
+      {sources_.server_name, sources_.version, sent_mode_, 1.0 / to_seconds(frame_period_),
+       sources_.operator_api != nullptr && !sources_.operator_api->token().empty()},
       *model_));
 }
 
@@ -150,7 +183,7 @@ void LiveFeed::offer_events(Instant now) {
   if (events_looked_at_ && now - *events_looked_at_ < kEventsPeriod) return;
   events_looked_at_ = now;
   const std::uint64_t revision = sources_.events->revision();
-  if (std::exchange(told_revision_, revision) == revision || connections_.empty()) return;
+  if (std::exchange(sent_revision_, revision) == revision || connections_.empty()) return;
   offer_all(Topic::kEvents, events());
 }
 
@@ -179,7 +212,7 @@ Expected<std::optional<Content>> LiveFeed::diff(std::int64_t before, std::int64_
   const auto second = sources_.map_version(after);
   if (!second) return tl::unexpected(second.error());
   if (*first == nullptr || *second == nullptr) return std::nullopt;
-  const auto served = sources_.desk != nullptr ? sources_.desk->map() : nullptr;
+  const auto served = sources_.operator_api != nullptr ? sources_.operator_api->map() : nullptr;
   const Pose X_RW = served ? served->X_RW : (*second)->X_RW;
   return make_content(encode_diff(**first, **second, X_RW), Effort::kQuick);
 }
@@ -188,9 +221,9 @@ std::string LiveFeed::encode_state_now() {
   const Message frame = newest_ ? shared(encode_frame(*newest_)) : shared({});
   const Message at_map = newest_ && newest_->map ? map(newest_->map) : shared({});
   const Message seen = fits(Duration::max());
-  const Message told = sources_.events != nullptr ? events() : shared({});
+  const Message message = sources_.events != nullptr ? events() : shared({});
   return encode_state({*hello(), *at_map, seen ? std::string_view(*seen) : std::string_view(),
-                       *frame, *clients(), encode_log(log::lines_after(0)), *told});
+                       *frame, *clients(), encode_log(log::lines_after(0)), *message});
 }
 
 const Content& LiveFeed::metrics(MetricsFormat format, Instant now) {
@@ -209,7 +242,7 @@ std::string LiveFeed::encode_metrics_now(MetricsFormat format, Instant now) cons
        .model = model_.get(),
        .protocols = tally_.traffic(),
        .alarms = alarms,
-       .events = board != nullptr ? board->told() : std::array<std::uint64_t, 3>{},
+       .events = board != nullptr ? board->counts() : std::array<std::uint64_t, 3>{},
        .process = process_use()},
       format);
 }

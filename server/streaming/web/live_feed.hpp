@@ -1,35 +1,83 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "streaming/web/client_tally.hpp"
+#include "base/time.hpp"
+#include "middleware/net/peer.hpp"
+#include "streaming/streamer.hpp"
 #include "streaming/web/content.hpp"
 #include "streaming/web/http_routes.hpp"
-#include "streaming/web/live_connection.hpp"
 #include "streaming/web/metrics.hpp"
-#include "streaming/web/web_server.hpp"
+#include "streaming/web/web.hpp"
 
 namespace fiducap::web {
 
-/// What the live pages get, and when: frames at the page's rate, the map and the events when they
-/// change, clients, log and how well tags are seen once a second. Encodes once for all pages, and
-/// not at all while nobody looks. No socket, no thread; time comes in.
+/// One encoded message, shared by all pages that get it.
+using Message = std::shared_ptr<const std::string>;
+
+/// The kinds of messages, in the order in which waiting ones leave.
+enum class Topic : std::size_t { kHello, kEvents, kMap, kFits, kFrame, kClients, kLog };
+inline constexpr std::size_t kTopics = 7;
+
+/// One live page, without its socket: keeps the newest message per topic, so a slow page costs at
+/// most seven messages. Only frames count as dropped; log lines are collected.
+class LiveConnection final {
+ public:
+  LiveConnection(const net::Peer& peer, Instant connected_at)
+      : peer_(peer), connected_at_(connected_at) {}
+  [[nodiscard]] const net::Peer& peer() const { return peer_; }
+
+  /// Replaces a waiting message of the same topic.
+  void offer(Topic topic, Message message);
+  /// Log lines up to `last_number`. @pre log_wanted_after()
+  void offer_log(Message message, std::uint64_t last_number);
+  /// @return the number after which lines are wanted; nullopt while older lines still wait.
+  [[nodiscard]] std::optional<std::uint64_t> log_wanted_after() const;
+
+  /// The next message to write; nullptr: none, or a write is pending.
+  [[nodiscard]] Message next(Instant now);
+  /// The message of `next` is written.
+  void written();
+  /// Another page gets its place: it will be closed.
+  void dismiss() { dismissed_ = true; }
+  [[nodiscard]] bool dismissed() const { return dismissed_; }
+  /// @return a write is pending for longer than `limit`
+  [[nodiscard]] bool is_stuck(Instant now, Duration limit) const;
+
+  [[nodiscard]] ClientStatus status(Instant now) const;
+
+ private:
+  net::Peer peer_;
+  Instant connected_at_;
+  std::array<Message, kTopics> waiting_{};
+  std::optional<Instant> writing_since_;
+  bool dismissed_{false};
+  std::uint64_t log_given_{0};
+  std::uint64_t frames_sent_{0};
+  std::uint64_t frames_dropped_{0};
+};
+
+/// Messages of the live pages: frames at the page's rate; map and events when they change; clients,
+/// log and tag residuals once a second. Encoded once for all pages, and only while there are pages.
+/// No socket, no thread; time is passed in.
 class LiveFeed final {
  public:
   LiveFeed(const WebConfig& config, WebSources sources, std::shared_ptr<const SceneModel> model);
 
-  /// A new page; hello, events, map, newest frame, clients and log wait for it already.
+  /// A new page, with hello, events, map, newest frame, clients and log waiting.
   [[nodiscard]] std::shared_ptr<LiveConnection> join(const net::Peer& peer, Instant now);
   void leave(const LiveConnection& connection);
-  /// Somebody else gets the place of this address's newest page.
+  /// Another page gets the place of this address's newest one.
   void dismiss_newest_of(const net::Peer& address);
 
   void publish(const std::shared_ptr<const SceneFrame>& frame);
-  /// Clients and log, when a second has passed since the last time; events, when a half has.
+  /// Offers clients and log once a second, events twice a second.
   void tick(Instant now);
 
   [[nodiscard]] const std::vector<std::shared_ptr<LiveConnection>>& connections() const {
@@ -39,12 +87,11 @@ class LiveFeed final {
   [[nodiscard]] const Content& state(Instant now);
   [[nodiscard]] const Content& metrics(MetricsFormat format, Instant now);
   [[nodiscard]] Health health(Instant now) const;
-  /// JSON of `/api/v1/map/versions`, and of how two of them differ: nullopt while they are read.
+  /// JSON of `/api/v1/map/versions`, and of the difference of two: nullopt while they are read.
   [[nodiscard]] const Content& versions(Instant now);
   [[nodiscard]] Expected<std::optional<Content>> diff(std::int64_t before, std::int64_t after);
 
  private:
-  [[nodiscard]] bool frame_due(Instant at);
   void offer_all(Topic topic, const Message& message);
   void publish_map(const SceneFrame& frame);
   void offer_log(LiveConnection& connection) const;
@@ -62,14 +109,14 @@ class LiveFeed final {
   Duration frame_period_;
   WebSources sources_;
   std::shared_ptr<const SceneModel> model_;
-  std::string told_mode_;  ///< Of the map, as the pages know it.
+  std::string sent_mode_;  ///< Map mode, as sent to the pages.
   std::shared_ptr<const SceneFrame> newest_;
   std::shared_ptr<const TagMap> sent_map_;
   std::optional<Instant> map_sent_at_;
   std::optional<Instant> next_frame_at_;
   std::optional<Instant> ticked_at_;
   std::optional<Instant> events_looked_at_;
-  std::uint64_t told_revision_{0};
+  std::uint64_t sent_revision_{0};
   std::shared_ptr<const TagMap> encoded_map_;
   Message map_message_;  ///< Of `encoded_map_`.
   ClientTally tally_;

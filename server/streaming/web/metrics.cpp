@@ -1,15 +1,18 @@
 #include "streaming/web/metrics.hpp"
 
-#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cmath>
 #include <fstream>
 #include <initializer_list>
+#include <limits>
 #include <utility>
 
-#include "base/open_descriptors.hpp"
+#include <fmt/format.h>
+
+#include "base/process.hpp"
 #include "base/time.hpp"
+#include "streaming/web/codec.hpp"
 
 namespace fiducap::web {
 
@@ -86,46 +89,46 @@ void add_bodies(Writer& out, const MetricsParts& parts, Value&& value) {
     value(parts.frame->bodies[i], Label{"body", parts.model->bodies[i].name}, out);
 }
 
-// As on the page: without a covariance there was never a pose.
-bool was_ever_placed(const BodyPose& body) { return body.valid || body.position_sigma_m() > 0; }
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();  // not written
+
+/// One gauge with a sample per body.
+void add_gauge(Writer& out, const MetricsParts& parts, std::string_view name, std::string_view help,
+               double (*value)(const BodyPose&)) {
+  out.gauge(name, help);
+  add_bodies(out, parts, [value](const BodyPose& body, Label label, Writer& to) {
+    to.sample(value(body), {label});
+  });
+}
 
 void add_poses(Writer& out, const MetricsParts& parts) {
-  out.gauge("fiducap_body_valid", "1: the pose may be used.");
-  add_bodies(out, parts, [](const BodyPose& body, Label name, Writer& to) {
-    to.sample(std::uint64_t{body.valid}, {name});
-  });
+  add_gauge(out, parts, "fiducap_body_valid", "1: the pose may be used.",
+            [](const BodyPose& body) -> double { return body.valid ? 1.0 : 0.0; });
   out.gauge("fiducap_body_state", "1 for the state that the body is in.");
   add_bodies(out, parts, [](const BodyPose& body, Label name, Writer& to) {
     for (const BodyState state : kStates)
       to.sample(std::uint64_t{body.state == state}, {name, {"state", name_of(state)}});
   });
-  out.gauge("fiducap_body_age_seconds", "Since the last image with a used tag.");
-  add_bodies(out, parts, [](const BodyPose& body, Label name, Writer& to) {
-    if (was_ever_placed(body)) to.sample(to_seconds(body.age), {name});
-  });
-  out.gauge("fiducap_body_position_sigma_meters", "Largest axis, 1 sigma.");
-  add_bodies(out, parts, [](const BodyPose& body, Label name, Writer& to) {
-    if (was_ever_placed(body)) to.sample(body.position_sigma_m(), {name});
-  });
-  out.gauge("fiducap_body_rotation_sigma_radians", "Largest axis, 1 sigma.");
-  add_bodies(out, parts, [](const BodyPose& body, Label name, Writer& to) {
-    if (was_ever_placed(body)) to.sample(body.rotation_sigma_rad(), {name});
-  });
+  add_gauge(
+      out, parts, "fiducap_body_age_seconds", "Since the last image with a used tag.",
+      [](const BodyPose& body) -> double { return had_pose(body) ? to_seconds(body.age) : kNone; });
+  add_gauge(out, parts, "fiducap_body_position_sigma_meters", "Largest axis, 1 sigma.",
+            [](const BodyPose& body) -> double {
+              return had_pose(body) ? body.position_sigma_m() : kNone;
+            });
+  add_gauge(out, parts, "fiducap_body_rotation_sigma_radians", "Largest axis, 1 sigma.",
+            [](const BodyPose& body) -> double {
+              return had_pose(body) ? body.rotation_sigma_rad() : kNone;
+            });
 }
 
 void add_images(Writer& out, const MetricsParts& parts) {
-  out.gauge("fiducap_body_image_rate_hertz", "Images per second.");
-  add_bodies(out, parts, [](const BodyPose& body, Label name, Writer& to) {
-    to.sample(body.image_rate_hz, {name});
-  });
-  out.gauge("fiducap_body_processing_seconds", "Arrival of the newest image to its update.");
-  add_bodies(out, parts, [](const BodyPose& body, Label name, Writer& to) {
-    to.sample(to_seconds(body.processing), {name});
-  });
-  out.gauge("fiducap_body_tags_in_view", "Tags used in the newest image.");
-  add_bodies(out, parts, [](const BodyPose& body, Label name, Writer& to) {
-    to.sample(static_cast<double>(body.tags_in_view), {name});
-  });
+  add_gauge(out, parts, "fiducap_body_image_rate_hertz", "Images per second.",
+            [](const BodyPose& body) -> double { return body.image_rate_hz; });
+  add_gauge(out, parts, "fiducap_body_processing_seconds",
+            "Arrival of the newest image to its update.",
+            [](const BodyPose& body) -> double { return to_seconds(body.processing); });
+  add_gauge(out, parts, "fiducap_body_tags_in_view", "Tags used in the newest image.",
+            [](const BodyPose& body) -> double { return body.tags_in_view; });
   out.counter("fiducap_body_images_dropped", "Images that were not processed.");
   add_bodies(out, parts, [](const BodyPose& body, Label name, Writer& to) {
     to.sample(body.images_dropped, {name});
@@ -151,7 +154,7 @@ void add_events(Writer& out, const MetricsParts& parts) {
         std::uint64_t{1},
         {{"subject", alarm.subject}, {"kind", alarm.kind}, {"severity", name_of(alarm.severity)}});
   }
-  out.counter("fiducap_events", "Events told.");
+  out.counter("fiducap_events", "Events since the start.");
   for (const Severity severity : kSeverities)
     out.sample(parts.events[static_cast<std::size_t>(severity)], {{"severity", name_of(severity)}});
 }
@@ -183,7 +186,7 @@ std::string encode_metrics(const MetricsParts& parts, MetricsFormat format) {
   Writer out(format);
   out.gauge("fiducap_build_info", "1; what runs here.");
   out.sample(std::uint64_t{1}, {{"version", parts.version}});
-  out.gauge("fiducap_healthy", "1: frames flow, as /healthz says.");
+  out.gauge("fiducap_healthy", "1: frames flow, as in /healthz.");
   out.sample(std::uint64_t{parts.healthy});
   out.counter("fiducap_frames_published", "Frames of all bodies made since the start.");
   out.sample(parts.frame == nullptr ? std::uint64_t{0} : parts.frame->number);

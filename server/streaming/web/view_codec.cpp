@@ -6,13 +6,11 @@
 #include <numbers>
 #include <optional>
 
-#include "streaming/web/json_writer.hpp"
+#include "streaming/web/codec.hpp"
 
 namespace fiducap::web {
 
 namespace {
-
-constexpr double kDegrees = 180 / std::numbers::pi;
 
 std::string_view name_of(ViewAccess::Kind kind) {
   switch (kind) {
@@ -54,9 +52,6 @@ std::string_view name_of(TagCandidate::Why why) {
   return "unread";
 }
 
-/// Screens show no more of it.
-double rounded(double value, double per_unit) { return std::round(value * per_unit) / per_unit; }
-
 void corners(JsonWriter& json, const std::array<Eigen::Vector2d, 4>& px) {
   json.name("px");
   json.array([&] {
@@ -85,8 +80,7 @@ void outline(JsonWriter& json, const ViewOutline& tag) {
 void candidate(JsonWriter& json, const TagCandidate& tag) {
   json.object([&] {
     json.member("kind", std::string_view("candidate"));
-    if (tag.tag_id >= 0) json.member("id", tag.tag_id);
-    if (tag.tag_id < 0) json.member("id", nullptr);
+    json.member("id", tag.tag_id >= 0 ? std::optional(tag.tag_id) : std::nullopt);
     json.member("why", name_of(tag.why));
     json.member("margin", rounded(tag.decision_margin, 10));
     json.member("hamming", tag.hamming);
@@ -114,7 +108,7 @@ void blur(JsonWriter& json, const ImageBlur& found) {
     json.member("tags", found.tags);
     json.member("focus_px", rounded(found.focus_px, 100));
     json.member("motion_px", rounded(found.motion_px, 100));
-    json.member("motion_deg", rounded(found.motion_rad * kDegrees, 1));
+    json.member("motion_deg", rounded(found.motion_rad * kDegreesPerRadian, 1));
   });
 }
 
@@ -148,7 +142,7 @@ std::string header_of(const CameraView& view, const ViewPicture& picture) {
   return json.take();
 }
 
-/// A number and what ends it. @return nullopt: something else
+/// A number and its separator. @return nullopt: invalid
 std::optional<int> take_number(std::string_view& text, char end) {
   int number = 0;
   const char* const last = text.data() + text.size();
@@ -159,37 +153,38 @@ std::optional<int> take_number(std::string_view& text, char end) {
   return number;
 }
 
-std::optional<NamedWish> take_wish(std::string_view& text) {
+std::optional<CameraRequest> take_view_request(std::string_view& text) {
   const auto body = take_number(text, '/');
   const auto camera = body ? take_number(text, '/') : std::nullopt;
   const auto width = camera ? take_number(text, '/') : std::nullopt;
   const auto rate = width ? take_number(text, '/') : std::nullopt;
-  const auto looks = rate ? take_number(text, ' ') : std::nullopt;
-  if (!looks || *looks > 1) return std::nullopt;
-  if (*width < ViewWish::kLeastWidth_px || *width > ViewWish::kMostWidth_px) return std::nullopt;
-  if (*rate < 1 || *rate > ViewWish::kMostPerSecond) return std::nullopt;
-  return NamedWish{*body, *camera, {*width, *rate, *looks == 1}};
+  const auto candidates = rate ? take_number(text, ' ') : std::nullopt;
+  if (!candidates || *candidates > 1) return std::nullopt;
+  if (*width < ViewRequest::kLeastWidth_px || *width > ViewRequest::kMostWidth_px)
+    return std::nullopt;
+  if (*rate < 1 || *rate > ViewRequest::kMostPerSecond) return std::nullopt;
+  return CameraRequest{*body, *camera, {*width, *rate, *candidates == 1}};
 }
 
 }  // namespace
 
-Expected<std::vector<NamedWish>> parse_wishes(std::string_view text) {
-  std::vector<NamedWish> wishes;
+Expected<std::vector<CameraRequest>> parse_view_requests(std::string_view text) {
+  std::vector<CameraRequest> requests;
   while (!text.empty()) {
-    const auto wish = text.ends_with(' ') ? std::nullopt : take_wish(text);
-    if (!wish) {
+    const auto request = text.ends_with(' ') ? std::nullopt : take_view_request(text);
+    if (!request) {
       return fail(ErrorCode::kInvalid,
                   "expected BODY/CAMERA/WIDTH/PER_SECOND/CANDIDATES with width 80 to 4096, per "
-                  "second 1 to 10, candidates 0 or 1; wish " +
-                      std::to_string(wishes.size() + 1) + " is something else");
+                  "second 1 to 10, candidates 0 or 1; request " +
+                      std::to_string(requests.size() + 1) + " is different");
     }
-    if (wishes.size() == kMostWishes) {
+    if (requests.size() == kMostViewRequests) {
       return fail(ErrorCode::kInvalid,
-                  "expected at most " + std::to_string(kMostWishes) + " cameras at once");
+                  "expected at most " + std::to_string(kMostViewRequests) + " cameras at once");
     }
-    wishes.push_back(*wish);
+    requests.push_back(*request);
   }
-  return wishes;
+  return requests;
 }
 
 std::string encode_view_list(const ViewAccess& access,
@@ -199,17 +194,12 @@ std::string encode_view_list(const ViewAccess& access,
     json.member("type", "views");
     json.member("access", name_of(access.kind));
     json.member("why", access.why);
-    json.name("cameras");
-    json.array([&] {
-      for (const CameraViews::Camera& camera : cameras) {
-        json.object([&] {
-          json.member("body", camera.body_id);
-          json.member("camera", camera.camera);
-          json.member("width", camera.width);
-          json.member("height", camera.height);
-          json.member("rate_hz", camera.rate_hz);
-        });
-      }
+    json.objects("cameras", cameras, [&](const CameraViews::Camera& camera) {
+      json.member("body", camera.body_id);
+      json.member("camera", camera.camera);
+      json.member("width", camera.width);
+      json.member("height", camera.height);
+      json.member("rate_hz", camera.rate_hz);
     });
   });
   return json.take();

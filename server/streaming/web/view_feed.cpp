@@ -2,15 +2,18 @@
 
 #include <algorithm>
 #include <utility>
+#include "streaming/conventions/frame_sequence.hpp"
 
 namespace fiducap::web {
 
 namespace {
 
+constexpr double kEarly = 0.05;  // of the period: tolerance for the images' own rate
+
 ViewAccess denied(std::string why) { return {ViewAccess::Kind::kDenied, std::move(why)}; }
 
-/// One picture for both.
-ViewWish united(const std::optional<ViewWish>& a, const ViewWish& b) {
+/// One picture for both requests.
+ViewRequest united(const std::optional<ViewRequest>& a, const ViewRequest& b) {
   if (!a) return b;
   return {std::max(a->width_px, b.width_px), std::max(a->per_second, b.per_second),
           a->candidates || b.candidates};
@@ -18,12 +21,77 @@ ViewWish united(const std::optional<ViewWish>& a, const ViewWish& b) {
 
 }  // namespace
 
-ViewAccess ViewFeed::access(const net::Peer& peer, bool speaks_for_another, bool has_token) const {
+ViewConnection::ViewConnection(const net::Peer& peer, Instant connected_at, std::size_t cameras,
+                               std::unique_ptr<native::ControlConversation> proof)
+    : peer_(peer), connected_at_(connected_at), proof_(std::move(proof)), places_(cameras) {}
+
+void ViewConnection::greet(std::vector<std::byte>& out, Instant now) {
+  if (proof_) proof_->greet(out, now);
+}
+
+bool ViewConnection::prove(std::span<const std::byte> bytes, std::vector<std::byte>& out,
+                           Instant now) {
+  return !is_admitted() && proof_->receive(bytes, out, now);
+}
+
+void ViewConnection::request(std::span<const CameraRequest> requests,
+                             std::span<const CameraViews::Camera> cameras) {
+  for (std::size_t i = 0; i < places_.size(); ++i) {
+    const auto wanted =
+        std::find_if(requests.begin(), requests.end(), [&](const CameraRequest& one) {
+          return one.body_id == cameras[i].body_id && one.camera == cameras[i].camera;
+        });
+    Place& place = places_[i];
+    if (wanted == requests.end()) {
+      place = {};
+    } else if (place.request != wanted->request) {
+      place.request = wanted->request;
+      place.due_at.reset();
+    }
+  }
+}
+
+void ViewConnection::offer(std::size_t camera, const CameraViews::Picture& picture, Instant now) {
+  Place& place = places_[camera];
+  if (!place.request) return;
+  const Duration period = from_seconds(1.0 / place.request->per_second);
+  const Duration early = from_seconds(kEarly / place.request->per_second);
+  if (!is_period_due(place.due_at, now, period, early)) return;
+  if (place.waiting) ++dropped_;
+  place.waiting = picture;
+}
+
+Message ViewConnection::next(Instant now) {
+  if (writing_since_) return nullptr;
+  for (std::size_t i = 0; i < places_.size(); ++i) {
+    Place& place = places_[(next_camera_ + i) % places_.size()];
+    if (!place.waiting) continue;
+    if (!sent_bucket_.take(1, kMostPerSecond, kMostPerSecond, now)) return nullptr;
+    next_camera_ = (next_camera_ + i + 1) % places_.size();
+    writing_since_ = now;
+    ++sent_;
+    return std::exchange(place.waiting, nullptr);
+  }
+  return nullptr;
+}
+
+ClientStatus ViewConnection::status(Instant now) const {
+  const auto watched = std::count_if(places_.begin(), places_.end(),
+                                     [](const Place& place) { return place.request.has_value(); });
+  return {"web",
+          net::text_of(peer_) + " tcp",
+          "camera views, " + std::to_string(watched) + (watched == 1 ? " camera" : " cameras"),
+          sent_,
+          dropped_,
+          to_seconds(now - connected_at_)};
+}
+
+ViewAccess ViewFeed::access(const net::Peer& peer, bool is_forwarded, bool has_token) const {
   if (views_ == nullptr) return denied("this server has no cameras to show");
-  const bool is_here = peer.is_loopback() && !speaks_for_another;
+  const bool is_here = peer.is_loopback() && !is_forwarded;
   switch (rule_) {
     case ViewRule::kOff:
-      return denied("camera views are switched off: streaming.web.camera_views is `off`");
+      return denied("camera views are disabled: streaming.web.camera_views is `off`");
     case ViewRule::kEveryone:
       return {};
     case ViewRule::kLoopback:
@@ -51,7 +119,7 @@ net::Place ViewFeed::place_for(const net::Peer& peer) const {
   return net::place_for(peer, holders, kMostViewers);
 }
 
-/// From the newest of the address that gives one up.
+/// From the newest viewer of the address that loses one.
 void ViewFeed::take(const net::Place& place) {
   if (!place.instead_of) return;
   const auto newest =
@@ -82,17 +150,17 @@ void ViewFeed::leave(const ViewConnection& connection) {
   ask_for_pictures();
 }
 
-void ViewFeed::wish(ViewConnection& connection, std::span<const NamedWish> wishes) {
-  connection.wish(wishes, cameras());
+void ViewFeed::request(ViewConnection& connection, std::span<const CameraRequest> requests) {
+  connection.request(requests, cameras());
   ask_for_pictures();
 }
 
 void ViewFeed::ask_for_pictures() {
   asked_.resize(cameras().size());
   for (std::size_t i = 0; i < asked_.size(); ++i) {
-    std::optional<ViewWish> wanted;
+    std::optional<ViewRequest> wanted;
     for (const auto& one : connections_)
-      if (const auto& wish = one->wish_of(i)) wanted = united(wanted, *wish);
+      if (const auto& request = one->request_of(i)) wanted = united(wanted, *request);
     if (wanted == asked_[i]) continue;
     asked_[i] = wanted;
     views_->watch(i, wanted);

@@ -1,42 +1,114 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
-#include "streaming/net/places.hpp"
-#include "streaming/web/view_connection.hpp"
-#include "streaming/web/web_config.hpp"
+#include "base/time.hpp"
+#include "middleware/net/peer.hpp"
+#include "streaming/native/control_session.hpp"
+#include "streaming/net/limits.hpp"
+#include "streaming/page_api.hpp"
+#include "streaming/streamer.hpp"
+#include "streaming/web/live_feed.hpp"
+#include "streaming/web/view_codec.hpp"
+#include "streaming/web/web.hpp"
 
 namespace fiducap::web {
 
-/// Who watches cameras, and what is made for them: a camera is asked for pictures while somebody
-/// wishes them, as large and as often as the largest wish. No socket, no thread; time comes in.
+/// One viewer, without its socket: proves the operator's token if required, requests cameras, and
+/// gets pictures: the newest per camera, at the requested rate, at most kMostPerSecond in total.
+class ViewConnection final {
+ public:
+  static constexpr double kMostPerSecond = 30;
+
+  /// @param cameras  their number
+  /// @param proof  asks for the token; nullptr: not required
+  ViewConnection(const net::Peer& peer, Instant connected_at, std::size_t cameras,
+                 std::unique_ptr<native::ControlConversation> proof);
+  [[nodiscard]] const net::Peer& peer() const { return peer_; }
+  [[nodiscard]] bool is_admitted() const { return proof_ == nullptr || proof_->is_operator(); }
+  /// One of a bounded number, see ViewFeed.
+  void give_place() { place_ = PlaceState::kHeld; }
+  [[nodiscard]] bool has_place() const { return place_ == PlaceState::kHeld; }
+  /// Another viewer gets its place: it will be closed.
+  void dismiss() { place_ = PlaceState::kTaken; }
+  [[nodiscard]] bool dismissed() const { return place_ == PlaceState::kTaken; }
+  /// @return false: no proof within the time limit
+  [[nodiscard]] bool is_alive(Instant now) const { return is_admitted() || proof_->is_alive(now); }
+
+  /// The request for a proof, if required.
+  void greet(std::vector<std::byte>& out, Instant now);
+  /// A message of the control channel, for the proof. @return false: send `out`, then disconnect
+  [[nodiscard]] bool prove(std::span<const std::byte> bytes, std::vector<std::byte>& out,
+                           Instant now);
+  /// Replaces earlier requests; ignores unknown cameras.
+  /// @pre is_admitted()
+  void request(std::span<const CameraRequest> requests,
+               std::span<const CameraViews::Camera> cameras);
+  [[nodiscard]] const std::optional<ViewRequest>& request_of(std::size_t camera) const {
+    return places_[camera].request;
+  }
+
+  void offer(std::size_t camera, const CameraViews::Picture& picture, Instant now);
+  /// The next picture to send; nullptr: none, or a write is pending.
+  [[nodiscard]] Message next(Instant now);
+  /// The picture of `next` is written.
+  void written() { writing_since_.reset(); }
+  /// @return a write is pending for longer than `limit`
+  [[nodiscard]] bool is_stuck(Instant now, Duration limit) const {
+    return writing_since_ && now - *writing_since_ > limit;
+  }
+  [[nodiscard]] ClientStatus status(Instant now) const;
+
+ private:
+  struct Place {
+    std::optional<ViewRequest> request;
+    CameraViews::Picture waiting;
+    std::optional<Instant> due_at;  ///< Of the next picture.
+  };
+  enum class PlaceState { kNone, kHeld, kTaken };
+
+  net::Peer peer_;
+  Instant connected_at_;
+  std::unique_ptr<native::ControlConversation> proof_;
+  std::vector<Place> places_;  ///< One per camera.
+  PlaceState place_{PlaceState::kNone};
+  std::size_t next_camera_{0};
+  net::TokenBucket sent_bucket_;
+  std::optional<Instant> writing_since_;
+  std::uint64_t sent_{0};
+  std::uint64_t dropped_{0};
+};
+
+/// All viewers. A camera makes pictures while they are requested, at the largest requested size and
+/// rate. No socket, no thread; time is passed in.
 class ViewFeed final {
  public:
   static constexpr std::size_t kMostViewers = 8;
   static constexpr std::size_t kMostPerAddress = 4;
 
-  /// @param views  nullptr: there are no pictures
+  /// @param views  nullptr: no pictures
   ViewFeed(ViewRule rule, CameraViews* views) : rule_(rule), views_(views) {}
 
-  /// @param speaks_for_another  it says that it passes on what another one asks (a proxy)
+  /// @param is_forwarded  the request came through a proxy
   /// @param has_token  an operator's token is configured
-  [[nodiscard]] ViewAccess access(const net::Peer& peer, bool speaks_for_another,
-                                  bool has_token) const;
-  /// Is there a place for one more who may look? One that has proven nothing holds none.
-  [[nodiscard]] bool has_room(const net::Peer& peer) const { return place_for(peer).is_there; }
-  /// @param proof  asks for the token, see `admit`; nullptr: he may look without, and takes a
-  /// place   @pre has_room(peer), where there is no proof
+  [[nodiscard]] ViewAccess access(const net::Peer& peer, bool is_forwarded, bool has_token) const;
+  /// @return there is a place for one more viewer; unproven ones have none
+  [[nodiscard]] bool has_place(const net::Peer& peer) const { return place_for(peer).is_there; }
+  /// @param proof  asks for the token, see `admit`; nullptr: not required, takes a place
+  /// @pre has_place(peer) without a proof
   [[nodiscard]] std::shared_ptr<ViewConnection> join(
       const net::Peer& peer, Instant now, std::unique_ptr<native::ControlConversation> proof);
-  /// Takes a place for who has just proven that he may look. @return false: there is none
+  /// Takes a place after the proof. @return false: none
   [[nodiscard]] bool admit(ViewConnection& connection);
   void leave(const ViewConnection& connection);
-  void wish(ViewConnection& connection, std::span<const NamedWish> wishes);
-  /// Takes new pictures and leaves them with those who wish them.
+  void request(ViewConnection& connection, std::span<const CameraRequest> requests);
+  /// Takes new pictures and offers them to the viewers.
   void tick(Instant now);
 
   [[nodiscard]] std::span<const CameraViews::Camera> cameras() const;
@@ -52,7 +124,7 @@ class ViewFeed final {
   ViewRule rule_;
   CameraViews* views_;
   std::vector<std::shared_ptr<ViewConnection>> connections_;
-  std::vector<std::optional<ViewWish>> asked_;  ///< Per camera.
+  std::vector<std::optional<ViewRequest>> asked_;  ///< Per camera.
 };
 
 }  // namespace fiducap::web

@@ -1,37 +1,37 @@
-#include "streaming/web/web_server.hpp"
-
 #include <utility>
 
 #include "base/log.hpp"
+#include "middleware/net/peer.hpp"
 #include "streaming/net/tcp_server.hpp"
+#include "streaming/web/web.hpp"
 #include "streaming/web/web_session.hpp"
 
 namespace fiducap::web {
 
 namespace {
 
-// Besides the live sockets: files of a page being loaded, programs asking for the state.
+// Besides live sockets: loading pages, programs that read the state.
 constexpr int kPlainConnections = 64;
 constexpr std::string_view kKey = "streaming.web";
 
-/// A page that reads too slowly loses frames, then its connection.
+/// Slow pages lose frames, then their connection.
 class PageServer final : public Streamer {
  public:
-  PageServer(boost::asio::io_context& io, std::shared_ptr<WebDesk> desk, const WebConfig& config,
-             const Clock& clock)
-      : desk_(std::move(desk)),
+  PageServer(boost::asio::io_context& io, std::shared_ptr<WebContext> context,
+             const WebConfig& config, const Clock& clock)
+      : context_(std::move(context)),
         tcp_(io, {"web", config.max_clients + kPlainConnections, 0, kKey}, clock) {}
 
   Expected<void> listen(const WebConfig& config) {
     const auto port = tcp_.listen({config.address, config.port, kKey},
-                                  [desk = desk_](net::Socket socket, const net::Peer& peer) {
-                                    return make_session(std::move(socket), peer, desk);
+                                  [context = context_](net::Socket socket, const net::Peer& peer) {
+                                    return make_session(std::move(socket), peer, context);
                                   });
     if (!port) return tl::unexpected(port.error());
     port_ = *port;
     tcp_.start([this](Instant now) {
-      desk_->feed().tick(now);
-      desk_->view_feed().tick(now);
+      context_->feed().tick(now);
+      context_->view_feed().tick(now);
       pump_all();
     });
     return {};
@@ -40,16 +40,16 @@ class PageServer final : public Streamer {
   [[nodiscard]] std::string_view protocol() const override { return "web"; }
   [[nodiscard]] std::uint16_t port() const override { return port_; }
   void publish(const std::shared_ptr<const SceneFrame>& frame) override {
-    desk_->feed().publish(frame);
-    desk_->feed().tick(desk_->now());
-    desk_->view_feed().tick(desk_->now());
+    context_->feed().publish(frame);
+    context_->feed().tick(context_->now());
+    context_->view_feed().tick(context_->now());
     pump_all();
   }
   void append_clients(std::vector<ClientStatus>& out) const override {
-    for (const auto& connection : desk_->feed().connections())
-      out.push_back(connection->status(desk_->now()));
-    for (const auto& viewer : desk_->view_feed().connections())
-      out.push_back(viewer->status(desk_->now()));
+    for (const auto& connection : context_->feed().connections())
+      out.push_back(connection->status(context_->now()));
+    for (const auto& viewer : context_->view_feed().connections())
+      out.push_back(viewer->status(context_->now()));
   }
   void stop() override { tcp_.stop(); }
 
@@ -58,23 +58,32 @@ class PageServer final : public Streamer {
     tcp_.each<WebSession>([](WebSession& session) { session.pump(); });
   }
 
-  std::shared_ptr<WebDesk> desk_;
+  std::shared_ptr<WebContext> context_;
   std::uint16_t port_{0};
   net::TcpServer tcp_;
 };
 
 }  // namespace
 
-Expected<std::unique_ptr<WebServer>> start_web_server(boost::asio::io_context& io,
-                                                      const WebConfig& config, WebSources sources,
-                                                      std::shared_ptr<const SceneModel> model,
-                                                      const Clock& clock) {
-  auto desk = std::make_shared<WebDesk>(config, std::move(sources), std::move(model), clock);
-  if (!desk->has_page()) {
+std::vector<ConfigError> WebConfig::check() const {
+  return Checker{"streaming.web."}
+      .require(net::is_address(address), "address", address,
+               "must be an IP address, e.g. 127.0.0.1")
+      .within("rate_hz", rate_hz, 0.5, 60)
+      .within("max_clients", max_clients, 1, 1000)
+      .errors;
+}
+
+Expected<std::unique_ptr<Streamer>> start_web_server(boost::asio::io_context& io,
+                                                     const WebConfig& config, WebSources sources,
+                                                     std::shared_ptr<const SceneModel> model,
+                                                     const Clock& clock) {
+  auto context = std::make_shared<WebContext>(config, std::move(sources), std::move(model), clock);
+  if (!context->has_page()) {
     log::warning(
         "web", "no page bundle in " + page_root(config.root).string() + ": only the API is served");
   }
-  auto server = std::make_unique<PageServer>(io, std::move(desk), config, clock);
+  auto server = std::make_unique<PageServer>(io, std::move(context), config, clock);
   if (const auto listening = server->listen(config); !listening)
     return tl::unexpected(listening.error());
   const bool is_v6 = config.address.find(':') != std::string::npos;

@@ -20,27 +20,27 @@ constexpr std::size_t kLingerLimit = 1u << 20;
 constexpr auto kRequestTimeout = 15s;
 constexpr auto kResponseTimeout = 10s;
 constexpr auto kLingerTimeout = 2s;
-// Who asks too much is read no further for a while: its refusals cost next to nothing, too.
-constexpr Duration kPause = 1s;
-constexpr double kUpgradeCost = 4;  // a new page is sent everything at once
+constexpr Duration kPause = 1s;     // no reading after too many requests
+constexpr double kUpgradeCost = 4;  // a new page is sent all messages at once
 constexpr const char* kSetupHeader = "X-Fiducap-Setup";
 
 }  // namespace
 
-BeastSession::BeastSession(net::Socket socket, const net::Peer& peer, std::shared_ptr<WebDesk> desk)
-    : WebSession(peer), stream_(std::move(socket->asio)), desk_(std::move(desk)) {}
+BeastSession::BeastSession(net::Socket socket, const net::Peer& peer,
+                           std::shared_ptr<WebContext> context)
+    : WebSession(peer), stream_(std::move(socket->asio)), context_(std::move(context)) {}
 
 void BeastSession::tick(Instant now) {
   if (paused_until_ && now >= *paused_until_) {
     paused_until_.reset();
     read_request();
   }
-  if (control_ && !control_->patient(now)) return end();
-  if (view_ && !view_->is_patient(now)) return end();
+  if (control_ && !control_->is_alive(now)) return end();
+  if (view_ && !view_->is_alive(now)) return end();
   pump();
 }
 
-void BeastSession::pause() { paused_until_ = desk_->now() + kPause; }
+void BeastSession::pause() { paused_until_ = context_->now() + kPause; }
 
 void BeastSession::read_request() {
   parser_.emplace();
@@ -55,17 +55,17 @@ void BeastSession::on_request(ErrorCodeOf error, std::size_t) {
   const auto socket =
       websocket::is_upgrade(request) ? socket_at(path_of(view_of(request.target()))) : std::nullopt;
   const bool is_watching = socket && *socket != SocketKind::kControl;
-  // Others of this machine share its address: their flood costs the one who sets up nothing.
-  const bool leads = desk_->leads_setup(view_of(request[kSetupHeader]));
-  if (!leads && !desk_->take_request(peer(), is_watching ? kUpgradeCost : 1)) {
-    return send(later_response(429, "too many requests of this address; come again later\n"),
+  // No limit for the set-up: other programs of this machine share its address.
+  const bool leads = context_->leads_setup(view_of(request[kSetupHeader]));
+  if (!leads && !context_->take_request(peer(), is_watching ? kUpgradeCost : 1)) {
+    return send(later_response(429, "too many requests from this address; try again later\n"),
                 request.keep_alive());
   }
   // RFC 9112 3.2
   const auto hosts = request.count(http::field::host);
   if (hosts > 1 || (hosts == 0 && request.version() >= 11))
     return send(plain_response(400, "expected one Host\n"), false);
-  if (!desk_->knows(view_of(request[http::field::host]))) {
+  if (!context_->knows(view_of(request[http::field::host]))) {
     return send(plain_response(421,
                                "this server has another name: use its address, or add this name to "
                                "streaming.web.hosts\n"),
@@ -78,24 +78,23 @@ void BeastSession::on_request(ErrorCodeOf error, std::size_t) {
                           view_of(request[http::field::accept_encoding]),
                           view_of(request[http::field::accept]),
                           view_of(request[kSetupHeader])};
-  const bool for_another = speaks_for_another();
+  const bool for_another = is_forwarded();
   if (is_setup(path_of(asked.target))) {
     if (!is_own_page())
       return send(plain_response(403, "the set-up serves its own page only\n"), false);
-    return send(desk_->answer_setup(asked, peer(), for_another), request.keep_alive());
+    return send(context_->answer_setup(asked, peer(), for_another), request.keep_alive());
   }
-  send(desk_->answer(asked, desk_->view_access(peer(), for_another)), request.keep_alive());
+  send(context_->answer(asked, context_->view_access(peer(), for_another)), request.keep_alive());
 }
 
 void BeastSession::refuse(ErrorCodeOf error) {
-  (void)desk_->take_request(peer(), 1);  // it cost us as much as a good one
+  (void)context_->take_request(peer(), 1);  // costs as much as a valid one
   if (error == http::error::header_limit || error == http::error::buffer_overflow) {
     return send(plain_response(431, "request header larger than 8 KiB\n"), false);
   }
   if (error == http::error::unexpected_body)
     return send(plain_response(413, "expected no body\n"), false);
-  // Anything else of the parser is not HTTP; the rest are ends and timeouts, which nobody waits to
-  // hear about.
+  // Other errors of the parser: not HTTP. The rest are disconnects and timeouts, without a reply.
   const bool malformed =
       error.category() == http::make_error_code(http::error::bad_method).category() &&
       error != http::error::end_of_stream && error != http::error::partial_message;
@@ -137,8 +136,7 @@ void BeastSession::on_sent(ErrorCodeOf error, std::size_t) {
   linger();
 }
 
-// Closing on unread bytes would reset the connection and take the answer with it: the rest is read
-// and forgotten.
+// Closing with unread bytes would reset the connection before the reply is read: reads the rest.
 void BeastSession::linger() {
   buffer_.clear();
   tcp().async_read_some(buffer_.prepare(kHeaderLimit), on(&BeastSession::on_lingered));
@@ -151,14 +149,14 @@ void BeastSession::on_lingered(ErrorCodeOf error, std::size_t bytes) {
 }
 
 void BeastSession::leave_places() {
-  if (live_) desk_->feed().leave(*std::exchange(live_, nullptr));
-  if (view_) desk_->view_feed().leave(*std::exchange(view_, nullptr));
-  desk_->end_control(*this);
+  if (live_) context_->feed().leave(*std::exchange(live_, nullptr));
+  if (view_) context_->view_feed().leave(*std::exchange(view_, nullptr));
+  context_->end_control(*this);
 }
 
 void BeastSession::close(std::string_view why, log::Level level) {
   if (!close_once()) return;
-  // A browser opens and leaves connections all the time.
+  // Browsers open and close connections all the time.
   if (level >= log::Level::kWarning)
     log::write(level, "web", net::text_of(peer()) + " tcp " + std::string(why));
   leave_places();
@@ -171,11 +169,10 @@ std::vector<std::string> own_names(const WebConfig& config) {
   return names;
 }
 
-std::shared_ptr<ViewConnection> WebDesk::join_views(const net::Peer& peer,
-                                                    bool speaks_for_another) {
-  const ViewAccess access = view_access(peer, speaks_for_another);
+std::shared_ptr<ViewConnection> WebContext::join_views(const net::Peer& peer, bool is_forwarded) {
+  const ViewAccess access = view_access(peer, is_forwarded);
   const bool may_look = access.kind == ViewAccess::Kind::kGranted;
-  if (access.kind == ViewAccess::Kind::kDenied || (may_look && !view_feed_.has_room(peer)))
+  if (access.kind == ViewAccess::Kind::kDenied || (may_look && !view_feed_.has_place(peer)))
     return nullptr;
   std::unique_ptr<native::ControlConversation> proof;
   if (access.kind == ViewAccess::Kind::kProof)
@@ -184,7 +181,7 @@ std::shared_ptr<ViewConnection> WebDesk::join_views(const net::Peer& peer,
   return view_feed_.join(peer, now(), std::move(proof));
 }
 
-std::unique_ptr<native::ControlConversation> WebDesk::begin_control(WebSession& session) {
+std::unique_ptr<native::ControlConversation> WebContext::begin_control(WebSession& session) {
   if (operators_ == nullptr) return nullptr;
   std::vector<net::Peer> holders;
   for (const WebSession* one : controls_) holders.push_back(one->peer());
@@ -194,7 +191,7 @@ std::unique_ptr<native::ControlConversation> WebDesk::begin_control(WebSession& 
     const auto other = std::find_if(
         controls_.rbegin(), controls_.rend(),
         [&](const WebSession* one) { return one->peer().same_address(*place.instead_of); });
-    (*other)->close("gives its place to another operator", log::Level::kInfo);
+    (*other)->close("is closed: another operator needs its place", log::Level::kInfo);
   }
   controls_.push_back(&session);
   return std::make_unique<native::ControlConversation>(native::random_challenge(), *operators_,
@@ -202,8 +199,8 @@ std::unique_ptr<native::ControlConversation> WebDesk::begin_control(WebSession& 
 }
 
 std::shared_ptr<WebSession> make_session(net::Socket socket, const net::Peer& peer,
-                                         std::shared_ptr<WebDesk> desk) {
-  return std::make_shared<BeastSession>(std::move(socket), peer, std::move(desk));
+                                         std::shared_ptr<WebContext> context) {
+  return std::make_shared<BeastSession>(std::move(socket), peer, std::move(context));
 }
 
 }  // namespace fiducap::web

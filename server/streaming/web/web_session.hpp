@@ -8,15 +8,13 @@
 #include <utility>
 #include <vector>
 
-#include "base/clock.hpp"
-#include "streaming/native/control_conversation.hpp"
+#include "base/time.hpp"
+#include "streaming/native/control_session.hpp"
 #include "streaming/net/limits.hpp"
-#include "streaming/net/places.hpp"
 #include "streaming/net/tcp_session.hpp"
+#include "streaming/web/content.hpp"
 #include "streaming/web/http_routes.hpp"
 #include "streaming/web/live_feed.hpp"
-#include "streaming/web/page_files.hpp"
-#include "streaming/web/setup_routes.hpp"
 #include "streaming/web/view_feed.hpp"
 
 namespace fiducap::web {
@@ -26,14 +24,13 @@ class WebSession;
 /// This machine's name and those of the configuration.
 [[nodiscard]] std::vector<std::string> own_names(const WebConfig& config);
 
-/// Everything a session asks its server, without a socket. Shared by the sessions, so that it
-/// outlives the last of them.
-class WebDesk final {
+/// Shared by the sessions of the server; without sockets.
+class WebContext final {
  public:
-  WebDesk(const WebConfig& config, WebSources sources, std::shared_ptr<const SceneModel> model,
-          const Clock& clock)
+  WebContext(const WebConfig& config, WebSources sources, std::shared_ptr<const SceneModel> model,
+             const Clock& clock)
       : page_(PageFiles::load(page_root(config.root))),
-        operators_(sources.desk),
+        operators_(sources.operator_api),
         setup_(sources.setup),
         view_feed_(config.camera_views, sources.views),
         feed_(config, std::move(sources), std::move(model)),
@@ -41,7 +38,7 @@ class WebDesk final {
         names_(own_names(config)),
         clock_(clock) {}
 
-  /// @param views  what who asks may see of cameras
+  /// @param views  the client's access to cameras
   [[nodiscard]] HttpResponse answer(const HttpRequest& request, const ViewAccess& views) {
     return web::answer(
         request, page_,
@@ -52,46 +49,45 @@ class WebDesk final {
          [this](std::int64_t before, std::int64_t after) { return feed_.diff(before, after); }});
   }
   [[nodiscard]] bool knows(std::string_view host) const { return is_our_name(host, names_); }
-  /// Does this address have a request left? One that is taken costs `cost` of them.
+  /// @return the address has a request left; `take_request` uses `cost` of them
   [[nodiscard]] bool may_ask(const net::Peer& peer) { return requests_.has(hash(peer), now()); }
   [[nodiscard]] bool take_request(const net::Peer& peer, double cost) {
     return requests_.allow(hash(peer), now(), cost);
   }
-  /// Is there a place for one more live page?
-  [[nodiscard]] bool has_room(const net::Peer& peer) const { return place_for(peer).is_there; }
-  /// Takes it, also from the address with the most pages. @return nullptr: there is none
+  /// @return there is a place for one more live page
+  [[nodiscard]] bool has_place(const net::Peer& peer) const { return place_for(peer).is_there; }
+  /// Takes a place, also from the address with the most pages. @return nullptr: none
   [[nodiscard]] std::shared_ptr<LiveConnection> join(const net::Peer& peer) {
     const net::Place place = place_for(peer);
     if (!place.is_there) return nullptr;
     if (place.instead_of) feed_.dismiss_newest_of(*place.instead_of);
     return feed_.join(peer, now());
   }
-  /// @param speaks_for_another  see ViewFeed
-  [[nodiscard]] ViewAccess view_access(const net::Peer& peer, bool speaks_for_another) const {
+  /// @param is_forwarded  see ViewFeed
+  [[nodiscard]] ViewAccess view_access(const net::Peer& peer, bool is_forwarded) const {
     const bool has_token = operators_ != nullptr && !operators_->token().empty();
-    return view_feed_.access(peer, speaks_for_another, has_token);
+    return view_feed_.access(peer, is_forwarded, has_token);
   }
-  /// Does who says this lead the set-up that goes on?
+  /// @return `secret` is that of the running set-up
   [[nodiscard]] bool leads_setup(std::string_view secret) const {
     return setup_ != nullptr && setup_->admits(secret);
   }
-  /// Of a set-up, which opens devices and writes files: only for who knows its secret.
+  /// Requires the secret of the set-up, which opens devices and writes files.
   [[nodiscard]] HttpResponse answer_setup(const HttpRequest& request, const net::Peer& peer,
-                                          bool speaks_for_another) {
-    return web::answer_setup(request, setup_, peer.is_loopback() && !speaks_for_another);
+                                          bool is_forwarded) {
+    return web::answer_setup(request, setup_, peer.is_loopback() && !is_forwarded);
   }
-  /// @return nullptr: he may not, or there is no place
+  /// @return nullptr: denied, or no place
   [[nodiscard]] std::shared_ptr<ViewConnection> join_views(const net::Peer& peer,
-                                                           bool speaks_for_another);
-  /// A command channel for this address, and a place for it, also from the address with the most.
-  /// @return nullptr: nobody takes commands, or there is no place
+                                                           bool is_forwarded);
+  /// A command channel with a place, also from the address with the most.
+  /// @return nullptr: no commands, or no place
   [[nodiscard]] std::unique_ptr<native::ControlConversation> begin_control(WebSession& session);
   void end_control(const WebSession& session) { std::erase(controls_, &session); }
   [[nodiscard]] bool takes_commands() const { return operators_ != nullptr; }
   [[nodiscard]] bool has_page() const { return !page_.empty(); }
   [[nodiscard]] LiveFeed& feed() { return feed_; }
   [[nodiscard]] ViewFeed& view_feed() { return view_feed_; }
-  [[nodiscard]] const LiveFeed& feed() const { return feed_; }
   [[nodiscard]] Instant now() const { return clock_.now(); }
 
  private:
@@ -107,8 +103,8 @@ class WebDesk final {
   static constexpr std::size_t kMostControls = 16;
 
   PageFiles page_;
-  OperatorDesk* operators_;
-  SetupDesk* setup_;
+  OperatorApi* operators_;
+  SetupApi* setup_;
   ViewFeed view_feed_;
   LiveFeed feed_;
   std::size_t most_pages_;
@@ -117,20 +113,19 @@ class WebDesk final {
   std::array<std::uint64_t, 2> hash_key_{net::random_key()};
   net::RequestLimiter requests_;
   net::WrongProofs wrong_;
-  std::vector<WebSession*> controls_;  ///< Of those that have a command channel, oldest first.
+  std::vector<WebSession*> controls_;  ///< With a command channel, oldest first.
 };
 
-/// One TCP connection: HTTP requests until it ends or becomes a socket that speaks, or one that
-/// takes commands, or has pictures. Beast stays in beast_session.hpp and its sources.
+/// One TCP connection: HTTP requests until it ends or becomes a WebSocket with frames, commands or
+/// pictures. Beast is only in beast_session.hpp and its sources.
 class WebSession : public net::Session {
  public:
   using Session::Session;
-  /// Writes what waits for a live page; closes it when it has stopped reading. Nothing for a plain
-  /// HTTP connection.
+  /// Writes the next message of a WebSocket; closes it when the client has stopped reading.
   virtual void pump() = 0;
 };
 
 [[nodiscard]] std::shared_ptr<WebSession> make_session(net::Socket socket, const net::Peer& peer,
-                                                       std::shared_ptr<WebDesk> desk);
+                                                       std::shared_ptr<WebContext> context);
 
 }  // namespace fiducap::web

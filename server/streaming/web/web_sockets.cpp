@@ -1,4 +1,4 @@
-// What a request may become: a socket that speaks, one that takes commands, or one with pictures.
+// The WebSockets: frames for live pages, commands, pictures of cameras.
 #include <boost/beast/http/field.hpp>
 #include <utility>
 
@@ -12,14 +12,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Duration kReaderPatience = 5s;
-// Small, so that a page that stopped reading shows after a few frames instead of after megabytes in
-// the kernel.
+constexpr Duration kWriteTimeout = 5s;
+// Small, so that a page that stopped reading is found after a few frames.
 constexpr int kSendBuffer = 256 * 1024;
 constexpr std::size_t kLongestClientMessage = 1024;
 constexpr std::size_t kLongestReason = 120;  // RFC 6455 5.5: 125 bytes with the code
-constexpr const char* kTooManyViewers =
-    "too many watch cameras already; close one of the pages that do";
+constexpr const char* kTooManyViewers = "too many pages show cameras; close one of them";
 constexpr std::size_t kLongestCommand = 8192;  // an alignment by 200 tags
 
 }  // namespace
@@ -31,34 +29,33 @@ std::optional<BeastSession::SocketKind> BeastSession::socket_at(std::string_view
   return std::nullopt;
 }
 
-/// A proxy says whom it asks for.
-bool BeastSession::speaks_for_another() const {
+/// Proxies add one of these headers.
+bool BeastSession::is_forwarded() const {
   const auto& request = parser_->get();
   return request.find(http::field::forwarded) != request.end() ||
          request.find("X-Forwarded-For") != request.end() ||
          request.find("X-Real-IP") != request.end();
 }
 
-/// A page of this server asks, or a program that is no browser.
+/// From a page of this server, or from a program other than a browser.
 bool BeastSession::is_own_page() const {
   const auto& request = parser_->get();
   return request.count(http::field::origin) <= 1 &&
          same_origin(view_of(request[http::field::origin]), view_of(request[http::field::host]));
 }
 
-/// @return nullopt: welcome
+/// @return nullopt: accepted
 std::optional<HttpResponse> BeastSession::refusal_of(SocketKind kind) {
-  const auto& request = parser_->get();
   if (!is_own_page()) return plain_response(403, "the sockets serve their own page only\n");
-  if (kind == SocketKind::kControl && !desk_->takes_commands())
-    return plain_response(404, "nobody takes commands here\n");
-  if (kind == SocketKind::kLive && !desk_->has_room(peer()))
+  if (kind == SocketKind::kControl && !context_->takes_commands())
+    return plain_response(404, "this server takes no commands\n");
+  if (kind == SocketKind::kLive && !context_->has_place(peer()))
     return later_response(503, "too many live pages; try again later\n");
   if (kind == SocketKind::kViews) {
-    const ViewAccess access = desk_->view_access(peer(), speaks_for_another());
+    const ViewAccess access = context_->view_access(peer(), is_forwarded());
     if (access.kind == ViewAccess::Kind::kDenied) return plain_response(403, access.why + "\n");
     const bool may_look = access.kind == ViewAccess::Kind::kGranted;
-    if (may_look && !desk_->view_feed().has_room(peer()))
+    if (may_look && !context_->view_feed().has_place(peer()))
       return later_response(503, std::string(kTooManyViewers) + "\n");
   }
   if (buffer_.size() != 0)
@@ -82,62 +79,80 @@ void BeastSession::upgrade(SocketKind kind) {
 }
 
 void BeastSession::on_upgraded(ErrorCodeOf error) {
-  // Another page may have taken the last place during the handshake.
-  if (!error) live_ = desk_->join(peer());
+  // The last place may have been taken during the handshake.
+  if (!error) live_ = context_->join(peer());
   if (!live_) return end();
-  tcp().socket().set_option(asio::socket_base::send_buffer_size(kSendBuffer), error);
-  tcp().socket().set_option(asio::ip::tcp::no_delay(true), error);
-  stream_.text(true);
-  stream_.auto_fragment(false);
+  tune_socket(true);
   stream_.async_read(buffer_, on(&BeastSession::on_live_read));
   pump();
 }
 
-// The socket only speaks. Reading is for pings and the close; a page that talks is not ours.
+// Only for pings and the close; pages send no messages.
 void BeastSession::on_live_read(ErrorCodeOf, std::size_t) { end(); }
 
-void BeastSession::pump() {
-  if (view_) return pump_views();
-  if (!live_) return;
-  const Instant now = desk_->now();
-  if (live_->dismissed())
-    return close("is closed: its address has the most pages and others want one",
+template <class Client>
+void BeastSession::write_next(Client& client, std::string_view places) {
+  const Instant now = context_->now();
+  if (client.dismissed()) {
+    return close("is closed: its address has the most " + std::string(places) +
+                     " and another client needs one",
                  log::Level::kWarning);
-  if (live_->stuck(now, kReaderPatience)) {
-    return close("stopped reading and was closed", log::Level::kWarning);
   }
-  Message message = live_->next(now);
+  if (client.is_stuck(now, kWriteTimeout))
+    return close("stopped reading and was closed", log::Level::kWarning);
+  Message message = client.next(now);
   if (!message) return;
   writing_ = std::move(message);
-  stream_.async_write(asio::buffer(*writing_), on(&BeastSession::on_live_written));
+  stream_.async_write(asio::buffer(*writing_), on(&BeastSession::on_written));
 }
 
-void BeastSession::on_live_written(ErrorCodeOf error, std::size_t) {
-  if (error || !live_) return end();
-  live_->written();
+void BeastSession::pump() {
+  if (view_) return write_next(*view_, "viewers");
+  if (live_) write_next(*live_, "pages");
+}
+
+void BeastSession::on_written(ErrorCodeOf error, std::size_t) {
+  if (error || (!live_ && !view_)) return end();
+  live_ ? live_->written() : view_->written();
   pump();
 }
 
+std::span<const std::byte> BeastSession::received() const {
+  return {static_cast<const std::byte*>(buffer_.cdata().data()), buffer_.size()};
+}
+
+// For frames and pictures: binary or text messages of one fragment.
+void BeastSession::tune_socket(bool text) {
+  ErrorCodeOf ignored;
+  tcp().socket().set_option(asio::socket_base::send_buffer_size(kSendBuffer), ignored);
+  tcp().socket().set_option(asio::ip::tcp::no_delay(true), ignored);
+  stream_.text(text);
+  stream_.auto_fragment(false);
+}
+
+void BeastSession::close_socket(const websocket::close_reason& reason) {
+  leave_places();
+  stream_.async_close(reason, on(&BeastSession::end_of));
+}
+
 void BeastSession::on_control_upgraded(ErrorCodeOf error) {
-  if (!error) control_ = desk_->begin_control(*this);
+  if (!error) control_ = context_->begin_control(*this);
   if (!control_) return end();
   stream_.binary(true);
-  control_->greet(replies_, desk_->now());
-  say_replies();
+  control_->greet(replies_, context_->now());
+  send_replies();
 }
 
-// The next one is read when the answer to this one has left: nothing waits here.
+// The next one is read after the reply is written.
 void BeastSession::on_command(ErrorCodeOf error, std::size_t) {
-  if (error || !desk_->take_request(peer(), 1)) return end();
-  const auto heard = buffer_.cdata();
-  hangs_up_ = !control_->receive({static_cast<const std::byte*>(heard.data()), heard.size()},
-                                 replies_, desk_->now());
+  if (error || !context_->take_request(peer(), 1)) return end();
+  hangs_up_ = !control_->receive(received(), replies_, context_->now());
   buffer_.clear();
   if (replies_.empty() && !hangs_up_) return on_replied({}, 0);  // half a request
-  say_replies();
+  send_replies();
 }
 
-void BeastSession::say_replies() {
+void BeastSession::send_replies() {
   stream_.async_write(asio::buffer(replies_), on(&BeastSession::on_replied));
 }
 
@@ -150,46 +165,37 @@ void BeastSession::on_replied(ErrorCodeOf error, std::size_t) {
 }
 
 void BeastSession::on_views_upgraded(ErrorCodeOf error) {
-  if (!error) view_ = desk_->join_views(peer(), speaks_for_another());
+  if (!error) view_ = context_->join_views(peer(), is_forwarded());
   if (!view_) return end();
-  tcp().socket().set_option(asio::socket_base::send_buffer_size(kSendBuffer), error);
-  tcp().socket().set_option(asio::ip::tcp::no_delay(true), error);
-  stream_.binary(true);
-  stream_.auto_fragment(false);
-  view_->greet(replies_, desk_->now());
-  if (replies_.empty()) return stream_.async_read(buffer_, on(&BeastSession::on_wish));
+  tune_socket(false);
+  view_->greet(replies_, context_->now());
+  if (replies_.empty()) return stream_.async_read(buffer_, on(&BeastSession::on_view_request));
   stream_.async_write(asio::buffer(replies_), on(&BeastSession::on_view_reply));
 }
 
-// Text is a wish, anything else proves that the token is known.
-void BeastSession::on_wish(ErrorCodeOf error, std::size_t) {
-  if (error || !desk_->take_request(peer(), 1)) return end();
+// Text is a request for cameras, binary data a proof of the token.
+void BeastSession::on_view_request(ErrorCodeOf error, std::size_t) {
+  if (error || !context_->take_request(peer(), 1)) return end();
   if (!view_->is_admitted()) return prove_view();
-  const auto heard = buffer_.cdata();
-  const std::string_view text(static_cast<const char*>(heard.data()), heard.size());
-  const auto wishes = stream_.got_text() ? parse_wishes(text)
-                                         : fail(ErrorCode::kInvalid, "expected a wish as text");
-  if (!wishes) {
-    leave_places();
-    const websocket::close_reason why(websocket::close_code::policy_error,
-                                      wishes.error().what.substr(0, kLongestReason));
-    return stream_.async_close(why, on(&BeastSession::end_of));
+  const auto bytes = received();
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  const auto requests = stream_.got_text()
+                            ? parse_view_requests(text)
+                            : fail(ErrorCode::kInvalid, "expected a request as text");
+  if (!requests) {
+    return close_socket(
+        {websocket::close_code::policy_error, requests.error().what.substr(0, kLongestReason)});
   }
-  desk_->view_feed().wish(*view_, *wishes);
+  context_->view_feed().request(*view_, *requests);
   buffer_.clear();
-  stream_.async_read(buffer_, on(&BeastSession::on_wish));
+  stream_.async_read(buffer_, on(&BeastSession::on_view_request));
 }
 
 void BeastSession::prove_view() {
-  const auto heard = buffer_.cdata();
-  hangs_up_ = stream_.got_text() ||
-              !view_->prove({static_cast<const std::byte*>(heard.data()), heard.size()}, replies_,
-                            desk_->now());
+  hangs_up_ = stream_.got_text() || !view_->prove(received(), replies_, context_->now());
   buffer_.clear();
-  if (view_->is_admitted() && !desk_->view_feed().admit(*view_)) {
-    leave_places();
-    const websocket::close_reason why(websocket::close_code::try_again_later, kTooManyViewers);
-    return stream_.async_close(why, on(&BeastSession::end_of));
+  if (view_->is_admitted() && !context_->view_feed().admit(*view_)) {
+    return close_socket({websocket::close_code::try_again_later, kTooManyViewers});
   }
   if (replies_.empty()) return on_view_reply({}, 0);  // half a request, or none at all
   stream_.async_write(asio::buffer(replies_), on(&BeastSession::on_view_reply));
@@ -198,30 +204,8 @@ void BeastSession::prove_view() {
 void BeastSession::on_view_reply(ErrorCodeOf error, std::size_t) {
   replies_.clear();
   if (error) return end();
-  if (hangs_up_) {
-    leave_places();
-    return stream_.async_close(websocket::close_code::policy_error, on(&BeastSession::end_of));
-  }
-  stream_.async_read(buffer_, on(&BeastSession::on_wish));
-}
-
-void BeastSession::pump_views() {
-  const Instant now = desk_->now();
-  if (view_->dismissed())
-    return close("is closed: its address has the most viewers and others want one",
-                 log::Level::kWarning);
-  if (view_->is_stuck(now, kReaderPatience))
-    return close("stopped reading camera views and was closed", log::Level::kWarning);
-  Message message = view_->next(now);
-  if (!message) return;
-  writing_ = std::move(message);
-  stream_.async_write(asio::buffer(*writing_), on(&BeastSession::on_view_written));
-}
-
-void BeastSession::on_view_written(ErrorCodeOf error, std::size_t) {
-  if (error || !view_) return end();
-  view_->written();
-  pump();
+  if (hangs_up_) return close_socket(websocket::close_code::policy_error);
+  stream_.async_read(buffer_, on(&BeastSession::on_view_request));
 }
 
 }  // namespace fiducap::web

@@ -1,19 +1,70 @@
-#include "tools/calibrate/calibration_images.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
 
 #include "base/log.hpp"
+#include "calibration/intrinsics/view_collector.hpp"
 #include "capture/camera_device.hpp"
-#include "capture/recording/gray_file.hpp"
+#include "capture/camera_frame.hpp"
+#include "capture/gray_image.hpp"
+#include "capture/recording/recording.hpp"
 #include "capture/recording/recording_layout.hpp"
-#include "daemon/system_clock.hpp"
+#include "capture/sensor_source.hpp"
+#include "daemon/system.hpp"
+#include "detection/tag_family.hpp"
+#include "tools/calibrate/calibrate.hpp"
 
 namespace fiducap {
 namespace {
 
 const SystemClock kClock;  // outlives the sources; nothing is paced
+
+/// One image to search for targets, or the corners that another detector found in it.
+struct CalibrationImage {
+  std::string name;
+  std::shared_ptr<const GrayImage> image;  ///< Null when there are corners only.
+  CornerFrame corners;
+  int width{};
+  int height{};
+};
+
+/// Images of one camera, calibrated or not: a folder of pictures, a video file, or a recording.
+class CalibrationImages final {
+ public:
+  /// @param camera  which camera of a recording
+  /// @return Error with what was expected
+  [[nodiscard]] static Expected<CalibrationImages> open(const std::string& path,
+                                                        std::size_t camera);
+
+  /// @return nullopt at the end. Unreadable pictures are skipped, the first one is logged.
+  [[nodiscard]] Expected<std::optional<CalibrationImage>> next();
+
+  /// Number of images; 0: unknown.
+  [[nodiscard]] std::size_t total() const { return files_.size(); }
+  /// nullopt for pictures and videos.
+  [[nodiscard]] const std::optional<RecordingInfo>& recording() const { return recording_; }
+
+ private:
+  [[nodiscard]] static Expected<CalibrationImages> open_recorded(const std::string& path,
+                                                                 std::size_t camera);
+  [[nodiscard]] static Expected<CalibrationImages> open_folder(const std::string& path);
+  [[nodiscard]] std::optional<CalibrationImage> next_file();
+  [[nodiscard]] Expected<std::optional<CalibrationImage>> next_sample();
+
+  std::vector<std::filesystem::path> files_;
+  std::size_t next_file_{0};
+  std::vector<std::uint8_t> scratch_;
+  std::unique_ptr<SensorSource> source_;
+  std::optional<RecordingInfo> recording_;
+  std::size_t camera_{0};
+  std::size_t seen_{0};
+  std::size_t left_out_{0};
+};
 
 bool is_picture(const std::filesystem::path& file) {
   std::string ending = file.extension().string();
@@ -23,8 +74,6 @@ bool is_picture(const std::filesystem::path& file) {
                                                 ".pgm", ".tiff", ".tif",  ".webp"};
   return std::find(kEndings.begin(), kEndings.end(), ending) != kEndings.end();
 }
-
-}  // namespace
 
 Expected<CalibrationImages> CalibrationImages::open(const std::string& path, std::size_t camera) {
   if (is_folder(path))
@@ -112,6 +161,101 @@ Expected<std::optional<CalibrationImage>> CalibrationImages::next_sample() {
                               model.height};
     }
   }
+}
+
+constexpr double kUsualTag_m = 0.16;
+
+Expected<Checkerboard> read_checkerboard(const CalibrateCameraArguments& arguments) {
+  const auto size = pair_from(arguments.checkerboard);
+  const auto fits = [](int n) { return n >= 3 && n <= 100; };
+  if (size && fits(size->first) && fits(size->second))
+    return Checkerboard{size->first, size->second, arguments.square_mm / 1000};
+  return fail(ErrorCode::kInvalid,
+              "must be COLUMNSxROWS of inner corners (one less than squares), 3 to 100 each, e.g. "
+              "9x6; is '" +
+                  arguments.checkerboard + "'",
+              "--checkerboard");
+}
+
+Expected<CalibrationTargets> choose_targets(const CalibrateCameraArguments& arguments,
+                                            const CalibrationImages& images) {
+  CalibrationTargets targets;
+  if (!arguments.checkerboard.empty()) {
+    auto board = read_checkerboard(arguments);
+    if (!board) return tl::unexpected(board.error());
+    targets.checkerboard = *board;
+    return targets;
+  }
+  targets.tags.size_m = kUsualTag_m;
+  if (const auto& recording = images.recording()) targets.tags = tags_of(*recording);
+  if (arguments.tag_mm > 0) {
+    targets.tags.size_m = arguments.tag_mm / 1000;
+    targets.tags.sizes_m.clear();
+  }
+  if (!arguments.family.empty()) targets.tags.family = listed_tag_family(arguments.family);
+  if (const auto faults = targets.tags.check(); !faults.empty())
+    return fail(ErrorCode::kInvalid, faults.front().text());
+  return targets;
+}
+
+std::string size_text(int width, int height) {
+  return std::to_string(width) + " x " + std::to_string(height);
+}
+
+Expected<CollectedViews> collect_views(
+    CalibrationImages& images, const CalibrationTargets& targets,
+    const std::function<void(std::size_t, std::size_t)>& progress) {
+  ViewCollector collector(targets);
+  CollectedViews out;
+  CalibrationData& data = out.data;
+  for (;;) {
+    const auto image = images.next();
+    if (!image) return tl::unexpected(image.error());
+    if (!*image) break;
+    if (out.images++ == 0) {
+      data.width = (*image)->width;
+      data.height = (*image)->height;
+    } else if ((*image)->width != data.width || (*image)->height != data.height) {
+      return fail(ErrorCode::kInvalid,
+                  (*image)->name + " is " + size_text((*image)->width, (*image)->height) +
+                      ", the images before are " + size_text(data.width, data.height) +
+                      ": a calibration is for one size");
+    }
+    auto view = (*image)->image ? collector.look((*image)->name, (*image)->image)
+                                : collector.look((*image)->name, (*image)->corners);
+    if (view) data.views.push_back(std::move(*view));
+    progress(out.images, data.views.size());
+  }
+  data.targets = collector.targets();
+  return out;
+}
+
+Error nothing_seen(const CollectedViews& seen, const CalibrateCameraArguments& arguments) {
+  const std::string target = arguments.checkerboard.empty()
+                                 ? "no tag of 20 px or more (family, light, sharpness?)"
+                                 : "no whole checkerboard of " + arguments.checkerboard +
+                                       " inner corners (count them; all must be in view)";
+  return {ErrorCode::kNotFound, target + " in " + std::to_string(seen.images) + " images",
+          arguments.input};
+}
+
+}  // namespace
+
+Expected<CollectedViews> views_in_images(const CalibrateCameraArguments& arguments,
+                                         ProgressLine& line) {
+  auto images =
+      CalibrationImages::open(arguments.input, static_cast<std::size_t>(arguments.camera));
+  if (!images) return tl::unexpected(images.error());
+  const auto targets = choose_targets(arguments, *images);
+  if (!targets) return tl::unexpected(targets.error());
+  const std::string of =
+      images->total() > 0 ? " of " + std::to_string(images->total()) : std::string();
+  auto seen = collect_views(*images, *targets, [&](std::size_t looked, std::size_t found) {
+    line.show("looking for targets: " + std::to_string(looked) + of + " images, " +
+              std::to_string(found) + " with");
+  });
+  if (seen && seen->data.views.empty()) return tl::unexpected(nothing_seen(*seen, arguments));
+  return seen;
 }
 
 }  // namespace fiducap

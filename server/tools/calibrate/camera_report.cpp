@@ -1,13 +1,14 @@
-#include "tools/calibrate/camera_report.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "capture/lens/lens_name.hpp"
+#include "capture/lens/calibration_files.hpp"
+#include "tools/calibrate/calibrate.hpp"
 
 namespace fiducap {
 namespace {
@@ -42,7 +43,7 @@ std::vector<std::string> names_of(const std::vector<int>& numbers, Distortion ki
   return out;
 }
 
-/// Coefficients that the images do not show.
+/// Coefficients that the images do not determine.
 std::vector<std::string> held_names(const IntrinsicsCalibration& c) {
   const Distortion kind = c.state.camera.distortion;
   std::vector<int> held;
@@ -105,8 +106,151 @@ void print_lens(const Terminal& terminal, const IntrinsicsCalibration& c) {
   }
   std::string held;
   for (const std::string& name : held_names(c)) held += (held.empty() ? "" : ", ") + name;
-  if (!held.empty()) terminal.out << "    " << held << "  held at 0: the images do not show more\n";
+  if (!held.empty())
+    terminal.out << "    " << held << "  held at 0: the images do not determine them\n";
 }
+
+constexpr std::size_t kMostDots = 6000;
+constexpr PlotPoint kBreak{std::numeric_limits<double>::quiet_NaN(),
+                           std::numeric_limits<double>::quiet_NaN()};
+
+/// Pixels below each bound have the colour; the last but one is for larger ones, the last for cells
+/// without a number.
+constexpr std::array<double, 5> kBounds_px{0.05, 0.1, 0.2, 0.5, 1.0};
+constexpr std::array<const char*, 7> kCellColors{"#1a9850", "#91cf60", "#d9ef8b", "#fee08b",
+                                                 "#fc8d59", "#d73027", "#9aa3ad"};
+
+PlotPoint point(const Eigen::Vector2d& px) { return {px.x(), px.y()}; }
+
+class CameraPlots final {
+ public:
+  explicit CameraPlots(const CameraOutcome& outcome)
+      : c_(outcome.calibration), map_(outcome.map), v_(outcome.verdict) {}
+
+  [[nodiscard]] PlotPage page() const {
+    const CameraModel& camera = c_.state.camera;
+    PlotPage page;
+    page.title =
+        "Verdict: " + std::string(v_.grade == IntrinsicsGrade::kGood   ? "good enough"
+                                  : v_.grade == IntrinsicsGrade::kWeak ? "usable, could be better"
+                                                                       : "refused");
+    page.remarks = {"fu " + fixed(camera.fu, 2) + "  fv " + fixed(camera.fv, 2) + "  cu " +
+                    fixed(camera.cu, 2) + "  cv " + fixed(camera.cv, 2) + " px;  " +
+                    std::to_string(v_.images) + " images, " + std::to_string(v_.points) +
+                    " corners"};
+    for (const std::string& advice : v_.advice) page.remarks.push_back("• " + advice);
+    page.plots = {coverage(), reprojection(), uncertainty()};
+    return page;
+  }
+
+ private:
+  /// The image in pixels. @param class_of  index of the group of a cell
+  template <typename Class>
+  [[nodiscard]] LinePlot image_plot(const std::string& title, std::vector<PlotShapes> groups,
+                                    const Class& class_of) const {
+    LinePlot plot{title, "u, px", {{"v, px"}}};
+    plot.equal_axes = plot.y_down = true;
+    const double w = static_cast<double>(c_.data.width) / map_.columns;
+    const double h = static_cast<double>(c_.data.height) / map_.rows;
+    for (int row = 0; row < map_.rows; ++row)
+      for (int column = 0; column < map_.columns; ++column) {
+        const double u = column * w - 0.5;
+        const double v = row * h - 0.5;
+        groups[class_of(map_.at(column, row))].shapes.push_back(
+            {{{u, v}, {u + w, v}, {u + w, v + h}, {u, v + h}}, ""});
+      }
+    plot.panels.front().shapes = std::move(groups);
+    return plot;
+  }
+
+  /// Cells coloured by a number of pixels. @param number  of a cell; nullopt: none
+  template <typename Number>
+  [[nodiscard]] LinePlot number_plot(const std::string& title, const Number& number) const {
+    std::vector<PlotShapes> groups;
+    for (std::size_t i = 0; i < kBounds_px.size(); ++i)
+      groups.push_back({"to " + fixed(kBounds_px[i], 2) + " px", kCellColors[i]});
+    groups.push_back({"more", kCellColors[5]});
+    groups.push_back({"unknown", kCellColors[6]});
+    return image_plot(title, std::move(groups), [&](const ImageCell& cell) -> std::size_t {
+      const std::optional<double> px = number(cell);
+      if (!px) return 6;
+      return static_cast<std::size_t>(std::lower_bound(kBounds_px.begin(), kBounds_px.end(), *px) -
+                                      kBounds_px.begin());
+    });
+  }
+
+  [[nodiscard]] LinePlot coverage() const {
+    LinePlot plot =
+        image_plot("Coverage: " + fixed(100 * v_.covered, 0) + " % of the image, up to " +
+                       fixed(v_.seen_angle_rad / kDegree, 0) + "° of " +
+                       fixed(v_.image_angle_rad / kDegree, 0) + "° off the axis",
+                   {{"covered", kPlotColors[5]}, {"too few corners", kPlotColors[1]}},
+                   [](const ImageCell& cell) { return cell.points >= kCoveringPoints ? 0u : 1u; });
+    PlotLine corners{"corners", kPlotColors[0], {}, false, 2, true};
+    const std::size_t step = c_.residuals.size() / kMostDots + 1;
+    std::size_t i = 0;
+    for (const CalibrationView& view : c_.data.views)
+      for (const TargetSighting& sighting : view.sightings)
+        for (const SeenPoint& seen : sighting.points)
+          if (i++ % step == 0) corners.points.push_back(point(seen.px));
+    plot.panels.front().lines = {std::move(corners), rings()};
+    return plot;
+  }
+
+  /// Directions of equal angle off the axis, every 10° or 20°.
+  [[nodiscard]] PlotLine rings() const {
+    const double step = (v_.image_angle_rad > 50 * kDegree ? 20 : 10) * kDegree;
+    PlotLine line{"every " + fixed(step / kDegree, 0) + "° off the axis", kPlotGray, {}, true, 0.8};
+    for (double angle = step; angle < v_.image_angle_rad; angle += step) {
+      for (int i = 0; i <= 72; ++i) {
+        const double turn = i * 5 * kDegree;
+        const auto px = c_.state.camera.project(
+            {std::sin(angle) * std::cos(turn), std::sin(angle) * std::sin(turn), std::cos(angle)});
+        line.points.push_back(px && inside(*px) ? point(*px) : kBreak);
+      }
+      line.points.push_back(kBreak);
+    }
+    return line;
+  }
+
+  [[nodiscard]] bool inside(const Eigen::Vector2d& px) const {
+    return px.x() >= 0 && px.y() >= 0 && px.x() < c_.data.width && px.y() < c_.data.height;
+  }
+
+  [[nodiscard]] LinePlot reprojection() const {
+    double largest_px = 0.1;
+    for (const ImageCell& cell : map_.cells)
+      if (cell.points >= kCoveringPoints) largest_px = std::max(largest_px, cell.mean_px.norm());
+    const double magnified = c_.data.width / (2.0 * map_.columns) / largest_px;
+    LinePlot plot =
+        number_plot("Reprojection: " + fixed(v_.reprojection_rms_px, 2) +
+                        " px RMS; lines: mean, × " + fixed(magnified, 0),
+                    [](const ImageCell& cell) {
+                      return cell.points > 0 ? std::optional(cell.rms_px) : std::nullopt;
+                    });
+    PlotLine means{"mean of a cell", kPlotInk, {}, false, 1.6};
+    for (const ImageCell& cell : map_.cells) {
+      if (cell.points < kCoveringPoints) continue;
+      means.points.push_back(point(cell.centre_px));
+      means.points.push_back(point(cell.centre_px + magnified * cell.mean_px));
+      means.points.push_back(kBreak);
+    }
+    plot.panels.front().lines = {std::move(means)};
+    return plot;
+  }
+
+  [[nodiscard]] LinePlot uncertainty() const {
+    return number_plot("Directions: ± " + fixed(v_.uncertainty_median_px, 2) +
+                           " px in the median, " + fixed(v_.uncertainty_worst_px, 2) + " at worst",
+                       [](const ImageCell& cell) {
+                         return cell.in_lens ? std::optional(cell.uncertainty_px) : std::nullopt;
+                       });
+  }
+
+  const IntrinsicsCalibration& c_;
+  const ImageMap& map_;
+  const IntrinsicsVerdict& v_;
+};
 
 }  // namespace
 
@@ -129,7 +273,7 @@ std::string to_camera_json(const CameraOutcome& o) {
       {"checks", checks_json(c, v)},
       {"images", {{"looked_at", o.images}, {"with_target", o.with_target}, {"used", v.images}}},
       {"sightings", {{"used", v.sightings}, {"rejected", c.rejected}}},
-      {"targets_stood_still", c.targets_stood_still},
+      {"targets_stood_still", c.targets_joined},
       {"targets_disagree", c.targets_disagree},
       {"noise_if_they_stood_still_px", c.joined_sigma_px},
       {"covered", v.covered},
@@ -151,27 +295,28 @@ void print_camera_report(const Terminal& terminal, const CameraOutcome& o,
                          const std::string& input) {
   const IntrinsicsCalibration& c = o.calibration;
   const IntrinsicsVerdict& v = o.verdict;
-  terminal.out << input << ": " << o.images << " images, " << o.with_target << " with targets, "
-               << v.images << " used (sharp and different), " << v.sightings << " sightings, "
-               << c.rejected << " rejected\n";
+  terminal.out << fmt::format(
+      "{}: {} images, {} with targets, {} used (sharp and different), {} sightings, {} rejected\n",
+      input, o.images, o.with_target, v.images, v.sightings, c.rejected);
   print_lens(terminal, c);
-  if (c.targets_stood_still)
+  if (c.targets_joined)
     terminal.out << "  the tags stand still relative to each other; that was used\n";
   if (c.targets_disagree)
-    terminal.out << "  taken together the tags leave " << fixed(c.joined_sigma_px, 2)
-                 << " px (moved, not flat, or sizes not as said): each sighting by itself\n";
-  terminal.out << "  coverage " << fixed(100 * v.covered, 0) << " % of the image, up to "
-               << fixed(v.seen_angle_rad / kDegree, 0) << "° of "
-               << fixed(v.image_angle_rad / kDegree, 0) << "° off the axis; "
-               << fixed(100 * v.tilted, 0) << " % of the sightings tilted\n"
-               << "  reprojection " << fixed(v.reprojection_rms_px, 3) << " px RMS\n"
-               << "  directions uncertain by " << fixed(v.uncertainty_median_px, 3)
-               << " px in half of the image, " << fixed(v.uncertainty_worst_px, 3)
-               << " px at worst\n";
-  const std::string words = v.grade == IntrinsicsGrade::kGood   ? "good enough"
-                            : v.grade == IntrinsicsGrade::kWeak ? "usable, could be better"
-                                                                : "refused, record again";
-  terminal.out << "verdict: " << words << "\n";
+    terminal.out << fmt::format(
+        "  taken together the tags leave {:.2f} px (moved, not flat, or sizes not as configured): "
+        "each sighting is used by itself\n",
+        c.joined_sigma_px);
+  terminal.out << fmt::format(
+      "  coverage {:.0f} % of the image, up to {:.0f}° of {:.0f}° off the axis; {:.0f} % of the "
+      "sightings tilted\n  reprojection {:.3f} px RMS\n"
+      "  directions uncertain by {:.3f} px in half of the image, {:.3f} px at worst\n",
+      100 * v.covered, v.seen_angle_rad / kDegree, v.image_angle_rad / kDegree, 100 * v.tilted,
+      v.reprojection_rms_px, v.uncertainty_median_px, v.uncertainty_worst_px);
+  terminal.out << "verdict: "
+               << (v.grade == IntrinsicsGrade::kGood   ? "good enough"
+                   : v.grade == IntrinsicsGrade::kWeak ? "usable, could be better"
+                                                       : "refused, record again")
+               << "\n";
   for (const std::string& advice : v.advice) terminal.out << "  - " << advice << "\n";
 }
 
@@ -180,8 +325,8 @@ std::string to_camera_yaml(const IntrinsicsCalibration& calibration,
   const CameraModel& camera = calibration.state.camera;
   const LensVector values = numbers_of(camera);
   const auto names = number_names(camera.distortion);
-  CameraMount told;
-  tell_lens(calibration, verdict, told);
+  CameraMount mount;
+  set_lens_sigmas(calibration, verdict, mount);
   std::string sigmas;
   for (const int i : calibration.free)
     sigmas += std::string(" ") + names[static_cast<std::size_t>(i)] + " " +
@@ -199,14 +344,16 @@ std::string to_camera_yaml(const IntrinsicsCalibration& calibration,
          std::string(word_for(verdict.grade)) + "\n# " + std::to_string(verdict.images) +
          " images, reprojection " + fixed(verdict.reprojection_rms_px, 3) + " px RMS, coverage " +
          fixed(100 * verdict.covered, 0) + " %\n# 1-sigma:" + sigmas +
-         "\nintrinsics_sigma: {focal: " + fixed(told.focal_sigma, 6) +
-         ", centre_px: " + fixed(told.centre_sigma_px, 4) + ", k1: " + fixed(told.k1_sigma, 6) +
-         "}\nlens_error_px: " + fixed(told.lens_error_px, 3) +
-         "  # the same wherever in the image a tag was before\ncamera_model: pinhole\nresolution: "
+         "\nintrinsics_sigma: {focal: " + fixed(mount.focal_sigma, 6) +
+         ", centre_px: " + fixed(mount.centre_sigma_px, 4) + ", k1: " + fixed(mount.k1_sigma, 6) +
+         "}\nlens_error_px: " + fixed(mount.lens_error_px, 3) +
+         "  # systematic, the same in all images\ncamera_model: pinhole\nresolution: "
          "[" +
          std::to_string(camera.width) + ", " + std::to_string(camera.height) +
          "]\nintrinsics: " + list(0, 4, 6) + "\ndistortion_model: " + name_of(camera.distortion) +
          "\ndistortion_coefficients: " + list(4, coefficients, 9) + "\n";
 }
+
+PlotPage camera_plots(const CameraOutcome& outcome) { return CameraPlots(outcome).page(); }
 
 }  // namespace fiducap

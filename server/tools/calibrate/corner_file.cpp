@@ -1,26 +1,101 @@
-#include "tools/calibrate/corner_file.hpp"
-
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <optional>
 #include <set>
 #include <string_view>
 #include <vector>
 
 #include "capture/recording/csv_reader.hpp"
-#include "detection/corner_projection.hpp"
+#include "detection/tag_geometry.hpp"
+#include "tools/calibrate/calibrate.hpp"
 
 namespace fiducap {
 namespace {
 
+constexpr int kMostAlong = 100;  // squares along a side
+
+Error board_error(const std::string& text) {
+  return {
+      ErrorCode::kInvalid,
+      "must be tags:MM, points:COLUMNSxROWS:MM, charuco:COLUMNSxROWS:SQUARE_MM:MARKER_MM[:white] "
+      "or grid:COLUMNSxROWS:TAG_MM:GAP_MM, e.g. charuco:5x7:36.2:18.3 (columns and rows 2 to 100, "
+      "lengths > 0); is '" +
+          text + "'",
+      "--board"};
+}
+
+std::vector<std::string_view> split(std::string_view text, char by) {
+  std::vector<std::string_view> parts;
+  for (std::size_t at = 0; at <= text.size();) {
+    const std::size_t end = std::min(text.find(by, at), text.size());
+    parts.push_back(text.substr(at, end - at));
+    at = end + 1;
+  }
+  return parts;
+}
+
+std::optional<double> metres(std::string_view millimetres) {
+  constexpr double kLongest_mm = 1e5;
+  double value = 0;
+  if (!parse(millimetres, value) || !(value > 0 && value <= kLongest_mm)) return std::nullopt;
+  return value / 1000;
+}
+
+struct Raster {
+  int columns{}, rows{};
+};
+
+std::optional<Raster> raster(std::string_view text) {
+  const auto size = pair_from(text);
+  const auto fits = [](int n) { return n >= 2 && n <= kMostAlong; };
+  if (!size || !fits(size->first) || !fits(size->second)) return std::nullopt;
+  return Raster{size->first, size->second};
+}
+
+void add_tag(BoardDescription& out, int id, const Eigen::Vector3d& middle, double edge_m) {
+  out.first_corner_of_tag[id] = static_cast<int>(out.board.points.size());
+  for (int i = 0; i < 4; ++i) out.board.points.push_back(middle + tag_corner(i, edge_m));
+}
+
+BoardDescription points_board(const Raster& size, double square_m) {
+  BoardDescription out;
+  out.board.name = "board of points";
+  for (int row = 0; row < size.rows; ++row)
+    for (int column = 0; column < size.columns; ++column)
+      out.board.points.emplace_back(column * square_m, -row * square_m, 0);
+  return out;
+}
+
+BoardDescription charuco_board(const Raster& size, double square_m, double marker_m, bool white) {
+  BoardDescription out;
+  out.board.name = "ChArUco board";
+  int id = 0;
+  for (int row = 0; row < size.rows; ++row)
+    for (int column = 0; column < size.columns; ++column) {
+      const bool is_black = (row + column + (white ? 1 : 0)) % 2 == 0;
+      if (!is_black)
+        add_tag(out, id++, {(column + 0.5) * square_m, -(row + 0.5) * square_m, 0}, marker_m);
+    }
+  return out;
+}
+
+BoardDescription grid_board(const Raster& size, double tag_m, double gap_m) {
+  BoardDescription out;
+  out.board.name = "grid of tags";
+  const double step = tag_m + gap_m;
+  for (int row = 0; row < size.rows; ++row)
+    for (int column = 0; column < size.columns; ++column)
+      add_tag(out, row * size.columns + column, {column * step, -row * step, 0}, tag_m);
+  return out;
+}
+
 constexpr std::size_t kMostRows = 4'000'000;
-constexpr double kLeastSide_px = 20;  // of a tag by itself; smaller ones are worse than others
+constexpr double kLeastSide_px = 20;  // of a single tag; smaller ones are less accurate
 constexpr double kFarOutside = 1;     // image sizes
 
 using Quad = std::array<std::optional<Eigen::Vector2d>, 4>;
 
-/// Where each column is; -1: not there.
+/// Index of each column; -1: missing.
 struct Columns {
   int image{-1}, camera{-1}, set{-1}, tag{-1}, corner{-1}, point{-1}, u{-1}, v{-1};
   std::array<int, 8> quad{-1, -1, -1, -1, -1, -1, -1, -1};
@@ -55,7 +130,7 @@ Columns read_columns(std::span<const std::string_view> names) {
   return columns;
 }
 
-/// What was seen in one image: corners by tag, or by point.
+/// The corners of one image, by tag or by point.
 struct SeenImage {
   std::map<int, Quad> tags;
   std::map<int, Eigen::Vector2d> points;
@@ -115,7 +190,7 @@ class CornerRows final {
     return Eigen::Vector2d(*x, *y);
   }
 
-  /// @return false when the row is damaged; rows of others are skipped.
+  /// @return false when the row is damaged; rows of other sets and cameras are skipped
   bool take(Fields fields) {
     if (columns_.set >= 0) {
       const std::string_view set = text(fields, columns_.set);
@@ -219,15 +294,8 @@ class CornerViews final {
   void add_board(const SeenImage& image, CalibrationView& view) {
     TargetSighting sighting;
     for (const auto& [point, px] : image.points) sighting.points.push_back({point, px, px});
-    for (const auto& [tag, quad] : image.tags) {
-      if (!is_whole(quad)) continue;
-      look_at(quad);
-      const int first = board_.first_corner_of_tag.at(tag);
-      for (int i = 0; i < 4; ++i) {
-        const Eigen::Vector2d& px = *quad[static_cast<std::size_t>(i)];
-        sighting.points.push_back({first + i, px, px});
-      }
-    }
+    for (const auto& [tag, quad] : image.tags)
+      if (is_whole(quad)) add_corners(quad, board_.first_corner_of_tag.at(tag), sighting);
     constexpr std::size_t kLeastPoints = 6;
     if (sighting.points.size() >= kLeastPoints) view.sightings.push_back(std::move(sighting));
   }
@@ -235,20 +303,20 @@ class CornerViews final {
   void add_tags(const SeenImage& image, CalibrationView& view) {
     for (const auto& [tag, quad] : image.tags) {
       if (!is_whole(quad) || shortest_side(quad) < kLeastSide_px) continue;
-      look_at(quad);
       TargetSighting sighting;
       sighting.target = target_of(tag);
-      for (int i = 0; i < 4; ++i) {
-        const Eigen::Vector2d& px = *quad[static_cast<std::size_t>(i)];
-        sighting.points.push_back({i, px, px});
-      }
+      add_corners(quad, 0, sighting);
       view.sightings.push_back(std::move(sighting));
     }
   }
 
-  void look_at(const Quad& quad) {
+  void add_corners(const Quad& quad, int first, TargetSighting& sighting) {
     ++tags_;
     from_behind_ += signed_area(quad) > 0 ? 1 : 0;
+    for (int i = 0; i < 4; ++i) {
+      const Eigen::Vector2d& px = *quad[static_cast<std::size_t>(i)];
+      sighting.points.push_back({first + i, px, px});
+    }
   }
 
   int target_of(int tag) {
@@ -263,26 +331,53 @@ class CornerViews final {
 
   const BoardDescription& board_;
   std::map<int, std::size_t> target_of_tag_;
-  std::size_t tags_{0};
-  std::size_t from_behind_{0};
+  std::size_t tags_{0}, from_behind_{0};
 };
 
-std::string listed_sets(const std::set<std::string>& sets) {
-  std::string out;
-  for (const std::string& name : sets) out += (out.empty() ? "" : ", ") + name;
-  return out;
+}  // namespace
+
+std::optional<std::pair<int, int>> pair_from(std::string_view text) {
+  const auto by = text.find('x');
+  std::pair<int, int> pair;
+  if (by == std::string_view::npos || !parse(text.substr(0, by), pair.first) ||
+      !parse(text.substr(by + 1), pair.second))
+    return std::nullopt;
+  return pair;
 }
 
-}  // namespace
+Expected<BoardDescription> read_board_description(const std::string& text) {
+  const auto parts = split(text, ':');
+  const auto wrong = [&] { return tl::unexpected(board_error(text)); };
+  if (parts[0] == "tags" && parts.size() == 2) {
+    const auto edge = metres(parts[1]);
+    if (!edge) return wrong();
+    BoardDescription tags;
+    tags.tag_m = *edge;
+    return tags;
+  }
+  if (parts.size() < 3) return wrong();
+  const auto size = raster(parts[1]);
+  const auto first = metres(parts[2]);
+  if (!size || !first) return wrong();
+  if (parts[0] == "points" && parts.size() == 3) return points_board(*size, *first);
+  if (parts.size() < 4) return wrong();
+  const auto second = metres(parts[3]);
+  if (!second) return wrong();
+  if (parts[0] == "grid" && parts.size() == 4) return grid_board(*size, *first, *second);
+  const bool white = parts.size() == 5 && parts[4] == "white";
+  if (parts[0] != "charuco" || (parts.size() != 4 && !white) || !(*second < *first)) return wrong();
+  return charuco_board(*size, *first, *second, white);
+}
 
 Expected<CalibrationData> read_corner_file(const CornerFileChoice& choice) {
   CornerRows rows(choice);
   if (const auto read = rows.read(); !read) return tl::unexpected(read.error());
-  const bool set_is_there = rows.sets().contains(choice.set);
-  if (choice.set.empty() ? rows.sets().size() > 1 : !set_is_there)
-    return fail(ErrorCode::kInvalid,
-                "holds the sets " + listed_sets(rows.sets()) + ": choose one with --set",
+  if (choice.set.empty() ? rows.sets().size() > 1 : !rows.sets().contains(choice.set)) {
+    std::string sets;
+    for (const std::string& name : rows.sets()) sets += (sets.empty() ? "" : ", ") + name;
+    return fail(ErrorCode::kInvalid, "holds the sets " + sets + ": choose one with --set",
                 choice.path);
+  }
   CornerViews views(choice.board);
   views.data.width = choice.width;
   views.data.height = choice.height;

@@ -1,13 +1,3 @@
-#include "tools/doctor/network_check.hpp"
-
-#include <arpa/inet.h>
-#include <ifaddrs.h>
-#include <net/if.h>
-#include <netinet/in.h>
-#include <poll.h>
-#include <sys/socket.h>
-#include <unistd.h>
-
 #include <array>
 #include <cerrno>
 #include <cstring>
@@ -16,17 +6,29 @@
 #include <map>
 #include <memory>
 #include <sstream>
+#include <utility>
+
+#include <arpa/inet.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/time.h>
+#include <unistd.h>
+
+#include "tools/doctor/doctor.hpp"
 
 namespace fiducap {
-
 namespace {
 
-constexpr const char* kGroup = "239.255.70.67";  // site-local; nobody's
-constexpr int kPatience_ms = 300;
+constexpr const char* kGroup = "239.255.70.67";  // site-local, unassigned
+constexpr int kMulticastTimeout_ms = 300;
 
 class Socket final {
  public:
-  Socket() : fd_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {}
+  explicit Socket(int fd) : fd_(fd) {}
   ~Socket() {
     if (fd_ >= 0) ::close(fd_);
   }
@@ -55,7 +57,7 @@ std::optional<std::pair<std::string, std::uint16_t>> endpoint_of(const std::stri
   return std::pair(std::string(name.data()), port);
 }
 
-/// Who has which socket, of the processes that we may look into.
+/// Owners of sockets by inode, of the processes that this user may inspect.
 std::map<unsigned long, std::string> socket_owners() {
   namespace fs = std::filesystem;
   constexpr std::string_view kSocket = "socket:[";
@@ -74,6 +76,41 @@ std::map<unsigned long, std::string> socket_owners() {
     }
   }
   return owners;
+}
+
+constexpr std::size_t kMost_bytes = 4u << 20;
+
+bool connect_to(const Socket& connection, const addrinfo& address,
+                std::chrono::milliseconds timeout) {
+  const timeval wait{timeout.count() / 1000, (timeout.count() % 1000) * 1000};
+  return connection.fd() >= 0 &&
+         ::setsockopt(connection.fd(), SOL_SOCKET, SO_RCVTIMEO, &wait, sizeof wait) == 0 &&
+         ::setsockopt(connection.fd(), SOL_SOCKET, SO_SNDTIMEO, &wait, sizeof wait) == 0 &&
+         ::connect(connection.fd(), address.ai_addr, address.ai_addrlen) == 0;
+}
+
+Expected<std::string> ask(int fd, const std::string& request) {
+  if (::send(fd, request.data(), request.size(), MSG_NOSIGNAL) !=
+      static_cast<ssize_t>(request.size()))
+    return fail(ErrorCode::kClosed, "does not accept the request");
+  std::string answer;
+  std::array<char, 16384> part{};
+  for (;;) {
+    const ssize_t n = ::recv(fd, part.data(), part.size(), 0);
+    if (n == 0) return answer;
+    if (n < 0) return fail(ErrorCode::kUnavailable, std::strerror(errno));
+    answer.append(part.data(), static_cast<std::size_t>(n));
+    if (answer.size() > kMost_bytes) return fail(ErrorCode::kInvalid, "sends more than 4 MB");
+  }
+}
+
+Expected<std::string> body_of(const std::string& answer) {
+  const auto end = answer.find("\r\n\r\n");
+  if (answer.rfind("HTTP/1.", 0) != 0 || answer.size() < 12 || end == std::string::npos)
+    return fail(ErrorCode::kInvalid, "does not speak HTTP");
+  if (answer.substr(9, 3) != "200")
+    return fail(ErrorCode::kUnavailable, "answers " + answer.substr(9, answer.find('\r') - 9));
+  return answer.substr(end + 4);
 }
 
 }  // namespace
@@ -96,7 +133,7 @@ std::vector<NetworkInterface> network_interfaces() {
 }
 
 std::optional<std::string> multicast_fault(const NetworkInterface& interface) {
-  const Socket socket;
+  const Socket socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   ip_mreqn group{};
   ::inet_pton(AF_INET, kGroup, &group.imr_multiaddr);
   ::inet_pton(AF_INET, interface.address.c_str(), &group.imr_address);
@@ -117,7 +154,7 @@ std::optional<std::string> multicast_fault(const NetworkInterface& interface) {
     return "cannot send to a group: " + system_text() +
            " (is there a route? `ip route add 224.0.0.0/4 dev " + interface.name + "`)";
   pollfd wait{socket.fd(), POLLIN, 0};
-  if (::poll(&wait, 1, kPatience_ms) != 1)
+  if (::poll(&wait, 1, kMulticastTimeout_ms) != 1)
     return "does not come back: a firewall may drop it (udp to 224.0.0.0/4)";
   return std::nullopt;
 }
@@ -155,6 +192,27 @@ std::vector<ListeningPort> listening_ports() {
     if (owner != owners.end()) port.owner = owner->second;
   }
   return all;
+}
+
+Expected<std::string> http_get(const std::string& host, std::uint16_t port, const std::string& path,
+                               std::chrono::milliseconds timeout) {
+  const std::string where = host + ":" + std::to_string(port);
+  addrinfo hints{};
+  hints.ai_socktype = SOCK_STREAM;
+  addrinfo* first = nullptr;
+  if (::getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &first) != 0)
+    return fail(ErrorCode::kNotFound, "no such host", where);
+  const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> list(first, &::freeaddrinfo);
+  for (const addrinfo* one = first; one != nullptr; one = one->ai_next) {
+    const Socket connection(::socket(one->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    if (!connect_to(connection, *one, timeout)) continue;
+    auto answer = ask(connection.fd(), "GET " + path + " HTTP/1.1\r\nHost: " + where +
+                                           "\r\nConnection: close\r\n\r\n");
+    auto body = answer ? body_of(*answer) : std::move(answer);
+    if (!body) return fail(body.error().code, body.error().what, where);
+    return body;
+  }
+  return fail(ErrorCode::kUnavailable, "no reply", where);
 }
 
 }  // namespace fiducap

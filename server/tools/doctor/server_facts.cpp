@@ -1,10 +1,3 @@
-#include "tools/doctor/server_facts.hpp"
-
-#include <sched.h>
-#include <sys/resource.h>
-#include <sys/timex.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -15,20 +8,24 @@
 #include <memory>
 #include <thread>
 
+#include <sched.h>
+#include <sys/resource.h>
+#include <sys/timex.h>
+#include <unistd.h>
+
 #include <nlohmann/json.hpp>
 
 #include "daemon/operator_token.hpp"
 #include "mapping/store/file_claim.hpp"
 #include "mapping/store/map_repair.hpp"
-#include "tools/doctor/http_get.hpp"
+#include "tools/doctor/doctor.hpp"
 
 namespace fiducap {
-
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::chrono::milliseconds kPagePatience{1500};
+constexpr std::chrono::milliseconds kPageTimeout{1500};
 
 std::string first_word_of(const fs::path& path) {
   std::ifstream file(path);
@@ -58,7 +55,7 @@ std::optional<bool> clock_synchronised() {
   return verdict != TIME_ERROR && (state.status & STA_UNSYNC) == 0;
 }
 
-/// Empty where there is no systemd or no such unit.
+/// Empty without systemd, and without such a unit.
 std::string unit_state() {
   if (!fs::exists("/run/systemd/system")) return {};
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> answer(
@@ -71,7 +68,7 @@ std::string unit_state() {
   return std::string_view(loaded.data()) == "loaded" ? state.data() : std::string{};
 }
 
-bool has_urgent_thread(const fs::path& process) {
+bool has_realtime_thread(const fs::path& process) {
   std::error_code gone;
   for (const auto& task : fs::directory_iterator(process / "task", gone)) {
     const int policy = ::sched_getscheduler(std::atoi(task.path().filename().c_str()));
@@ -86,18 +83,19 @@ std::vector<RunningServer> running_servers() {
   for (const auto& process : fs::directory_iterator("/proc", gone)) {
     const int pid = std::atoi(process.path().filename().c_str());
     if (pid > 0 && first_word_of(process.path() / "comm") == "fiducapd")
-      all.push_back({pid, has_urgent_thread(process.path())});
+      all.push_back({pid, has_realtime_thread(process.path())});
   }
   return all;
 }
 
-/// The nearest folder that is there: what is not there yet is made in it.
+/// Of the nearest existing folder: missing folders will be made in it.
 FolderFacts folder_facts(const fs::path& path) {
   std::error_code unknown;
-  fs::path there = fs::absolute(path, unknown);
-  while (!fs::exists(there, unknown) && there.has_relative_path()) there = there.parent_path();
-  FolderFacts facts{path.string(), ::access(there.c_str(), W_OK) == 0, std::nullopt};
-  const auto space = fs::space(there, unknown);
+  fs::path existing = fs::absolute(path, unknown);
+  while (!fs::exists(existing, unknown) && existing.has_relative_path())
+    existing = existing.parent_path();
+  FolderFacts facts{path.string(), ::access(existing.c_str(), W_OK) == 0, std::nullopt};
+  const auto space = fs::space(existing, unknown);
   if (!unknown) facts.free_bytes = space.available;
   return facts;
 }
@@ -159,8 +157,7 @@ ServerFacts gather_facts(const ServerConfig& config, const std::string& host) {
   facts.recordings =
       folder_facts(config.recorder.folder.empty() ? "recordings" : config.recorder.folder);
   if (config.streaming.web.enabled) {
-    if (const auto state =
-            http_get(host, config.streaming.web.port, "/api/v1/state", kPagePatience))
+    if (const auto state = http_get(host, config.streaming.web.port, "/api/v1/state", kPageTimeout))
       facts.alarms = alarms_in(*state);
   }
   return facts;

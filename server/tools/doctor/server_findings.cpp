@@ -1,14 +1,12 @@
-#include "tools/doctor/server_findings.hpp"
-
 #include <algorithm>
 #include <array>
 
 #include "base/text.hpp"
-#include "daemon/protocol_servers.hpp"
+#include "daemon/stream_loop.hpp"
 #include "middleware/net/networks.hpp"
+#include "tools/doctor/doctor.hpp"
 
 namespace fiducap {
-
 namespace {
 
 using Grade = Finding::Grade;
@@ -19,7 +17,7 @@ constexpr long long kSmallBuffer_bytes = 1 << 20;
 constexpr double kLittleRoom_bytes = 1e9;
 constexpr double kNoRoom_bytes = 100e6;
 constexpr double kShortSession_min = 60;
-// What a recording costs: measured on the demo (docs/recordings.md has the formats).
+// Size of a recording, measured on the demo (docs/recordings.md has the formats).
 constexpr double kImuRow_bytes = 150;
 constexpr double kImu_hz = 200;
 constexpr double kCorners_bytes = 1500;  // of an image
@@ -34,12 +32,9 @@ void fault(Findings& all, std::string text, std::string remedy) {
   all.push_back({Grade::kFault, std::move(text), std::move(remedy)});
 }
 
-bool on_loopback(const std::string& address) {
-  return address.rfind("127.", 0) == 0 || address == "::1";
-}
-bool on_every_card(const std::string& address) { return address == "0.0.0.0" || address == "::"; }
+bool is_any(const std::string& address) { return address == "0.0.0.0" || address == "::"; }
 
-/// Addresses that routers of the internet carry (RFC 6890 has the others).
+/// Whether an address is routed on the internet (RFC 6890 lists the others).
 bool is_public(const std::string& address) {
   const auto peer = net::parse_network(address);
   if (!peer) return false;
@@ -52,7 +47,7 @@ bool is_public(const std::string& address) {
   });
 }
 
-/// The page, too.
+/// The protocols and the page.
 std::vector<ServedProtocol> listeners(const StreamingConfig& streaming) {
   auto all = served_protocols(streaming);
   const auto& web = streaming.web;
@@ -60,14 +55,14 @@ std::vector<ServedProtocol> listeners(const StreamingConfig& streaming) {
   return all;
 }
 
-std::string who_may_listen(const ServerConfig& config, std::string_view protocol) {
-  if (protocol != "natnet") return "whoever reaches the port";
+std::string allowed_clients(const ServerConfig& config, std::string_view protocol) {
+  if (protocol != "natnet") return "all machines that reach the port";
   std::string text = "machines of the networks that this one is attached to";
   for (const std::string& one : config.streaming.natnet.networks) text += ", " + one;
   return text;
 }
 
-void look_at_natnet(Findings& all, const natnet::NatNetConfig& natnet) {
+void check_natnet(Findings& all, const natnet::NatNetConfig& natnet) {
   if (!natnet.enabled) return;
   for (const net::Network& one : natnet.trusted_networks()) {
     const bool v4 = one.prefix >= 96;
@@ -85,7 +80,7 @@ void look_at_natnet(Findings& all, const natnet::NatNetConfig& natnet) {
          "streaming.natnet.remote_control: off, unless a program needs it");
 }
 
-void look_at_imus(Findings& all, const std::vector<BodyConfig>& bodies) {
+void check_imus(Findings& all, const std::vector<BodyConfig>& bodies) {
   for (const BodyConfig& body : bodies) {
     const auto* link = body.imu_source ? body.imu_source->link() : nullptr;
     if (link != nullptr && link->takes_the_first_sender())
@@ -96,15 +91,15 @@ void look_at_imus(Findings& all, const std::vector<BodyConfig>& bodies) {
   }
 }
 
-void look_at_token(Findings& all, const TokenFacts& token) {
+void check_token(Findings& all, const TokenFacts& token) {
   constexpr const char* kMakeOne =
-      "operator.token_file: a file of mode 0600 with what `openssl rand -base64 18` says";
+      "operator.token_file: a file of mode 0600 with the output of `openssl rand -base64 18`";
   if (!token.unreadable.empty())
     warn(all, "the operator's token cannot be read: " + token.unreadable,
          "run doctor as the user that runs fiducapd");
   else if (token.length == 0)
     warn(all,
-         "there is no operator's token (one that systemd hands over is not seen from here): no "
+         "there is no operator's token (one of systemd's credentials is not visible here): no "
          "client may name bodies, freeze the map or record",
          kMakeOne);
   else if (token.length < kLongToken)
@@ -116,7 +111,7 @@ void look_at_token(Findings& all, const TokenFacts& token) {
     good(all, "changes need the operator's token");
 }
 
-void look_at_buffer(Findings& all, const char* name, std::optional<long long> bytes) {
+void check_buffer(Findings& all, const char* name, std::optional<long long> bytes) {
   if (bytes && *bytes < kSmallBuffer_bytes)
     warn(all,
          std::string(name) + " is " + std::to_string(*bytes) +
@@ -124,13 +119,13 @@ void look_at_buffer(Findings& all, const char* name, std::optional<long long> by
          std::string("`sudo sysctl ") + name + "=8388608`, and a line in /etc/sysctl.d to keep it");
 }
 
-void look_at_priority(Findings& all, const ServerFacts& facts) {
+void check_priority(Findings& all, const ServerFacts& facts) {
   constexpr const char* kRemedy =
       "LimitRTPRIO=10 in its unit (deploy/fiducapd.service), or `@fiducap - rtprio 10` in "
       "/etc/security/limits.d and a new login";
   for (const RunningServer& one : facts.servers) {
     const std::string name = "fiducapd (process " + std::to_string(one.pid) + ")";
-    if (one.urgent)
+    if (one.realtime)
       good(all, name + " sends at real-time priority");
     else
       warn(all, name + " has no real-time priority: frames wait when all cores are busy", kRemedy);
@@ -140,17 +135,17 @@ void look_at_priority(Findings& all, const ServerFacts& facts) {
     warn(all, "a server that is started from here gets no real-time priority", kRemedy);
 }
 
-void look_at_unit(Findings& all, const ServerFacts& facts) {
+void check_unit(Findings& all, const ServerFacts& facts) {
   const std::string& unit = facts.machine.unit;
   if (unit.empty()) return;
   if (unit == "active")
     good(all, "fiducapd.service is active");
   else if (unit == "failed")
-    fault(all, "fiducapd.service has failed", "`journalctl -u fiducapd -n 50` says why");
+    fault(all, "fiducapd.service has failed", "`journalctl -u fiducapd -n 50` shows the reason");
   else if (facts.servers.empty())
     warn(all, "fiducapd.service is " + unit, "`systemctl enable --now fiducapd`");
   else
-    warn(all, "fiducapd runs outside of its unit: nobody starts it again",
+    warn(all, "fiducapd runs outside of its unit: it is not restarted after a failure",
          "end it and `systemctl enable --now fiducapd`");
 }
 
@@ -158,8 +153,8 @@ std::string room_text(double bytes) {
   return bytes < 10e9 ? fixed(bytes / 1e6, 0) + " MB" : fixed(bytes / 1e9, 0) + " GB";
 }
 
-void look_at_store(Findings& all, const StoreFacts& store,
-                   const std::vector<RunningServer>& servers) {
+void check_store(Findings& all, const StoreFacts& store,
+                 const std::vector<RunningServer>& servers) {
   const std::string repair = "`fiducap map repair --store " + store.path + "`";
   if (!store.writable)
     fault(all, "the map store " + store.path + " cannot be written",
@@ -187,7 +182,7 @@ void look_at_store(Findings& all, const StoreFacts& store,
                    "make room, or put map.store on another disk"});
 }
 
-void look_at_recordings(Findings& all, const FolderFacts& folder, double bytes_per_s) {
+void check_recordings(Findings& all, const FolderFacts& folder, double bytes_per_s) {
   if (!folder.writable)
     return fault(
         all, "recordings cannot be written to " + folder.path,
@@ -218,21 +213,81 @@ double image_hz(const BodyConfig& body, const CameraMount& mount) {
 
 }  // namespace
 
+bool is_loopback(const std::string& address) {
+  return address.starts_with("127.") || address == "::1";
+}
+
+std::vector<std::string> faults_of(const ServedProtocol& protocol,
+                                   const std::vector<ListeningPort>& listening,
+                                   const std::vector<NetworkInterface>& interfaces) {
+  std::vector<std::string> faults;
+  const bool known = is_any(protocol.address) ||
+                     std::any_of(interfaces.begin(), interfaces.end(),
+                                 [&](const auto& one) { return one.address == protocol.address; });
+  if (!known) {
+    faults.push_back("no interface of this machine has that address; set streaming." +
+                     std::string(protocol.name) + ".address to one of those above");
+  }
+  for (const PortUse& port : protocol.ports) {
+    const Transport transport = port.udp ? Transport::kUdp : Transport::kTcp;
+    const bool heard =
+        std::any_of(listening.begin(), listening.end(), [&](const ListeningPort& one) {
+          return one.port == port.number && one.transport == transport &&
+                 (one.address == protocol.address || is_any(one.address));
+        });
+    if (!heard && port.number != 0) {
+      faults.push_back("no program listens on " + std::to_string(port.number) +
+                       (port.udp ? " udp" : " tcp") +
+                       ": is fiducapd running with this configuration? Its log names a port that "
+                       "it could not open");
+    }
+  }
+  return faults;
+}
+
+std::vector<std::string> faults_of(const dds::NetworkConfig& network,
+                                   const std::vector<ListeningPort>& listening,
+                                   const std::vector<NetworkInterface>& interfaces) {
+  std::vector<std::string> faults;
+  const bool known = network.interface.empty() ||
+                     std::any_of(interfaces.begin(), interfaces.end(), [&](const auto& one) {
+                       return one.name == network.interface || one.address == network.interface;
+                     });
+  if (!known) {
+    faults.push_back(
+        "no interface of this machine has that name or address; set dds.interface to one of those "
+        "above");
+  }
+  // RTPS 2.2, 9.6.1.1: discovery port of participant i of a domain.
+  const int first = 7400 + 250 * network.domain + 10;
+  const bool heard = std::any_of(listening.begin(), listening.end(), [&](const ListeningPort& one) {
+    const int index = (one.port - first) / 2;
+    return one.transport == Transport::kUdp && one.port >= first && (one.port - first) % 2 == 0 &&
+           index < network.max_participants;
+  });
+  if (!heard) {
+    faults.push_back("no program listens on " + std::to_string(first) +
+                     " udp or the ports after it: is fiducapd running "
+                     "with this configuration? Its log has the reason");
+  }
+  return faults;
+}
+
 Findings exposure_findings(const ServerConfig& config, const ServerFacts& facts,
                            const std::vector<NetworkInterface>& interfaces) {
   Findings all;
   for (const ServedProtocol& protocol : listeners(config.streaming)) {
     if (!protocol.enabled) continue;
     const std::string name(protocol.name);
-    if (on_loopback(protocol.address)) {
+    if (is_loopback(protocol.address)) {
       good(all, name + " is for this machine only");
       continue;
     }
     const std::string text =
-        name + " on " + protocol.address + " is for " + who_may_listen(config, protocol.name);
+        name + " on " + protocol.address + " is open to " + allowed_clients(config, protocol.name);
     const auto reached = std::find_if(interfaces.begin(), interfaces.end(), [&](const auto& card) {
       return card.up && is_public(card.address) &&
-             (on_every_card(protocol.address) || card.address == protocol.address);
+             (is_any(protocol.address) || card.address == protocol.address);
     });
     if (reached == interfaces.end())
       good(all, text);
@@ -243,15 +298,15 @@ Findings exposure_findings(const ServerConfig& config, const ServerFacts& facts,
           "streaming." + name + ".address: one of the lab's network, or a firewall before it");
   }
   if (config.streaming.dds.enabled && config.dds.interface != "lo" &&
-      !on_loopback(config.dds.interface))
+      !is_loopback(config.dds.interface))
     warn(all,
          "dds on " +
              (config.dds.interface.empty() ? "a card of its choice" : config.dds.interface) +
-             " is for whoever is in that network: it knows no password",
+             " is open to all machines of that network: it has no password",
          "dds.interface: lo, or a network of its own");
-  look_at_natnet(all, config.streaming.natnet);
-  look_at_imus(all, config.bodies);
-  look_at_token(all, facts.token);
+  check_natnet(all, config.streaming.natnet);
+  check_imus(all, config.bodies);
+  check_token(all, facts.token);
   return all;
 }
 
@@ -268,25 +323,25 @@ Findings machine_findings(const ServerConfig& config, const ServerFacts& facts) 
   if (machine.governor == "powersave")
     warn(all, "the cores save power (cpufreq governor powersave): latency jumps",
          "`sudo cpupower frequency-set -g performance`");
-  look_at_priority(all, facts);
-  look_at_buffer(all, "net.core.rmem_max", machine.receive_buffer_most);
-  look_at_buffer(all, "net.core.wmem_max", machine.send_buffer_most);
+  check_priority(all, facts);
+  check_buffer(all, "net.core.rmem_max", machine.receive_buffer_most);
+  check_buffer(all, "net.core.wmem_max", machine.send_buffer_most);
   if (machine.clock_synchronised && !*machine.clock_synchronised)
     warn(all, "the clock of this machine is not synchronised: stamps do not match other machines'",
          "run chrony or systemd-timesyncd (`timedatectl set-ntp true`)");
   else if (machine.clock_synchronised)
     good(all, "the clock is synchronised");
-  look_at_unit(all, facts);
+  check_unit(all, facts);
   return all;
 }
 
 Findings disk_findings(const ServerConfig& config, const ServerFacts& facts) {
   Findings all;
   if (facts.store)
-    look_at_store(all, *facts.store, facts.servers);
+    check_store(all, *facts.store, facts.servers);
   else
-    warn(all, "the map is forgotten when the server ends", "map.store: a file");
-  look_at_recordings(all, facts.recordings, recording_rate(config));
+    warn(all, "the map is lost when the server ends", "map.store: a file");
+  check_recordings(all, facts.recordings, recording_rate(config));
   return all;
 }
 

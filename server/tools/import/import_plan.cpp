@@ -1,18 +1,17 @@
-#include "tools/import/import_plan.hpp"
-
 #include <algorithm>
 #include <filesystem>
 
 #include "base/text.hpp"
-#include "capture/import/calibration_files.hpp"
+#include "capture/import/import_source.hpp"
 #include "capture/ros_image.hpp"
 #include "detection/detector_config.hpp"
+#include "tools/import/import.hpp"
 
 namespace fiducap {
 namespace {
 
-// A lens that nobody told: 64° wide, as cameras of robots and phones are, and how far that may be
-// off. The filter learns the rest.
+// Guess for an unknown lens: 64° wide, as in cameras of robots and phones, with 1-sigma; the filter
+// estimates the rest.
 constexpr double kGuessedFocal = 0.8;  // of the width
 constexpr double kGuessedFocalSigma = 0.15;
 constexpr double kGuessedCentreSigma = 0.03;  // of the width
@@ -51,7 +50,7 @@ Expected<std::size_t> find_stream(const ImportSource& source, const std::string&
                                         (there.empty() ? all_there_is(source) : there));
 }
 
-/// Images that can be used without being asked for: brightness, of a known size, not twice.
+/// Images that are used by default: brightness, of a known size, not twice.
 std::vector<std::size_t> usable_images(const ImportSource& source) {
   const auto& streams = source.streams();
   std::vector<std::size_t> usable;
@@ -90,7 +89,7 @@ Expected<void> choose_images(const ImportSource& source, const ImportArguments& 
   for (const std::size_t i : choice.images)
     choices += "\n  --image " + source.streams()[i].name + "   " + source.streams()[i].text();
   return fail(ErrorCode::kInvalid, "has images of " + std::to_string(choice.images.size()) +
-                                       " cameras. Say which ones the body has:" + choices);
+                                       " cameras. Choose those of the body:" + choices);
 }
 
 Expected<void> choose_imu(const ImportSource& source, const ImportArguments& arguments,
@@ -114,11 +113,11 @@ Expected<void> choose_imu(const ImportSource& source, const ImportArguments& arg
   }
   if (count <= 1) return {};
   return fail(ErrorCode::kInvalid, "has " + std::to_string(count) +
-                                       " IMUs. Say which one sits on the body:" + choices +
+                                       " IMUs. Choose that of the body:" + choices +
                                        "\n  --imu none");
 }
 
-/// What is odd about the stamps of a stream that was chosen.
+/// Checks the stamps of a chosen stream. @return Error when none is usable
 Expected<void> judge_stamps(const FoundStream& stream, bool by_header,
                             std::vector<std::string>& remarks) {
   const std::string of = " of " + std::to_string(stream.count) + " stamps ";
@@ -131,7 +130,7 @@ Expected<void> judge_stamps(const FoundStream& stream, bool by_header,
                       "are zero: left out");
   if (stream.backwards > 0)
     remarks.push_back(stream.name + ": " + std::to_string(stream.backwards) + of +
-                      "go backwards, or come twice: a replay leaves the fewer ones out" +
+                      "go backwards or are repeated: a replay leaves them out" +
                       (by_header ? " (--stamps log takes the recorder's time)" : ""));
   if (stream.unreadable > 0)
     remarks.push_back(stream.name + ": " + std::to_string(stream.unreadable) +
@@ -152,7 +151,7 @@ void guess_lens(CameraMount& mount) {
   mount.k1_sigma = kGuessedK1Sigma;
 }
 
-/// A camera of the recording, with guesses where nobody said, which are said.
+/// A camera of the recording; unknown values are guessed and listed in `to_do`.
 CameraMount camera_of(const FoundStream& camera, std::size_t k, bool has_imu,
                       const std::string& out, std::vector<std::string>& to_do) {
   CameraMount mount = camera.mount;
@@ -163,7 +162,7 @@ CameraMount camera_of(const FoundStream& camera, std::size_t k, bool has_imu,
                     file +
                     " has a guess for 64°: `fiducap calibrate camera` finds it, --calibration FILE "
                     "takes it over, or write intrinsics and distortion_coefficients there and "
-                    "strike intrinsics_sigma");
+                    "remove intrinsics_sigma");
   }
   if (!camera.place_known && has_imu) {
     mount.position_sigma_m = kUnknownPlace_m;
@@ -198,9 +197,9 @@ void take_tags(const ImportSource& source, const ImportArguments& arguments, Imp
     info.tag_sizes_m.clear();
   }
   if (!arguments.tag_family.empty()) info.tag_family = arguments.tag_family;
-  if (arguments.tag_size_m > 0 || source.tells_tags()) return;
+  if (arguments.tag_size_m > 0 || source.has_tags()) return;
   plan.to_do.push_back("size of the tags: not in the source. " + arguments.out +
-                       "/mav0/tags.yaml says " + info.tag_family + " of " +
+                       "/mav0/tags.yaml has " + info.tag_family + " of " +
                        fixed(info.tag_size_m, 3) +
                        " m: give --tag-size (and --tag-family), or "
                        "write default_size_m there");

@@ -1,20 +1,284 @@
-#include <CLI/CLI.hpp>
+#include <filesystem>
 
-#include "tools/import/import_command.hpp"
-#include "tools/positive_number.hpp"
+#include <nlohmann/json.hpp>
+
+#include "capture/recording/recording_layout.hpp"
+#include "capture/recording/recording_writer.hpp"
+#include "daemon/system.hpp"
+#include "pipeline/replay/recording_check.hpp"
+#include "tools/import/import.hpp"
+#include "tools/verb_options.hpp"
 
 namespace fiducap {
+namespace {
 
-void add_import(CLI::App& app, ImportArguments& a, ChosenVerb& chosen) {
+namespace fs = std::filesystem;
+
+/// Result of an import.
+struct Imported {
+  std::vector<std::uint64_t> images;  ///< Per camera.
+  std::uint64_t imu{0};
+  std::uint64_t twice{0};  ///< Samples with the stamp of the one before.
+  std::vector<RecordingFinding> findings;
+  bool usable{true};
+};
+
+ImportOptions options_of(ImportArguments& arguments) {
+  static const SystemClock clock;  // nothing is paced
+  ImportOptions options;
+  options.clock = &clock;
+  options.log_stamps = arguments.stamps == "log";
+  options.imu_offset = from_seconds(arguments.imu_offset_s);
+  options.imu_columns = arguments.imu_columns;
+  options.imu_units = arguments.imu_units;
+  if (is_file(arguments.imu)) options.imu_csv = std::exchange(arguments.imu, {});
+  return options;
+}
+
+std::string stream_line(const FoundStream& stream) {
+  std::string line = "  " + stream.text() + ": ";
+  line += stream.count > 0 ? std::to_string(stream.count) : std::string("not counted");
+  if (stream.rate_hz() > 0)
+    line += ", " + fixed(stream.rate_hz(), 1) + " Hz, " +
+            fixed(static_cast<double>(stream.last_ns - stream.first_ns) * 1e-9, 1) + " s";
+  if (stream.kind == FoundKind::kImages)
+    line += stream.lens_known ? ", with its lens" : ", without a lens (" + stream.lens_fault + ")";
+  if (stream.unreadable > 0)
+    line += "; " + std::to_string(stream.unreadable) + " unreadable: " + stream.first_fault;
+  return line;
+}
+
+void print_source(const ImportSource& source, const std::string& path, const Terminal& terminal) {
+  terminal.out << path << "\n";
+  for (const FoundStream& stream : source.streams()) terminal.out << stream_line(stream) << "\n";
+  for (const std::string& other : source.others()) terminal.out << "  " << other << ": not used\n";
+  for (const std::string& remark : source.remarks()) terminal.out << "  note: " << remark << "\n";
+}
+
+/// Counts samples and rejects repeated stamps, which would overwrite pictures.
+class ImportCounter final {
+ public:
+  explicit ImportCounter(std::size_t cameras) : last_(cameras + 1, Instant::min()) {
+    done_.images.resize(cameras);
+  }
+  bool take(const SensorSample& sample) {
+    const auto* frame = std::get_if<CameraFrame>(&sample);
+    const std::size_t stream = frame == nullptr ? 0 : 1 + static_cast<std::size_t>(frame->camera);
+    if (time_of(sample) == last_[stream]) {
+      ++done_.twice;
+      return false;
+    }
+    last_[stream] = time_of(sample);
+    ++(frame == nullptr ? done_.imu : done_.images[stream - 1]);
+    return true;
+  }
+  [[nodiscard]] const Imported& done() const { return done_; }
+
+ private:
+  std::vector<Instant> last_;
+  Imported done_;
+};
+
+std::string progress_text(const Imported& done, const ImportSource& source,
+                          const ImportChoice& choice) {
+  std::uint64_t images = 0;
+  std::uint64_t expected = 0;
+  for (const std::uint64_t n : done.images) images += n;
+  for (const std::size_t i : choice.images) expected += source.streams()[i].count;
+  std::string text = "writing: " + std::to_string(images);
+  if (expected > 0) text += " of " + std::to_string(expected);
+  return text + " images, " + std::to_string(done.imu) + " IMU readings";
+}
+
+Expected<Imported> write_recording(ImportSource& source, const ImportPlan& plan,
+                                   const Terminal& terminal) {
+  auto samples = source.open(plan.choice, plan.info.cameras);
+  if (!samples) return tl::unexpected(samples.error());
+  auto writer = RecordingWriter::create(plan.info);
+  if (!writer) return tl::unexpected(writer.error());
+  ProgressLine line(terminal);
+  ImportCounter counter(plan.info.cameras.size());
+  for (;;) {
+    if (interrupted()) return fail(ErrorCode::kUnavailable, "interrupted");
+    const auto sample = (*samples)->next({});
+    if (!sample) return tl::unexpected(sample.error());
+    if (!*sample) break;
+    if (to_ns(time_of(**sample)) < 0)
+      return fail(ErrorCode::kInvalid,
+                  "a stamp is before 1970: --imu-offset, or the clock of a sensor, is wrong");
+    if (!counter.take(**sample)) continue;
+    if (const auto written = writer->write(**sample); !written)
+      return tl::unexpected(written.error());
+    line.show(progress_text(counter.done(), source, plan.choice));
+  }
+  const auto truth = source.truth();
+  if (!truth) return tl::unexpected(truth.error());
+  for (const TruthSample& one : *truth)
+    if (const auto written = writer->write_truth(one); !written)
+      return tl::unexpected(written.error());
+  if (const auto finished = writer->finish(); !finished) return tl::unexpected(finished.error());
+  return counter.done();
+}
+
+/// Every camera needs an image; why none could be decoded is in the log.
+Expected<void> require_images(const Imported& done, const ImportSource& source,
+                              const ImportPlan& plan) {
+  for (std::size_t k = 0; k < done.images.size(); ++k)
+    if (done.images[k] == 0)
+      return fail(
+          ErrorCode::kInvalid,
+          "no image of " + source.streams()[plan.choice.images[k]].text() + " could be decoded");
+  return {};
+}
+
+Expected<void> check_written(const std::string& folder, Imported& done) {
+  const auto info = read_recording_info(folder);
+  if (!info) return tl::unexpected(info.error());
+  auto checked = check_recording(*info);
+  if (!checked) return tl::unexpected(checked.error());
+  done.usable = checked->is_usable();
+  done.findings = std::move(checked->findings);
+  return {};
+}
+
+nlohmann::ordered_json stream_json(const FoundStream& stream) {
+  nlohmann::ordered_json json{
+      {"name", stream.name},           {"kind", stream.kind == FoundKind::kImu ? "imu" : "images"},
+      {"type", stream.type},           {"count", stream.count},
+      {"first_ns", stream.first_ns},   {"last_ns", stream.last_ns},
+      {"rate_hz", stream.rate_hz()},   {"zero_stamps", stream.zero_stamps},
+      {"backwards", stream.backwards}, {"unreadable", stream.unreadable}};
+  if (stream.kind == FoundKind::kImu) return json;
+  json["width"] = stream.mount.model.width;
+  json["height"] = stream.mount.model.height;
+  json["lens_known"] = stream.lens_known;
+  json["place_known"] = stream.place_known;
+  return json;
+}
+
+nlohmann::ordered_json source_json(const ImportSource& source, const std::string& path) {
+  nlohmann::ordered_json json{{"source", path}, {"streams", nlohmann::ordered_json::array()}};
+  for (const FoundStream& stream : source.streams()) json["streams"].push_back(stream_json(stream));
+  json["others"] = source.others();
+  json["notes"] = source.remarks();
+  return json;
+}
+
+void print_json(const nlohmann::ordered_json& json, const Terminal& terminal) {
+  constexpr auto kReplace = nlohmann::ordered_json::error_handler_t::replace;
+  terminal.out << json.dump(2, ' ', false, kReplace) << "\n";
+}
+
+void print_imported(const ImportSource& source, const ImportPlan& plan, const Imported& done,
+                    const Terminal& terminal) {
+  terminal.out << plan.info.folder << ":";
+  for (std::size_t k = 0; k < done.images.size(); ++k)
+    terminal.out << " " << done.images[k] << " images of "
+                 << source.streams()[plan.choice.images[k]].name << ",";
+  if (plan.choice.imu)
+    terminal.out << " " << done.imu << " IMU readings of "
+                 << source.streams()[*plan.choice.imu].name << "\n";
+  else
+    terminal.out << " no IMU\n";
+  for (const std::string& remark : plan.remarks) terminal.out << "  note: " << remark << "\n";
+  if (done.twice > 0)
+    terminal.out << "  note: " << done.twice << " samples have the stamp of the one before: left "
+                 << "out\n";
+  for (const RecordingFinding& finding : done.findings)
+    terminal.out << (finding.unusable ? "  unusable: " : "  warning: ") << finding.text << "\n";
+  for (const std::string& item : plan.to_do) terminal.out << "  missing: " << item << "\n";
+  if (done.usable)
+    terminal.out << "next: fiducap replay " << plan.info.folder << " --out results\n";
+}
+
+void print_imported_json(nlohmann::ordered_json json, const ImportPlan& plan, const Imported& done,
+                         const Terminal& terminal) {
+  json["folder"] = plan.info.folder;
+  json["images_written"] = done.images;
+  json["imu_written"] = done.imu;
+  json["same_stamp"] = done.twice;
+  for (const std::string& remark : plan.remarks) json["notes"].push_back(remark);
+  json["usable"] = done.usable;
+  json["findings"] = nlohmann::ordered_json::array();
+  for (const RecordingFinding& finding : done.findings)
+    json["findings"].push_back({{"unusable", finding.unusable}, {"text", finding.text}});
+  json["missing"] = plan.to_do;
+  print_json(json, terminal);
+}
+
+/// Whether the arguments name streams, which must then exist.
+bool names_streams(const ImportArguments& given) {
+  return !given.images.empty() || !given.imu.empty();
+}
+
+Error in_source(Error error, const std::string& source) {
+  if (error.context.empty()) error.context = source;
+  return error;
+}
+
+Expected<std::unique_ptr<ImportSource>> search_source(ImportArguments& arguments,
+                                                      const Terminal& terminal) {
+  ProgressLine line(terminal);
+  return open_import(arguments.source, options_of(arguments), [&](double share) {
+    line.show("looking through " + arguments.source + ": " + fixed(100 * share, 0) + " %");
+  });
+}
+
+/// Removes what was written when it fails, so that the folder is free for the next try.
+Expected<Imported> make_recording(ImportSource& source, const ImportPlan& plan,
+                                  const Terminal& terminal) {
+  std::error_code failure;
+  const bool is_ours =
+      !fs::exists(plan.info.folder, failure) || fs::is_empty(plan.info.folder, failure);
+  catch_interrupt();
+  auto done = write_recording(source, plan, terminal);
+  if (!done && is_ours && !failure) {
+    const bool was_written = fs::remove_all(plan.info.folder, failure) > 1;  // the folder itself
+    if (was_written && !failure) done.error().what += "; what was written is removed";
+  }
+  if (!done) return done;
+  if (const auto any = require_images(*done, source, plan); !any)
+    return tl::unexpected(any.error());
+  if (const auto checked = check_written(plan.info.folder, *done); !checked)
+    return tl::unexpected(checked.error());
+  return done;
+}
+
+}  // namespace
+
+int run_import(const ImportArguments& given, const Terminal& terminal) {
+  ImportArguments arguments = given;
+  const auto source = search_source(arguments, terminal);
+  if (!source) return report(terminal, in_source(source.error(), given.source));
+  if (!arguments.json) print_source(**source, given.source, terminal);
+  if (arguments.out.empty()) {
+    if (const auto chosen = choose_streams(**source, arguments); !chosen && names_streams(given))
+      return report(terminal, in_source(chosen.error(), given.source));
+    if (arguments.json) print_json(source_json(**source, given.source), terminal);
+    return kExitOk;
+  }
+  const auto plan = plan_import(**source, arguments);
+  if (!plan) return report(terminal, in_source(plan.error(), given.source));
+  const auto done = make_recording(**source, *plan, terminal);
+  if (!done) return report(terminal, in_source(done.error(), given.source));
+  if (arguments.json)
+    print_imported_json(source_json(**source, given.source), *plan, *done, terminal);
+  else
+    print_imported(**source, *plan, *done, terminal);
+  return done->usable ? kExitOk : kExitFailed;
+}
+
+void add_import(CLI::App& app, ChosenVerb& chosen) {
   auto* verb = app.add_subcommand(
       "import",
       "Make a recording of what another program recorded: bags of ROS 1 and 2, MCAP, a video with "
       "an IMU's table, EuRoC folders, phones (Sensor Logger)");
+  auto& a = arguments_of<ImportArguments>(*verb, chosen, run_import);
   verb->add_option("SOURCE", a.source,
                    "A .bag, .db3, .mcap, .zip or video file, or a folder of rosbag2, EuRoC or "
                    "Sensor Logger")
       ->required();
-  verb->add_option("--out", a.out, "New folder for the recording; without it only look");
+  verb->add_option("--out", a.out, "New folder for the recording; without it only list");
   verb->add_option("--image", a.images,
                    "Images to take; several times for several cameras of one body")
       ->allow_extra_args(false);
@@ -26,7 +290,8 @@ void add_import(CLI::App& app, ImportArguments& a, ChosenVerb& chosen) {
   verb->add_option("--tag-size", a.tag_size_m, "Edge between black and white border, metres")
       ->check(kPositive);
   verb->add_option("--tag-family", a.tag_family, "Tag family, e.g. tag36h11");
-  verb->add_option("--stamps", a.stamps, "When a sample was true: 'header' or 'log'")
+  verb->add_option("--stamps", a.stamps,
+                   "Stamps to use: 'header', of the sensor, or 'log', of the recorder")
       ->check(CLI::IsMember({"header", "log"}))
       ->capture_default_str();
   verb->add_option("--imu-offset", a.imu_offset_s, "Seconds to add to the stamps of the IMU");
@@ -40,7 +305,6 @@ void add_import(CLI::App& app, ImportArguments& a, ChosenVerb& chosen) {
       "  fiducap import flight.bag --out recordings/flight --image /cam0/image_raw --imu /imu0 "
       "--tag-size 0.16\n"
       "  fiducap import walk.mp4 --imu walk.csv --imu-units ms,deg/s,g --out recordings/walk");
-  verb->callback([&] { chosen = [&](const Terminal& t) { return run_import(a, t); }; });
 }
 
 }  // namespace fiducap

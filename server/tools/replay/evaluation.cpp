@@ -5,15 +5,16 @@
 
 #include "base/text.hpp"
 #include "base/whole_file.hpp"
-#include "daemon/system_clock.hpp"
+#include "daemon/system.hpp"
 #include "detection/tag_detector.hpp"
 #include "tools/replay/run_files.hpp"
-#include "tools/tags/map_file.hpp"
+#include "tools/replay/trajectory_files.hpp"
+#include "tools/tags/map_files.hpp"
 
 namespace fiducap {
 namespace {
 
-/// What the recording has to compare with.
+/// Truth, or another program's answer, in the recording.
 struct Reference {
   Evaluation::Against against{Evaluation::Against::kNothing};
   std::vector<TruthSample> poses;
@@ -74,7 +75,7 @@ std::vector<StampedPose> poses_of(const Reference& reference) {
   return poses;
 }
 
-/// Truth as the run would have it, if both agreed about the reference tag.
+/// The reference in the workspace of the run, aligned at the reference tag.
 void trace_reference(const Reference& reference, const Pose& ours, const Pose& theirs,
                      EvaluationTraces& traces) {
   const Pose X_ours_theirs = ours * theirs.inverse();
@@ -111,7 +112,7 @@ void compare(const RecordingInfo& info, const RunResults& run, const Reference& 
     evaluation.world_pose = pose_errors(run.trajectory, reference.poses, Pose{}, Pose{}, from);
 }
 
-/// The frames of a recording with the detections that anybody may use.
+/// Frames of a recording with their usable detections.
 class UsableCorners final {
  public:
   explicit UsableCorners(const RecordingInfo& info) : tags_(tags_of(info)) {}
@@ -256,7 +257,7 @@ std::optional<std::string> mismatch_of(const Evaluation& evaluation) {
            "clock";
   if (evaluation.reprojection.scored > 0 && evaluation.reprojection.median_px > limit_px)
     return off(evaluation.reprojection.median_px) +
-           "from where the run has them: it is the run of another recording, or it went wrong";
+           "from where the run has them: it is the run of another recording, or it has failed";
   return std::nullopt;
 }
 

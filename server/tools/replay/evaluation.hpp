@@ -7,14 +7,13 @@
 
 #include "base/expected.hpp"
 #include "base/time.hpp"
-#include "capture/lens/lens_offset.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "capture/recording/recording.hpp"
-#include "tools/replay/pose_errors.hpp"
-#include "tools/replay/reprojection.hpp"
+#include "tools/replay/run_errors.hpp"
 
 namespace fiducap {
 
-/// Poses and tags that hang together.
+/// A connected part of a run.
 struct RunPart {
   std::vector<StampedPose> trajectory;
   std::vector<TagPlace> map;
@@ -26,13 +25,13 @@ struct RunResults {
   std::vector<TagPlace> map;
   std::vector<Pose> X_BV;          ///< One per camera …
   std::vector<LensOffset> lenses;  ///< … likewise; empty: lenses are those of the recording.
-  std::vector<RunPart> parts;      ///< What nothing ties to the workspace, in axes of their own.
+  std::vector<RunPart> parts;      ///< Not connected to the workspace, in axes of their own.
 };
 
 /// @param tum  `<body>.tum`; `map.csv` and `extrinsics.yaml` are taken from beside it
 [[nodiscard]] Expected<RunResults> read_run(const std::string& tum, std::size_t cameras);
 
-/// What the numbers of an evaluation were made of, for pictures.
+/// The data behind the numbers of an evaluation, for plots.
 struct EvaluationTraces {
   Instant first_image{Instant::max()};
   Instant last_image{Instant::min()};
@@ -46,13 +45,13 @@ struct EvaluationTraces {
   std::vector<TagPlace> reference_map;
 };
 
-/// How good a run is. Poses are compared in the axes of the reference tag, as each side places that
+/// Errors of a run. Poses are compared in the axes of the reference tag, as each side places that
 /// tag; nothing is fitted.
 struct Evaluation {
   enum class Against { kTruth, kOtherProgram, kNothing } against{Against::kNothing};
   std::optional<int> reference_tag;
   bool reference_replaced{};  ///< The recording's reference tag is missing in a map: the lowest
-                              ///< common id stands in.
+                              ///< common id is used.
   std::optional<PoseErrors> pose;
   std::optional<PoseErrors>
       levelled_pose;  ///< In axes at that tag with z up: its place and heading only. With IMU.
@@ -68,14 +67,13 @@ struct Evaluation {
   EvaluationTraces traces;
 };
 
-/// The part before this is left out of pose errors: a filter may need a moment to find its biases.
+/// The part before this is left out of pose errors: filters need time to estimate their biases.
 inline constexpr Duration kSettling = std::chrono::seconds(5);
 
-/// @return why the numbers mean nothing: the run, or the truth, is not of these images; nullopt:
-/// they do
+/// @return why the run, or the truth, cannot belong to these images; nullopt: it can
 [[nodiscard]] std::optional<std::string> mismatch_of(const Evaluation& evaluation);
 
-/// Called now and then with the seconds of data that were looked at.
+/// Called with the seconds of data that were processed.
 using EvaluationProgress = std::function<void(double data_s)>;
 
 /// @return Error when the recording cannot be read

@@ -1,17 +1,12 @@
-#include "tools/replay/evaluation_plots.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <filesystem>
 #include <limits>
 #include <numbers>
 
-#include "base/quantile.hpp"
+#include "base/numeric.hpp"
 #include "base/text.hpp"
-#include "base/whole_file.hpp"
-#include "tools/replay/covariance_file.hpp"
-#include "tools/replay/pose_plots.hpp"
+#include "tools/replay/run_plots.hpp"
 
 namespace fiducap {
 namespace {
@@ -30,9 +25,9 @@ const StampedCovariance* covariance_at(std::span<const StampedCovariance> covari
 }
 
 /// Error of the position or of the attitude, component by component, with band.
-class ErrorCourse final {
+class ErrorPanels final {
  public:
-  ErrorCourse(const EvaluationTraces& traces, std::span<const StampedCovariance> covariances,
+  ErrorPanels(const EvaluationTraces& traces, std::span<const StampedCovariance> covariances,
               PoseHalf half, Duration longest)
       : half_(half), R_AW_(traces.X_WA.rotation().transpose()) {
     const char* components[]{"x", "y", "z"};
@@ -47,7 +42,7 @@ class ErrorCourse final {
     for (std::size_t i = 0; i < traces.differences.size(); ++i) {
       const PoseDifference& one = traces.differences[i];
       const double t_s = to_seconds(one.at - traces.first_image);
-      if (i > 0 && one.at - traces.differences[i - 1].at > longest) interrupt();
+      if (i > 0 && one.at - traces.differences[i - 1].at > longest) break_curves();
       add(one, t_s, covariance_at(covariances, one.at));
     }
   }
@@ -56,8 +51,8 @@ class ErrorCourse final {
   [[nodiscard]] std::string share_text() const {
     if (compared_ == 0) return {};
     return fixed(100.0 * within_ / compared_, 1) +
-           " % of the components are within the filter's own 3 sigma. 99.7 % is right where the "
-           "reference tag is exact: its error, which is the map's, is part of what is drawn.";
+           " % of the components are within the filter's own 3 sigma. 99.7 % is expected if "
+           "the reference tag is exact: its error in the map is part of the curves.";
   }
   [[nodiscard]] std::vector<PlotPanel> take_panels() {
     for (std::size_t k = 1; k < 3; ++k) {
@@ -70,7 +65,7 @@ class ErrorCourse final {
  private:
   [[nodiscard]] bool is_position() const { return half_ == PoseHalf::kPosition; }
 
-  void interrupt() {
+  void break_curves() {
     for (PlotPanel& panel : panels_) {
       panel.lines.front().points.emplace_back(kBroken, kBroken);
       for (PlotArea& area : panel.areas) area.slices.push_back({kBroken, kBroken, kBroken});
@@ -134,19 +129,19 @@ LinePlot error_plot(const Evaluation& e, const RunResults& run,
                number(errors.position_max_m, errors.rotation_max_rad);
   plot.x_label = kTimeLabel;
   plot.panel_height = 120;
-  ErrorCourse course(e.traces, covariances, half, longest_step(run.trajectory));
+  ErrorPanels panels(e.traces, covariances, half, longest_step(run.trajectory));
   plot.subtitle = "In the axes of tag " + std::to_string(*e.reference_tag) + ", nothing fitted, " +
                   std::to_string(errors.samples) + " poses, the first 5 s left out. " +
-                  course.share_text();
-  plot.panels = course.take_panels();
+                  panels.share_text();
+  plot.panels = panels.take_panels();
   shade(e, missing, plot);
   return plot;
 }
 
 LinePlot sigma_plot(const Evaluation& e, const RunResults& run,
                     std::span<const StampedCovariance> covariances, const PlotSpans& missing) {
-  LinePlot plot{"How sure the filter was", kTimeLabel};
-  plot.subtitle = "1 sigma over all directions, by the filter itself.";
+  LinePlot plot{"Sigmas of the filter", kTimeLabel};
+  plot.subtitle = "1 sigma over all directions, as estimated by the filter.";
   const Duration longest = longest_step(run.trajectory);
   for (const PoseHalf half : {PoseHalf::kPosition, PoseHalf::kRotation}) {
     plot.panels.push_back(sigma_panel(half));
@@ -165,19 +160,19 @@ LinePlot map_plot(const Evaluation& e, const RunResults& run) {
   const bool is_truth = e.against == Evaluation::Against::kTruth;
   PlotPanel& panel = plot.panels.front();
   if (!e.traces.reference_path.empty()) {
-    panel.lines.push_back(way_of(is_truth ? "true way" : "way of the other program", kPlotGray,
-                                 e.traces.reference_path));
+    panel.lines.push_back(path_of(is_truth ? "true path" : "path of the other program", kPlotGray,
+                                  e.traces.reference_path));
     panel.lines.back().width = 3;
   }
-  panel.lines.push_back(way_of("way", kPlotColors[0], run.trajectory));
+  panel.lines.push_back(path_of("path", kPlotColors[0], run.trajectory));
   panel.shapes.push_back(tags_from_above("tags", kPlotColors[1], run.map, true));
   if (!e.traces.reference_map.empty())
     panel.shapes.push_back(tags_from_above(is_truth ? "true tags" : "tags of the other program",
-                                           kSvgInk, e.traces.reference_map, false));
+                                           kPlotInk, e.traces.reference_map, false));
   return plot;
 }
 
-/// @param width_px  of a column; the last one holds all that is beyond
+/// @param width_px  of a column; the last one holds all larger values
 PlotColumns histogram(const std::string& name, const char* color, const std::vector<double>& values,
                       double width_px, std::size_t count) {
   PlotColumns columns{name, color, {}};
@@ -202,7 +197,7 @@ LinePlot reprojection_plot(const Evaluation& e) {
                     fixed(r.p95_px, 3) + " px",
                 "root mean square distance of a tag's four corners, px"};
   plot.subtitle = std::to_string(r.scored) + " of " + std::to_string(r.detections) +
-                  " detections; the last column holds all that is beyond it. Coverage " +
+                  " detections; the last column holds all larger ones. Coverage " +
                   fixed(100 * r.coverage(), 1) + " % of the images with tags.";
   PlotPanel panel{"share of detections, %"};
   panel.from_zero = true;
@@ -224,11 +219,7 @@ LinePlot reprojection_plot(const Evaluation& e) {
 
 void add_errors(const std::string& name, const std::optional<PoseErrors>& errors,
                 PlotTable& table) {
-  if (!errors || errors->samples == 0) return;
-  table.rows.emplace_back(name, fixed(kMm * errors->position_rmse_m, 2) + " mm, " +
-                                    fixed(kDeg * errors->rotation_rmse_rad, 3) + "° RMSE; worst " +
-                                    fixed(kMm * errors->position_max_m, 2) + " mm, " +
-                                    fixed(kDeg * errors->rotation_max_rad, 3) + "°");
+  if (errors && errors->samples > 0) table.rows.emplace_back(name, text_of(*errors));
 }
 
 PlotTable figures_of_evaluation(const Evaluation& e) {
@@ -248,8 +239,6 @@ PlotTable figures_of_evaluation(const Evaluation& e) {
   return table;
 }
 
-bool is_html(const std::string& path) { return path.ends_with(".html") || path.ends_with(".htm"); }
-
 }  // namespace
 
 PlotPage evaluation_plots(const std::string& title, const RunResults& run,
@@ -263,33 +252,13 @@ PlotPage evaluation_plots(const std::string& title, const RunResults& run,
     for (const PoseHalf half : {PoseHalf::kPosition, PoseHalf::kRotation})
       page.plots.push_back(error_plot(e, run, covariances, missing, half));
   } else {
-    page.remarks.emplace_back("Nothing here says where the body really was.");
+    page.remarks.emplace_back("The recording has neither truth nor reference poses.");
     if (!covariances.empty()) page.plots.push_back(sigma_plot(e, run, covariances, missing));
   }
   page.plots.push_back(map_plot(e, run));
   page.plots.push_back(reprojection_plot(e));
   page.tables.push_back(figures_of_evaluation(e));
   return page;
-}
-
-Expected<std::vector<StampedCovariance>> covariances_beside(const std::string& tum) {
-  const std::filesystem::path path =
-      std::filesystem::path(tum).replace_extension(".covariance.csv");
-  std::error_code ignored;
-  if (!std::filesystem::exists(path, ignored)) return std::vector<StampedCovariance>{};
-  const auto text = read_whole_file(path.string());
-  if (!text) return tl::unexpected(text.error());
-  return covariances_from_csv(*text, path.string());
-}
-
-Expected<void> check_plot_path(const std::string& path) {
-  if (is_html(path) || path.ends_with(".svg")) return {};
-  return fail(ErrorCode::kInvalid, "--plot writes .html (a page) or .svg (the pictures alone)",
-              path);
-}
-
-Expected<void> write_plots(const std::string& path, const PlotPage& page) {
-  return write_whole_file(path, is_html(path) ? to_html(page) : to_svg(page));
 }
 
 }  // namespace fiducap

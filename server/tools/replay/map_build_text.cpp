@@ -1,14 +1,14 @@
-#include "tools/replay/map_build_text.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <set>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "base/quantile.hpp"
+#include "base/numeric.hpp"
 #include "base/text.hpp"
+#include "tools/replay/replay_verbs.hpp"
 
 namespace fiducap {
 namespace {
@@ -68,7 +68,7 @@ std::set<int> all_seen(const MapBuild& build) {
   return seen;
 }
 
-/// Seen, and in no part of the graph: no image placed them.
+/// Seen, but in no component of the graph.
 std::vector<int> never_placed(const MapBuild& build) {
   std::set<int> left = all_seen(build);
   for (const MapTag& entry : build.map.tags) left.erase(entry.tag.tag_id);
@@ -94,7 +94,8 @@ std::string text_of_part(const MapPart& part, const std::vector<std::string>& na
                      " did not join the map";
   if (part.also_in_map.empty())
     return text +
-           ": none of them is seen by whoever sees the rest. Walk so that one tag is seen by both: "
+           ": no recording shows one of them together with the rest. Walk so that one tag is seen "
+           "by both: "
            "record a way from a tag of the map to one of these without a break, or let one "
            "recording see a tag of the other";
   return text + ", though it has " + tags_text(part.also_in_map) +
@@ -113,35 +114,33 @@ int tags_placed(const TagMap& map) {
 std::string MapBuildText::summary() const {
   const Sigmas sigmas = sigmas_of(build.map);
   const int placed = tags_placed(build.map);
-  std::string text = std::to_string(placed) + " tags placed of " +
-                     std::to_string(all_seen(build).size()) + " seen";
+  std::string text = fmt::format("{} tags placed of {} seen", placed, all_seen(build).size());
   if (const auto given = static_cast<int>(build.map.tags.size()) - placed; given > 0)
-    text += ", " + std::to_string(given) + " given";
+    text += fmt::format(", {} given", given);
   text += "\n";
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     const BuiltRecording& one = build.recordings[i];
-    text += "  " + recordings[i] + ": " + std::to_string(one.images_with_tags) + " of " +
-            std::to_string(one.images) + " images with tags, " + std::to_string(one.seen.size()) +
-            " tags; " +
-            (one.segments_in_map == 0 ? "did not join"
-             : one.segments_in_map < one.segments
-                 ? "joined with " + std::to_string(one.segments_in_map) + " of " +
-                       std::to_string(one.segments) + " pieces"
-                 : std::string("joined")) +
-            "\n";
+    text += fmt::format("  {}: {} of {} images with tags, {} tags; ", recordings[i],
+                        one.images_with_tags, one.images, one.seen.size());
+    if (one.segments_in_map == 0)
+      text += "did not join\n";
+    else if (one.segments_in_map < one.segments)
+      text += fmt::format("joined with {} of {} pieces\n", one.segments_in_map, one.segments);
+    else
+      text += "joined\n";
   }
   if (!sigmas.place_m.empty())
-    text += "  1-sigma of a tag: place median " + fixed(1e3 * quantile(sigmas.place_m, 0.5), 1) +
-            " mm, worst " + fixed(1e3 * quantile(sigmas.place_m, 1.0), 1) + " mm (tag " +
-            std::to_string(sigmas.worst_tag) + "); attitude median " +
-            fixed(kDegreesOfTurn * quantile(sigmas.attitude_rad, 0.5), 3) + " deg, worst " +
-            fixed(kDegreesOfTurn * quantile(sigmas.attitude_rad, 1.0), 3) + " deg (tag " +
-            std::to_string(sigmas.worst_turned_tag) + ")\n";
-  text += "  residuals " + fixed(std::sqrt(build.fit.chi_square_per_number), 2) +
-          " times what the noises say; " + std::to_string(build.fit.outliers) + " of " +
-          std::to_string(build.fit.sightings) + " sightings contradict the rest\n";
-  return text + "  CPU: " + fixed(build.run_cpu_s, 1) + " s to go through, " +
-         fixed(build.solve_cpu_s, 1) + " s to solve for all of it\n";
+    text += fmt::format(
+        "  1-sigma of a tag: place median {:.1f} mm, worst {:.1f} mm (tag {}); attitude median "
+        "{:.3f} deg, worst {:.3f} deg (tag {})\n",
+        1e3 * quantile(sigmas.place_m, 0.5), 1e3 * quantile(sigmas.place_m, 1.0), sigmas.worst_tag,
+        kDegreesOfTurn * quantile(sigmas.attitude_rad, 0.5),
+        kDegreesOfTurn * quantile(sigmas.attitude_rad, 1.0), sigmas.worst_turned_tag);
+  return text + fmt::format(
+                    "  residuals {:.2f} times the expected ones; {} of {} sightings contradict the "
+                    "rest\n  CPU: {:.1f} s to process, {:.1f} s for the joint solution\n",
+                    std::sqrt(build.fit.chi_square_per_number), build.fit.outliers,
+                    build.fit.sightings, build.run_cpu_s, build.solve_cpu_s);
 }
 
 std::vector<std::string> MapBuildText::left_out() const {
@@ -165,19 +164,19 @@ std::vector<std::string> MapBuildText::left_out() const {
         "nearer");
   if (build.last.has_found_workspace)
     sentences.push_back(
-        "nobody saw the reference tag" +
+        "no recording shows the reference tag" +
         (build.map.reference_tag ? " " + std::to_string(*build.map.reference_tag) : std::string()) +
         ": the workspace is where the largest part began. Record the reference tag as well, or "
         "name "
         "another one: --set map.reference_tag=N");
   if (!build.is_level)
     sentences.push_back(
-        "no recording has an IMU: what is up is a guess. Give map.reference_pose with "
+        "no recording has an IMU: the vertical is a guess. Give map.reference_pose with "
         "map.reference_tag, or tags that lie flat: map.floor_tags");
   if (!build.last.is_at_rest && build.fit.sightings > 0)
     sentences.push_back(
-        "the last solution did not come to rest: the map is the one before it. Something "
-        "contradicts itself: look at what fiducap replay says about each recording");
+        "the last solution did not converge: the map is the one before it. Measurements "
+        "contradict each other: see what fiducap replay reports on each recording");
   return sentences;
 }
 
@@ -194,7 +193,7 @@ std::string MapBuildText::json() const {
                               {"sightings", build.fit.sightings},
                               {"outliers", build.fit.outliers},
                               {"at_rest", build.last.is_at_rest},
-                              {"found_workspace", build.last.has_found_workspace},
+                              {"establish_workspace", build.last.has_found_workspace},
                               {"level", build.is_level},
                               {"run_cpu_s", build.run_cpu_s},
                               {"solve_cpu_s", build.solve_cpu_s},

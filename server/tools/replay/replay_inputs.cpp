@@ -5,19 +5,18 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include "capture/recording/recording_layout.hpp"
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/config/config_file.hpp"
-#include "daemon/system_clock.hpp"
+#include "daemon/system.hpp"
 #include "mapping/store/map_store.hpp"
-#include "tools/replay/session_folder.hpp"
-#include "tools/tags/map_file.hpp"
-#include "tools/usable_recording.hpp"
+#include "tools/tags/map_files.hpp"
+#include "tools/verb_inputs.hpp"
 
 namespace fiducap {
 namespace {
 
-/// Whether the user says anything about `section.key`: what nobody mentions stays as the recording
-/// has it.
+/// The keys that the configuration file and --set contain; the recording has the others.
 class Mentioned final {
  public:
   Mentioned(const std::string& file, const std::vector<std::string>& sets) : sets_(sets) {
@@ -29,7 +28,7 @@ class Mentioned final {
       if (set.starts_with(path) && set.size() > path.size() &&
           (set[path.size()] == '=' || set[path.size()] == '.'))
         return true;
-    // A missing key gives a node that throws at any question but IsDefined.
+    // The node of a missing key throws in every call but IsDefined.
     if (!root_.IsMap() || !root_[section].IsDefined() || !root_[section].IsMap()) return false;
     return root_[section][key].IsDefined();
   }
@@ -51,7 +50,8 @@ Expected<void> apply_config(const ReplayArguments& arguments, OfflineSetup& setu
   const Mentioned mentioned(arguments.config, arguments.sets);
   setup.estimator = config->estimator;
   setup.detector = config->detector;
-  if (const auto gravity = config->site.told_gravity()) setup.sensors.tell_gravity(*gravity);
+  if (const auto gravity = config->site.configured_gravity())
+    setup.sensors.set_known_gravity(*gravity);
   if (mentioned("tags", "family")) setup.tags.family = config->tags.family;
   if (mentioned("tags", "size_m")) setup.tags.size_m = config->tags.size_m;
   if (mentioned("tags", "sizes_m")) setup.tags.sizes_m = config->tags.sizes_m;
@@ -74,7 +74,7 @@ Expected<void> apply_map(const std::string& path, OfflineSetup& setup) {
   return {};
 }
 
-/// The pipeline as the live server had it, sensors to the last bit.
+/// The pipeline of the live server.
 Expected<OfflineSetup> session_setup(const ReplayArguments& arguments, const SessionFolder& session,
                                      std::size_t body, const RecordingInfo& info) {
   const BodyConfig& config = session.config.bodies[body];
@@ -130,7 +130,7 @@ Expected<void> add_session(const ReplayArguments& arguments, const std::string& 
   return {};
 }
 
-/// As a live server with so many robots would have it.
+/// The refinement period of a live server with this number of robots.
 Expected<void> apply_refinement(const ReplayArguments& arguments, ReplayInputs& inputs) {
   double& period_s = inputs.map.config.refine_period_s;
   period_s = refine_period_for(inputs.bodies.size());
@@ -153,8 +153,8 @@ Expected<TagMap> newest_version(const std::string& path) {
   return map;
 }
 
-/// With a map graph where somebody feels gravity or a stored map has something to say; what a
-/// filter without IMU makes of its segments is not listened to in the end (solve_all).
+/// A map graph is used when a body has an IMU or the run starts from a stored map; solve_all
+/// ignores the segments of filters without IMU.
 void prepare_to_resolve(ReplayInputs& inputs) {
   inputs.map.resolve = true;
   // The order in which the live server's threads ran does not matter any more.
@@ -178,7 +178,7 @@ Expected<void> check_arguments(const ReplayArguments& arguments) {
   return {};
 }
 
-/// From the first to the last of all streams.
+/// Seconds from the first to the last sample of all streams.
 double length_of(const RecordingReport& recording) {
   Instant first = Instant::max();
   Instant last = Instant::min();
@@ -262,6 +262,44 @@ Expected<void> check_replay_inputs(const ReplayArguments& arguments, ReplayInput
     terminal.err << "fiducap: warning: " << usable.error().text() << "\n";
   }
   return {};
+}
+
+bool is_session(const std::string& folder) {
+  const std::filesystem::path path(folder);
+  return is_file(path / "config.yaml") && is_file(path / "map.yaml") && is_file(path / "turns.csv");
+}
+
+Expected<SessionFolder> read_session(const std::string& folder,
+                                     const std::vector<std::string>& sets) {
+  const std::filesystem::path path(folder);
+  SessionFolder session;
+  session.folder = folder;
+  auto config = load_config((path / "config.yaml").string(), sets);
+  if (!config)
+    return fail(ErrorCode::kInvalid, config.error().front().text(),
+                (path / "config.yaml").string());
+  session.config = std::move(*config);
+  auto map = read_map_file((path / "map.yaml").string());
+  if (!map) return tl::unexpected(map.error());
+  session.map = std::move(*map);
+  auto turns = read_map_turns(path / "turns.csv");
+  if (!turns) return tl::unexpected(turns.error());
+  session.turns = std::move(*turns);
+  if (is_file(path / "refinements.csv")) {
+    auto refinements = read_refinement_turns(path / "refinements.csv");
+    if (!refinements) return tl::unexpected(refinements.error());
+    session.refinements = std::move(*refinements);
+  }
+  for (const BodyConfig& body : session.config.bodies)
+    session.bodies.push_back((path / body.name).string());
+  return session;
+}
+
+std::optional<std::string> session_of(const std::string& recording) {
+  std::error_code ignored;
+  const std::filesystem::path whole = std::filesystem::canonical(recording, ignored);
+  const std::string parent = whole.parent_path().string();
+  return is_session(parent) ? std::optional(parent) : std::nullopt;
 }
 
 }  // namespace fiducap

@@ -6,14 +6,17 @@
 #include <numbers>
 #include <tuple>
 
+#include <yaml-cpp/yaml.h>
+
+#include <Eigen/Dense>
 #include <nlohmann/json.hpp>
 
 #include "base/text.hpp"
 #include "base/whole_file.hpp"
+#include "base/yaml.hpp"
 #include "capture/recording/recording.hpp"
-#include "mapping/formats/map_yaml.hpp"
-#include "tools/replay/covariance_file.hpp"
-#include "tools/replay/tum_file.hpp"
+#include "mapping/formats/map_format.hpp"
+#include "tools/replay/trajectory_files.hpp"
 
 namespace fiducap {
 namespace {
@@ -37,7 +40,7 @@ nlohmann::ordered_json cpu_report(const OfflineStatistics& s) {
 constexpr const char* kReport = "report.json";
 constexpr const char* kPlots = "plots.html";
 
-/// Files that a run may write, whatever the bodies are called.
+/// Whether a run may write a file of this name.
 bool is_of_a_run(const fs::path& file) {
   const std::string name = file.filename().string();
   return name == "map.csv" || name == "events.csv" || name == kReport || name == kPlots ||
@@ -45,7 +48,7 @@ bool is_of_a_run(const fs::path& file) {
          name.ends_with(".covariance.csv") || name.ends_with(".part.csv");
 }
 
-/// What report.json of an earlier run lists; nullopt: there is none that we understand.
+/// The files that report.json of an earlier run lists; nullopt: there is no such report.
 std::optional<std::vector<std::string>> files_listed(const fs::path& folder) {
   const auto text = read_whole_file((folder / kReport).string());
   if (!text) return std::nullopt;
@@ -124,7 +127,7 @@ void add_body_files(const RunBody& body, bool alone, Files& files) {
     files.emplace_back(body.name + ".truth.tum", std::move(truth));
 }
 
-/// Which part has which tags, and how many poses.
+/// Tags and number of poses of each part.
 nlohmann::ordered_json parts_report(const RunBody& body) {
   nlohmann::ordered_json parts = nlohmann::ordered_json::array();
   for (const OfflinePart& part : body.result->parts) {
@@ -137,7 +140,7 @@ nlohmann::ordered_json parts_report(const RunBody& body) {
   return parts;
 }
 
-/// How often each thing happened, by the names of events.csv.
+/// Number of events of each kind, by the names of events.csv.
 nlohmann::ordered_json counts_of(const std::vector<BodyEvent>& events) {
   nlohmann::ordered_json counts = nlohmann::ordered_json::object();
   for (const auto kind : {BodyEvent::Kind::kReset, BodyEvent::Kind::kRelocalised,
@@ -149,15 +152,15 @@ nlohmann::ordered_json counts_of(const std::vector<BodyEvent>& events) {
   return counts;
 }
 
-/// What a person was told, once each: learned noises, lenses, sizes, clocks, and what to do.
-nlohmann::ordered_json said_in(const std::vector<BodyEvent>& events) {
-  nlohmann::ordered_json said = nlohmann::ordered_json::array();
+/// Messages to the user: estimated noises, lenses, sizes, clocks, with remedies.
+nlohmann::ordered_json messages_in(const std::vector<BodyEvent>& events) {
+  nlohmann::ordered_json messages = nlohmann::ordered_json::array();
   for (const BodyEvent& event : events) {
     if (!event.text.empty())
-      said.push_back(
+      messages.push_back(
           {{"t_ns", to_ns(event.at)}, {"event", name_of(event.kind)}, {"text", event.text}});
   }
-  return said;
+  return messages;
 }
 
 nlohmann::ordered_json body_report(const RunBody& body) {
@@ -184,7 +187,7 @@ nlohmann::ordered_json body_report(const RunBody& body) {
           {"doubts", body.result->doubts},
           {"parts", parts_report(body)},
           {"events", counts_of(body.result->events)},
-          {"said", said_in(body.result->events)},
+          {"said", messages_in(body.result->events)},
           {"dropped",
            {{"images_queue_full", s.merger.images_dropped},
             {"late", s.merger.late_dropped},
@@ -211,6 +214,24 @@ nlohmann::ordered_json report_of(std::span<const RunBody> bodies, const OfflineS
                       {"worst_rad", live.worst_rad},
                       {"turns_missed", session.turns_missed}};
   return report;
+}
+
+// How far T_BS may be from a rotation: files carry nine decimals.
+constexpr double kRotationTolerance = 1e-5;
+
+Expected<Pose> pose_from_matrix(const std::vector<double>& m, const std::string& name,
+                                const std::string& context) {
+  if (m.size() != 16)
+    return fail(ErrorCode::kInvalid,
+                name + ".T_BS.data must have 16 numbers, has " + std::to_string(m.size()), context);
+  Eigen::Matrix3d R;
+  R << m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10];
+  const bool rigid = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <
+                         kRotationTolerance &&
+                     R.determinant() > 0;
+  if (!rigid)
+    return fail(ErrorCode::kInvalid, name + ".T_BS is no rotation with a translation", context);
+  return Pose{Eigen::Quaterniond(R).normalized(), {m[3], m[7], m[11]}};
 }
 
 }  // namespace
@@ -248,16 +269,16 @@ TagMap run_map(std::span<const RunBody> bodies) {
 
 std::string no_pose_text(const OfflineResult& result) {
   const OfflineStatistics& s = result.statistics;
-  const std::string so_many = std::to_string(s.frames) + " images, no pose: ";
+  const std::string images = std::to_string(s.frames) + " images, no pose: ";
   for (const BodyEvent& event : result.events)
     if (event.kind == BodyEvent::Kind::kImuUnusable || event.kind == BodyEvent::Kind::kImuSilent)
-      return so_many + event.text;
+      return images + event.text;
   if (s.frames_with_tags == 0)
-    return so_many + "no tag was found in any of them. Look at tags.family and at the images";
+    return images + "no tag was found in any of them. Look at tags.family and at the images";
   if (s.tags_used == 0 && result.tags.empty())
-    return so_many + "tags were found in " + std::to_string(s.frames_with_tags) +
+    return images + "tags were found in " + std::to_string(s.frames_with_tags) +
            ", but none for long enough to be placed";
-  return so_many +
+  return images +
          "no tag ties the body to the workspace. Is the reference tag (map.reference_tag) "
          "in view, or a tag of the map?";
 }
@@ -313,6 +334,56 @@ Expected<void> write_run_files(const std::string& folder, std::span<const RunBod
   for (const auto& [name, content] : files)
     if (auto written = write_whole_file((to / name).string(), content); !written) return written;
   return {};
+}
+
+std::string to_extrinsics_yaml(const std::vector<RunCamera>& cameras) {
+  std::string text = "# Sensor to body, as estimated at the end of the run.\n";
+  for (std::size_t k = 0; k < cameras.size(); ++k) {
+    const Pose& X_BV = cameras[k].X_BV;
+    const Eigen::Matrix3d R = X_BV.rotation();
+    text += "cam" + std::to_string(k) + ":\n  T_BS:\n    cols: 4\n    rows: 4\n    data: [";
+    for (int row = 0; row < 3; ++row)
+      text += shortest(R(row, 0)) + ", " + shortest(R(row, 1)) + ", " + shortest(R(row, 2)) + ", " +
+              shortest(X_BV.p(row)) + ", ";
+    text += "0, 0, 0, 1]\n";
+    const LensOffset& lens = cameras[k].lens;
+    if (lens.is_none()) continue;
+    text += "  # The lens beyond the recording's.\n  lens: {focal: " + shortest(lens.focal) +
+            ", centre_px: [" + shortest(lens.centre_px.x()) + ", " + shortest(lens.centre_px.y()) +
+            "], k1: " + shortest(lens.k1) + "}\n";
+  }
+  return text;
+}
+
+Expected<std::vector<RunCamera>> extrinsics_from_yaml(const std::string& text, std::size_t cameras,
+                                                      const std::string& context) {
+  std::vector<RunCamera> out;
+  const auto root = load_yaml(text);
+  if (!root) return fail(ErrorCode::kInvalid, root.error().text(), context);
+  try {
+    for (std::size_t k = 0; k < cameras; ++k) {
+      const std::string name = "cam" + std::to_string(k);
+      YAML::Node data = YAML::Clone(*root);
+      for (const char* key : {name.c_str(), "T_BS", "data"})
+        data.reset(data.IsMap() ? data[key] : YAML::Node());
+      if (!data.IsDefined() || !data.IsSequence())
+        return fail(ErrorCode::kInvalid, "needs " + name + ": T_BS: data: [16 numbers]", context);
+      const auto pose = pose_from_matrix(data.as<std::vector<double>>(), name, context);
+      if (!pose) return tl::unexpected(pose.error());
+      out.push_back({*pose, {}});
+      const YAML::Node camera = (*root)[name];
+      const YAML::Node lens = camera["lens"];
+      if (!lens.IsDefined()) continue;
+      const auto centre = lens["centre_px"].as<std::vector<double>>();
+      if (centre.size() != 2)
+        return fail(ErrorCode::kInvalid, name + ".lens.centre_px must have 2 numbers", context);
+      out.back().lens = {
+          lens["focal"].as<double>(), {centre[0], centre[1]}, lens["k1"].as<double>()};
+    }
+  } catch (const YAML::Exception& problem) {
+    return fail(ErrorCode::kInvalid, std::string("is no YAML: ") + problem.what(), context);
+  }
+  return out;
 }
 
 }  // namespace fiducap

@@ -5,10 +5,10 @@
 #include <vector>
 
 #include "base/expected.hpp"
-#include "capture/lens/lens_offset.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "mapping/tag_map.hpp"
 #include "pipeline/replay/offline_run.hpp"
-#include "tools/replay/pose_errors.hpp"
+#include "tools/replay/run_errors.hpp"
 
 namespace fiducap {
 
@@ -34,18 +34,19 @@ struct RunBody {
                                              std::span<const RunBody> bodies,
                                              const OfflineSession& session,
                                              const std::string& plots = {});
-/// @return Error when report.json beside a trajectory says that it belongs to another run.
+/// @return Error when report.json beside a trajectory does not list it.
 [[nodiscard]] Expected<void> check_same_run(const std::string& tum);
 
-/// `<body>.1.part` and so on: `.tum` has the poses, `.csv` the tags of what nothing ties to the
-/// workspace (OfflinePart).
+/// `<body>.1.part` and so on: `.tum` has the poses, `.csv` the tags of a part that is not
+/// connected to the workspace (OfflinePart).
 [[nodiscard]] std::string part_name(const std::string& body, std::size_t part);
 
 /// `report.json` as text: of the one body, or `bodies`.
 [[nodiscard]] std::string run_report(std::span<const RunBody> bodies,
                                      const OfflineSession& session);
 
-/// Known and estimated tags of all bodies together, sorted by id; of two estimates the surer one.
+/// Known and estimated tags of all bodies together, sorted by id; of two estimates the more certain
+/// one.
 [[nodiscard]] TagMap run_map(std::span<const RunBody> bodies);
 
 /// Why a run has no pose, with what to do about it.
@@ -57,8 +58,8 @@ struct RunCamera {
   LensOffset lens;
 };
 
-/// The recordings' format: `camK: T_BS: data: [16]`, sensor to body, rows first. Where the lens is
-/// another one than the recording says, also `lens: {focal: …, centre_px: [u, v], k1: …}`, how much
+/// The recordings' format: `camK: T_BS: data: [16]`, sensor to body, rows first. Where the lens
+/// differs from the recording's, also `lens: {focal: …, centre_px: [u, v], k1: …}`, how much
 /// larger each is (LensOffset).
 [[nodiscard]] std::string to_extrinsics_yaml(const std::vector<RunCamera>& cameras);
 /// @return one per camera 0 … cameras-1; Error naming what is missing or no rotation.

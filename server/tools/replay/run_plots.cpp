@@ -2,50 +2,57 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
 
 #include "base/text.hpp"
-#include "tools/replay/pose_plots.hpp"
+#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr std::size_t kMostSaid = 200;
+constexpr double kNowhere = std::numeric_limits<double>::quiet_NaN();
+constexpr double kMmPerMetre = 1e3;
+constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
-/// What belongs together of all that may happen.
-struct HappeningClass {
+constexpr std::size_t kMostMessages = 200;
+
+/// Events that are drawn in one colour.
+struct EventGroup {
   const char* name;
   const char* color;
   std::vector<BodyEvent::Kind> kinds;
 };
 
-const std::vector<HappeningClass>& happening_classes() {
+const std::vector<EventGroup>& event_groups() {
   using Kind = BodyEvent::Kind;
-  static const std::vector<HappeningClass> classes{
+  static const std::vector<EventGroup> groups{
       {"placed", kPlotColors[2], {Kind::kAnchored, Kind::kRelocalised}},
-      {"begun anew", kPlotColors[1], {Kind::kReset, Kind::kMotionLost}},
+      {"restarted", kPlotColors[1], {Kind::kReset, Kind::kMotionLost}},
       {"image or tag rejected", kPlotColors[4], {Kind::kImageRejected, Kind::kTagDropped}},
       {"axes or map moved", kPlotColors[5], {Kind::kGaugeShift, Kind::kMapCorrection}},
-      {"something is off (below)",
+      {"warning (see messages)",
        kPlotColors[3],
        {Kind::kImuSilent, Kind::kImuBack, Kind::kImuUnusable, Kind::kImuDoubtful,
         Kind::kImuPlausible, Kind::kTurnsDisagree, Kind::kTurnsAgree, Kind::kClockJumped,
         Kind::kMismatch, Kind::kDoubt}}};
-  return classes;
+  return groups;
 }
 
 std::vector<PlotMarks> marks_of(const std::vector<BodyEvent>& events, Instant zero) {
   std::vector<PlotMarks> marks;
-  for (const HappeningClass& one : happening_classes()) {
-    PlotMarks of_class{one.name, one.color, {}};
+  for (const EventGroup& one : event_groups()) {
+    PlotMarks group_marks{one.name, one.color, {}};
     for (const BodyEvent& event : events)
       if (std::find(one.kinds.begin(), one.kinds.end(), event.kind) != one.kinds.end())
-        of_class.at.push_back(to_seconds(event.at - zero));
-    marks.push_back(std::move(of_class));
+        group_marks.at.push_back(to_seconds(event.at - zero));
+    marks.push_back(std::move(group_marks));
   }
   return marks;
 }
 
-/// Not the colour of the tags.
+/// Distinct from the colour of the tags.
 const char* color_of_body(std::size_t body) {
   constexpr std::array<std::size_t, 5> kOrder{0, 2, 3, 5, 4};
   return kPlotColors[kOrder[body % kOrder.size()]];
@@ -69,8 +76,8 @@ LinePlot map_plot_of(std::span<const RunBody> bodies) {
   PlotPanel& panel = plot.panels.front();
   for (std::size_t i = 0; i < bodies.size(); ++i)
     panel.lines.push_back(
-        way_of("way of " + bodies[i].name, color_of_body(i), bodies[i].result->trajectory));
-  panel.shapes = {tags_from_above("known tags", kSvgInk, places_in(map, true), true),
+        path_of("path of " + bodies[i].name, color_of_body(i), bodies[i].result->trajectory));
+  panel.shapes = {tags_from_above("known tags", kPlotInk, places_in(map, true), true),
                   tags_from_above("estimated tags", kPlotColors[1], places_in(map, false), true)};
   return plot;
 }
@@ -82,7 +89,7 @@ PlotLine tags_seen(const OfflineResult& result, const char* color, Instant zero)
   return line;
 }
 
-LinePlot course_of(const RunBody& body, std::size_t index, Instant zero) {
+LinePlot body_plot(const RunBody& body, std::size_t index, Instant zero) {
   const OfflineResult& result = *body.result;
   const OfflineStatistics& s = result.statistics;
   const char* color = color_of_body(index);
@@ -127,27 +134,28 @@ PlotTable figures_of_run(const RunBody& body) {
        {"tags mapped", std::to_string(body.result->tags.size())},
        {"reprojection, median", fixed(s.reprojection_median_px, 3) + " px"},
        {"reprojection, 95 %", fixed(s.reprojection_p95_px, 3) + " px"},
-       {"NIS per degree of freedom (1: as the noises say)", fixed(s.nis_per_dof(), 3)},
+       {"NIS per degree of freedom (1: as expected)", fixed(s.nis_per_dof(), 3)},
        {"tags rejected, image by image", percent(s.tags_rejected, s.tags_used + s.tags_rejected)}}};
 }
 
-/// Everything that came with words, of bodies and map, by time.
-PlotTable said_table(std::span<const RunBody> bodies, const OfflineSession& session, Instant zero) {
-  std::vector<std::pair<Instant, std::string>> said;
+/// Messages of bodies and map, by time.
+PlotTable message_table(std::span<const RunBody> bodies, const OfflineSession& session,
+                        Instant zero) {
+  std::vector<std::pair<Instant, std::string>> messages;
   for (const RunBody& body : bodies)
     for (const BodyEvent& event : body.result->events)
-      if (!event.text.empty()) said.emplace_back(event.at, body.name + ": " + event.text);
+      if (!event.text.empty()) messages.emplace_back(event.at, body.name + ": " + event.text);
   for (const OfflineMapEvent& event : session.map_events)
     if (event.event.kind == MapEvent::Kind::kTagQuarantined ||
         event.event.kind == MapEvent::Kind::kTagMoved)
-      said.emplace_back(event.at, event.event.text);
-  std::stable_sort(said.begin(), said.end(),
+      messages.emplace_back(event.at, event.event.text);
+  std::stable_sort(messages.begin(), messages.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
-  PlotTable table{"What was said", {}};
-  for (const auto& [at, text] : said) {
-    if (table.rows.size() == kMostSaid) {
-      table.rows.emplace_back("…",
-                              std::to_string(said.size() - kMostSaid) + " more are in events.csv");
+  PlotTable table{"Messages", {}};
+  for (const auto& [at, text] : messages) {
+    if (table.rows.size() == kMostMessages) {
+      table.rows.emplace_back(
+          "…", std::to_string(messages.size() - kMostMessages) + " more are in events.csv");
       break;
     }
     table.rows.emplace_back(fixed(to_seconds(at - zero), 1) + " s", text);
@@ -164,6 +172,89 @@ Instant first_image_of(std::span<const RunBody> bodies) {
 
 }  // namespace
 
+Duration longest_step(std::span<const StampedPose> poses) {
+  const auto step = median_step(poses);
+  return step ? 3 * *step : Duration::max();
+}
+
+PlotSpans missing_poses(std::span<const StampedPose> poses, Instant first, Instant last,
+                        Instant zero) {
+  PlotSpans spans{"no pose", {}};
+  const Duration longest = longest_step(poses);
+  const auto add = [&](Instant from, Instant to, Duration most) {
+    if (to - from > most)
+      spans.from_to.emplace_back(to_seconds(from - zero), to_seconds(to - zero));
+  };
+  if (first > last) return spans;
+  if (poses.empty()) {
+    add(first, last, Duration{-1});
+    return spans;
+  }
+  add(first, poses.front().at, longest);
+  for (std::size_t i = 1; i < poses.size(); ++i) add(poses[i - 1].at, poses[i].at, longest);
+  add(poses.back().at, last, longest);
+  return spans;
+}
+
+PlotLine path_of(const std::string& name, const std::string& color,
+                 std::span<const StampedPose> poses) {
+  PlotLine line{name, color, {}};
+  const Duration longest = longest_step(poses);
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    if (i > 0 && poses[i].at - poses[i - 1].at > longest)
+      line.points.emplace_back(kNowhere, kNowhere);
+    line.points.emplace_back(poses[i].X_WB.p.x(), poses[i].X_WB.p.y());
+  }
+  return line;
+}
+
+PlotShapes tags_from_above(const std::string& name, const std::string& color,
+                           std::span<const TagPlace> tags, bool filled) {
+  PlotShapes shapes{name, color, {}, filled};
+  for (const TagPlace& tag : tags) {
+    PlotShapes::Shape shape{{}, std::to_string(tag.tag_id)};
+    for (int corner = 0; corner < 4; ++corner) {
+      const Eigen::Vector3d p = tag.X_WT * tag_corner(corner, tag.edge_m);
+      shape.outline.emplace_back(p.x(), p.y());
+    }
+    shapes.shapes.push_back(std::move(shape));
+  }
+  return shapes;
+}
+
+LinePlot map_from_above(std::size_t tags) {
+  LinePlot plot{"Map from above: " + std::to_string(tags) + (tags == 1 ? " tag" : " tags"),
+                "x of the workspace, m",
+                {{"y, m"}}};
+  plot.subtitle = "Looking along z of the workspace; a tag on a wall is a stroke.";
+  plot.equal_axes = true;
+  return plot;
+}
+
+PlotLine sigma_line(const std::string& name, const std::string& color,
+                    std::span<const StampedCovariance> covariances, PoseHalf half, Instant zero,
+                    Duration longest) {
+  PlotLine line{name, color, {}};
+  const bool is_position = half == PoseHalf::kPosition;
+  for (std::size_t i = 0; i < covariances.size(); ++i) {
+    const StampedCovariance& at = covariances[i];
+    if (i > 0 && at.at - covariances[i - 1].at > longest)
+      line.points.emplace_back(kNowhere, kNowhere);
+    const Matrix6d& P = at.covariance;
+    const double variance =
+        is_position ? P.diagonal().head<3>().sum() : P.diagonal().tail<3>().sum();
+    line.points.emplace_back(to_seconds(at.at - zero),
+                             (is_position ? kMmPerMetre : kDegreesPerRadian) * std::sqrt(variance));
+  }
+  return line;
+}
+
+PlotPanel sigma_panel(PoseHalf half) {
+  PlotPanel panel{half == PoseHalf::kPosition ? "position σ, mm" : "attitude σ, °"};
+  panel.logarithmic = true;
+  return panel;
+}
+
 PlotPage run_plots(std::span<const RunBody> bodies, const OfflineSession& session) {
   PlotPage page;
   const Instant zero = first_image_of(bodies);
@@ -171,13 +262,13 @@ PlotPage run_plots(std::span<const RunBody> bodies, const OfflineSession& sessio
     page.title += (page.title.empty() ? "Run of " : ", ") + body.name;
   page.plots.push_back(map_plot_of(bodies));
   for (std::size_t i = 0; i < bodies.size(); ++i) {
-    page.plots.push_back(course_of(bodies[i], i, zero));
+    page.plots.push_back(body_plot(bodies[i], i, zero));
     page.tables.push_back(figures_of_run(bodies[i]));
     for (const std::string& doubt : bodies[i].result->doubts)
       page.remarks.push_back("Warning, " + bodies[i].name + ": " + doubt);
   }
-  PlotTable said = said_table(bodies, session, zero);
-  if (!said.rows.empty()) page.tables.push_back(std::move(said));
+  PlotTable messages = message_table(bodies, session, zero);
+  if (!messages.rows.empty()) page.tables.push_back(std::move(messages));
   return page;
 }
 

@@ -17,7 +17,7 @@
 #include "base/log.hpp"
 #include "bodies/prerendered.hpp"
 #include "daemon/server.hpp"
-#include "daemon/system_clock.hpp"
+#include "daemon/system.hpp"
 #include "fiducap/client.hpp"
 
 namespace fiducap::bench {

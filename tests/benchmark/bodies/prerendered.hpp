@@ -3,7 +3,7 @@
 #include <memory>
 #include <vector>
 
-#include "base/clock.hpp"
+#include "base/time.hpp"
 #include "capture/sensor_source.hpp"
 #include "simulation/simulation.hpp"
 

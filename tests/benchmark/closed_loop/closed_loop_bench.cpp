@@ -15,9 +15,9 @@
 #include "closed_loop/natnet_feed.hpp"
 #include "closed_loop/plant.hpp"
 #include "daemon/server.hpp"
-#include "daemon/system_clock.hpp"
+#include "daemon/system.hpp"
 #include "fiducap/client.hpp"
-#include "mapping/formats/map_yaml.hpp"
+#include "mapping/formats/map_format.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap::loop {

@@ -11,7 +11,7 @@
 #include <cstring>
 #include <vector>
 
-#include "base/byte_reader.hpp"
+#include "base/bytes.hpp"
 
 namespace fiducap::loop {
 

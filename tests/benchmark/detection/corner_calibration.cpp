@@ -6,8 +6,8 @@
 #include <functional>
 
 #include "detection/corner_sigma.hpp"
-#include "detection/side_bend.hpp"
-#include "detection/tracking/tag_search.hpp"
+#include "detection/observe.hpp"
+#include "detection/tag_search.hpp"
 #include "support/corner_scenes.hpp"
 
 namespace fiducap::bench {

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <map>
 
-#include "base/this_thread.hpp"
+#include "base/process.hpp"
 #include "detection/barrel_camera.hpp"
 #include "simulation/room_shape.hpp"
 #include "simulation/simulation.hpp"

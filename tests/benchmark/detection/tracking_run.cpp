@@ -4,11 +4,11 @@
 #include <cmath>
 #include <random>
 
-#include "base/so3.hpp"
-#include "base/this_thread.hpp"
+#include "base/pose.hpp"
+#include "base/process.hpp"
 #include "detection/barrel_camera.hpp"
-#include "detection/pixel_noise.hpp"
-#include "detection/side_bend.hpp"
+#include "detection/image_measures.hpp"
+#include "detection/observe.hpp"
 #include "pipeline/body_pipeline.hpp"
 #include "simulation/room_shape.hpp"
 #include "simulation/simulation.hpp"

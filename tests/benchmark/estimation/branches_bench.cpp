@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "base/quantile.hpp"
+#include "base/numeric.hpp"
 #include "estimation/options.hpp"
 #include "estimation/parallel.hpp"
 

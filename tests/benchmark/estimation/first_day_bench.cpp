@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/config/config_file.hpp"
 #include "estimation/options.hpp"

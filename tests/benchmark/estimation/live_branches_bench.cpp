@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <optional>
 
-#include "base/quantile.hpp"
-#include "base/so3.hpp"
+#include "base/numeric.hpp"
+#include "base/pose.hpp"
 #include "estimation/options.hpp"
 #include "estimation/parallel.hpp"
 #include "pipeline/body_tracker.hpp"

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "estimation/moved_case.hpp"
 #include "estimation/parallel.hpp"
 #include "pipeline/body_tracker.hpp"

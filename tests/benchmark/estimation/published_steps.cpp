@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap::bench {
 

@@ -5,13 +5,13 @@
 #include <chrono>
 #include <cmath>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "estimation/ensemble.hpp"
 #include "estimation/options.hpp"
 #include "estimation/parallel.hpp"
 #include "estimation/published_steps.hpp"
-#include "mapping/graph/graph_datum.hpp"
 #include "mapping/graph/map_graph.hpp"
+#include "mapping/tag_map.hpp"
 #include "support/bound/joint_map_bound.hpp"
 
 namespace fiducap::bench {
@@ -47,7 +47,7 @@ MapScore score(const Tags& tags, const EstimationData& data, const Entry& entry)
     const auto [tag_id, X_WT, covariance] = entry(tag);
     points.emplace_back(X_WT.p, (X_WR * data.tag(tag_id)->X_WT).p);
   }
-  const Pose level = lay_over(points);
+  const Pose level = fit_yaw_and_shift(points);
   for (const auto& tag : tags) {
     const auto [tag_id, X_WT, covariance] = entry(tag);
     const Pose truth = X_WR * data.tag(tag_id)->X_WT;
@@ -165,7 +165,7 @@ RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed
       std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
       for (const MapTag& tag : map.tags)
         points.emplace_back(tag.tag.X_WT.p, (X_WR * data.front().tag(tag.tag.tag_id)->X_WT).p);
-      level[body].add((lay_over(points) * update.estimate->X_WB.p - truth.p).norm());
+      level[body].add((fit_yaw_and_shift(points) * update.estimate->X_WB.p - truth.p).norm());
       position[body].add(e.head<3>().norm());
       const Matrix6d P = update.estimate->covariance.topLeftCorner<6, 6>();
       nees[body] += e.dot(P.ldlt().solve(e)) / 6;

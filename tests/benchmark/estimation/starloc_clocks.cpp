@@ -8,7 +8,7 @@
 
 #include <Eigen/Dense>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap::bench {
 namespace {

@@ -5,8 +5,8 @@
 
 #include <Eigen/Dense>
 
-#include "base/so3.hpp"
-#include "detection/corner_projection.hpp"
+#include "base/pose.hpp"
+#include "detection/tag_geometry.hpp"
 #include "estimation/body_filter.hpp"
 
 namespace fiducap::bench {

@@ -10,16 +10,16 @@
 #include <memory>
 #include <thread>
 
-#include "base/object_pool.hpp"
-#include "base/so3.hpp"
-#include "daemon/system_clock.hpp"
-#include "streaming/native/native_server.hpp"
-#include "streaming/natnet/natnet_server.hpp"
-#include "streaming/qualisys/qualisys_server.hpp"
-#include "streaming/stream_hub.hpp"
-#include "streaming/vicon/vicon_server.hpp"
-#include "streaming/vrpn/vrpn_server.hpp"
-#include "streaming/web/web_server.hpp"
+#include "base/handover.hpp"
+#include "base/pose.hpp"
+#include "daemon/system.hpp"
+#include "streaming/native/native.hpp"
+#include "streaming/natnet/natnet.hpp"
+#include "streaming/qualisys/qualisys.hpp"
+#include "streaming/streamer.hpp"
+#include "streaming/vicon/vicon.hpp"
+#include "streaming/vrpn/vrpn.hpp"
+#include "streaming/web/web.hpp"
 
 namespace fiducap::fan_out {
 namespace {
@@ -93,7 +93,7 @@ class Stage final {
     return serve(Shared::kVrpn, vrpn::start_vrpn_server(io_, vrpn, model_, clock_),
                  [](const auto& s) { return s.port(); }) &&
            serve(Shared::kNative, native::start_native_server(io_, native, model_, clock_, nullptr),
-                 [](const auto& s) { return native::bound_port(s); }) &&
+                 [](const auto& s) { return s.port(); }) &&
            serve(Shared::kNatNet,
                  natnet::start_natnet_server(io_, natnet, model_, clock_, nullptr, load_.rate_hz),
                  [](const auto& s) { return s.port(); }) &&

@@ -130,14 +130,10 @@ PaperResult dataset_1_experiment(const PaperOptions& options) {
   add_noise(result, runs, kRate, "body rate", "mrad/s", "-");
   add_honesty(result, runs);
   const auto& first = runs.front();
-  result.plots = {
-      {"dataset_1_position",
-       to_svg(position_plot("dataset_1: position in the workspace", first, options.filters))},
-      {"dataset_1_orientation",
-       to_svg(orientation_plot("dataset_1: attitude in the workspace", first, options.filters))},
-      {"dataset_1_detections", to_svg(detections_plot(first, options))},
-      {"dataset_1_velocity", to_svg(noise_plot(first, options, kVelocity))},
-      {"dataset_1_rate", to_svg(noise_plot(first, options, kRate))}};
+  result.plots = {position_plot("dataset_1: position in the workspace", first, options.filters),
+                  orientation_plot("dataset_1: attitude in the workspace", first, options.filters),
+                  detections_plot(first, options), noise_plot(first, options, kVelocity),
+                  noise_plot(first, options, kRate)};
   result.remarks = {
       "Pose differences: truth at 100 Hz with 0.1 mm and 1 mrad of noise per axis, neighbours "
       "subtracted; ours: at images."};

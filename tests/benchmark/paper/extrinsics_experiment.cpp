@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "calibration/extrinsics/camera_imu_calibration.hpp"
 #include "estimation/parallel.hpp"
 #include "paper/experiments.hpp"
@@ -149,7 +149,7 @@ PaperResult extrinsics_experiment(const PaperOptions& options) {
              [](const PaperRun& r) { return 1e3 * r.extrinsics_rotation_rad(r.at.back()); });
   if (runs.size() > 1) add_repeatability(result, runs);
   add_solver(result, runs, options);
-  result.plots = {{"extrinsics", to_svg(course_plot(runs, options))}};
+  result.plots = {course_plot(runs, options)};
   result.remarks = {"The paper has no truth: its figures are how far ten runs agree."};
   return result;
 }

@@ -141,11 +141,9 @@ PaperResult run_loop(const PaperOptions& options, Loop loop) {
   add_figure(result, {"images without a tag", "%", "-", "-", {}, 1}, runs,
              [](const PaperRun& r) { return 100 * r.share_without_tag(); });
   add_honesty(result, runs);
-  result.plots = {
-      {loop.name + "_map",
-       to_svg(map_plot(loop.name + ": seen from above", runs.front(), options))},
-      {loop.name + "_course", to_svg(course_plot(loop.name + ": error along the round trip",
-                                                 runs.front(), options, loop.setup.daylight))}};
+  result.plots = {map_plot(loop.name + ": seen from above", runs.front(), options),
+                  course_plot(loop.name + ": error along the round trip", runs.front(), options,
+                              loop.setup.daylight)};
   return result;
 }
 

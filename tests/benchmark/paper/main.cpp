@@ -59,14 +59,14 @@ Table table_of(const std::vector<PaperResult>& results, const PaperOptions& opti
   return table;
 }
 
+/// A page per experiment.
 bool write_plots(const std::vector<PaperResult>& results, const std::string& folder) {
   for (const PaperResult& result : results) {
-    for (const PaperPlot& plot : result.plots) {
-      const auto file = (std::filesystem::path(folder) / (plot.name + ".svg")).string();
-      if (const auto written = write_whole_file(file, plot.svg); !written) {
-        std::fprintf(stderr, "%s\n", written.error().text().c_str());
-        return false;
-      }
+    const auto file = (std::filesystem::path(folder) / (result.experiment + ".html")).string();
+    const PlotPage page{result.experiment, result.remarks, result.plots, {}};
+    if (const auto written = write_whole_file(file, to_html(page)); !written) {
+      std::fprintf(stderr, "%s\n", written.error().text().c_str());
+      return false;
     }
   }
   return true;
@@ -82,7 +82,7 @@ int run(int argc, char** argv) {
   for (const Experiment& experiment : kExperiments) names.emplace_back(experiment.name);
   app.add_flag("--quick", options.quick, "one short run each");
   app.add_option("--only", only, "these experiments")->check(CLI::IsMember(names))->delimiter(',');
-  app.add_option("--plots", plots, "folder for the figures (SVG)");
+  app.add_option("--plots", plots, "folder for the plots, a page (.html) per experiment");
   app.add_option("--runs", options.runs, "of each experiment")->check(CLI::Range(1, 1000));
   app.add_option("--first-seed", options.first_seed, "the first of them");
   app.add_option("--threads", options.threads, "at once")->check(CLI::Range(1, 64));

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap::bench {
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "paper/paper_run.hpp"
-#include "tools/plot/line_plot.hpp"
+#include "tools/plot/plot_page.hpp"
 
 namespace fiducap::bench {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <set>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "estimation/parallel.hpp"
 
 namespace fiducap::bench {

@@ -7,6 +7,7 @@
 
 #include "simulation/corner_scatter.hpp"
 #include "simulation/filter_run.hpp"
+#include "tools/plot/plot_page.hpp"
 
 namespace fiducap::bench {
 
@@ -82,16 +83,10 @@ struct PaperFigure {
   double goal{0};  ///< Of the RMS over the runs; 0: none.
 };
 
-/// A picture for the documentation.
-struct PaperPlot {
-  std::string name;  ///< Of the file, without ending.
-  std::string svg;
-};
-
 struct PaperResult {
   std::string experiment;
   std::vector<PaperFigure> figures{};
-  std::vector<PaperPlot> plots{};
+  std::vector<LinePlot> plots{};
   std::vector<std::string> remarks{};
 };
 

@@ -1,7 +1,7 @@
 // The paper's "Fiducial Estimation Test" and the motion of data set "table".
 #include <cmath>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "paper/experiments.hpp"
 #include "paper/motion_plots.hpp"
 
@@ -94,11 +94,10 @@ PaperResult table_experiment(const PaperOptions& options) {
   add_figure(result, {"orientation RMSE", "°", "-", "0.30", {}, 3}, runs, rotation_rmse_deg);
   add_figure(result, {"orientation, largest", "°", "< 3", "-", {}, 2}, runs, rotation_worst_deg);
   add_honesty(result, runs);
-  result.plots = {{"table_tags", to_svg(tag_plot(runs.front(), options))},
-                  {"table_position", to_svg(position_plot("table: position in the workspace",
-                                                          runs.front(), options.filters))},
-                  {"table_orientation", to_svg(orientation_plot("table: attitude in the workspace",
-                                                                runs.front(), options.filters))}};
+  result.plots = {
+      tag_plot(runs.front(), options),
+      position_plot("table: position in the workspace", runs.front(), options.filters),
+      orientation_plot("table: attitude in the workspace", runs.front(), options.filters)};
   return result;
 }
 

@@ -2,7 +2,7 @@
 #include <gmock/gmock.h>
 
 #include "peer_process.hpp"
-#include "streaming/dds/dds_server.hpp"
+#include "streaming/dds/dds.hpp"
 #include "support/fake_clock.hpp"
 #include "support/scene_builder.hpp"
 

@@ -45,7 +45,7 @@ class RosSourceFromFastDds : public testing::Test {
 TEST_F(RosSourceFromFastDds, GivesImagesAndReadingsInOrderWithTheLensOfTheDriver) {
   PeerProcess driver({"write", std::to_string(kDomain), "127.0.0.1", "127.0.0.1", "6", "/cam0"});
   std::vector<CameraMount> cameras(1);
-  const auto lens = ask_for_lenses(*participant_, config_, cameras, clock_);
+  const auto lens = wait_for_lenses(*participant_, config_, cameras, clock_);
   ASSERT_TRUE(lens) << lens.error().text();
   EXPECT_EQ(cameras[0].model.width, 640);
   EXPECT_EQ(cameras[0].model.fu, 458.0);
@@ -92,7 +92,7 @@ TEST_F(RosSourceFromFastDds, GivesImagesAndReadingsInOrderWithTheLensOfTheDriver
 TEST_F(RosSourceFromFastDds, ALensThatNobodyTellsIsAnErrorThatNamesTheTopic) {
   config_.camera_info_wait_s = 0.2;
   std::vector<CameraMount> cameras(1);
-  const auto lens = ask_for_lenses(*participant_, config_, cameras, clock_);
+  const auto lens = wait_for_lenses(*participant_, config_, cameras, clock_);
   ASSERT_FALSE(lens);
   EXPECT_THAT(lens.error().text(), testing::HasSubstr("/cam0/camera_info"));
 }

@@ -22,9 +22,10 @@ import stand_ins
 from commands import PROGRAMS, Command, Words, blocks, commands
 
 RUN = ("docs/guide.md", "docs/calibration.md", "docs/import.md")
-LOOKED_UP = ("README.md", "ARCHITECTURE.md", "docs/setups.md", "docs/natnet-clients.md",
+LOOKED_UP = ("README.md", "ARCHITECTURE.md", "docs/setups.md", "docs/natnet-clients.md", "docs/clients.md",
+             "docs/maps.md", "docs/operation.md", "docs/recording.md",
              "docs/experiments.md")
-NO_COMMANDS = ("cpp", "python", "yaml", "text")
+NO_COMMANDS = ("cpp", "python", "yaml", "text", "mermaid")
 # Blocks without a language that are no commands either, by their first line.
 PLAIN = ("image,tag,corner,u,v", "IMU,<microseconds>", "for n in ")
 TOOLS = ("bash", "openssl")
@@ -223,11 +224,11 @@ def quoted_words(source):
     said = "".join(file.read_text(encoding="utf-8") for file in files)
     said = re.sub(r'"\s*\n\s*"', "", said)
     guide = (source / "docs/guide.md").read_text(encoding="utf-8")
-    table = guide.split("| you see | it says | do |")[1].split("\n\n")[0].splitlines()[2:]
+    table = guide.split("| you see | message | do |")[1].split("\n\n")[0].splitlines()[2:]
     for row in table:
         for words in re.findall(r"`([^`]+)`", row.split("|")[2]):
             if not words.startswith("fiducap ") and words not in said:
-                yield f"docs/guide.md: the server never says: {words}"
+                yield f"docs/guide.md: no message of the server has: {words}"
 
 
 def links(source, name):

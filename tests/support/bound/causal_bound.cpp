@@ -6,8 +6,8 @@
 #include <cmath>
 #include <utility>
 
-#include "base/assert.hpp"
-#include "base/so3.hpp"
+#include "base/expected.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap::bound {
 

@@ -7,8 +7,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "base/assert.hpp"
-#include "base/so3.hpp"
+#include "base/expected.hpp"
+#include "base/pose.hpp"
 #include "support/bound/linearisation.hpp"
 
 namespace fiducap::bound {

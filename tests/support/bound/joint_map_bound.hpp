@@ -37,7 +37,7 @@ struct JointMap {
 /// RMS over tags, the reference tag among them.
 struct MapFigures {
   double raw_m{};    ///< Place in W.
-  double level_m{};  ///< After the shift and turn that lay the whole over the truth (lay_over).
+  double level_m{};  ///< After aligning the whole with the truth (fit_yaw_and_shift).
   int tags{};
 };
 /// @param ids  of whom; those that the map has not are left out

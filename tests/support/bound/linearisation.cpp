@@ -3,9 +3,9 @@
 #include <Eigen/LU>
 #include <cmath>
 
-#include "base/assert.hpp"
-#include "base/so3.hpp"
-#include "detection/corner_projection.hpp"
+#include "base/expected.hpp"
+#include "base/pose.hpp"
+#include "detection/tag_geometry.hpp"
 #include "estimation/filter/heading_rule.hpp"
 
 namespace fiducap::bound {

@@ -25,7 +25,7 @@ class EventBoardTest : public testing::Test {
   EventBoard board_{[this] { return now_ns_; }};
 };
 
-TEST_F(EventBoardTest, AConditionIsToldAtItsBeginAndAtItsEndHoweverOftenItIsLookedAt) {
+TEST_F(EventBoardTest, AConditionIsReportedAtItsBeginAndAtItsEndHoweverOftenItIsSet) {
   for (int i = 0; i < 100; ++i) board_.set(true, lost(), "back");
   ASSERT_EQ(board_.after(0).size(), 1U);
   EXPECT_EQ(board_.after(0)[0].sentence(), "drone: lost, no image. Look at the cable");
@@ -39,7 +39,7 @@ TEST_F(EventBoardTest, AConditionIsToldAtItsBeginAndAtItsEndHoweverOftenItIsLook
   EXPECT_THAT(board_.standing(), testing::IsEmpty());
 }
 
-TEST_F(EventBoardTest, AConditionThatGetsWorseIsToldAgainANewTextOnlyReplacesTheOld) {
+TEST_F(EventBoardTest, AHigherSeverityIsReportedAgainOtherwiseTheTextIsReplaced) {
   board_.begin(lost());
   board_.begin(lost(Severity::kWarning, "lost for 10 s"));
   EXPECT_EQ(board_.after(0).size(), 1U);
@@ -57,7 +57,7 @@ TEST_F(EventBoardTest, TextRemedyAndSeverityAreThoseOfOneCause) {
                       .text = "is carried on",
                       .remedy = "Show it a tag"};
   board_.begin(carried);
-  EXPECT_EQ(board_.after(0).size(), 1U) << "it got better: nobody has to be called";
+  EXPECT_EQ(board_.after(0).size(), 1U) << "a lower severity is no event";
   ASSERT_EQ(board_.standing().size(), 1U);
   EXPECT_EQ(board_.standing()[0].sentence(), carried.sentence());
   EXPECT_EQ(board_.standing()[0].severity, Severity::kWarning);
@@ -72,39 +72,39 @@ TEST_F(EventBoardTest, IsBoundedInEventsAndConditions) {
     board_.begin(event);
   }
   EXPECT_EQ(board_.standing().size(), EventBoard::kStanding);
-  for (int i = 0; i < 1000; ++i) board_.tell(lost());
+  for (int i = 0; i < 1000; ++i) board_.report(lost());
   const auto kept = board_.after(0);
   ASSERT_EQ(kept.size(), EventBoard::kKept);
   EXPECT_EQ(kept.back().number, 1000U + EventBoard::kStanding);
 }
 
-class CrowdedBoard : public EventBoardTest {
+class FullEventBoard : public EventBoardTest {
  protected:
-  void look(int bodies, Severity severity = Severity::kWarning) {
+  void begin(int bodies, Severity severity = Severity::kWarning) {
     for (int i = 0; i < bodies; ++i) {
       Event event = lost(severity);
       event.subject = std::to_string(i);
       board_.begin(event);
     }
   }
-  bool says_so() {
+  bool reports_overflow() {
     const auto standing = board_.standing();
     return std::any_of(standing.begin(), standing.end(),
                        [](const Event& event) { return event.kind == "crowded"; });
   }
 };
 
-TEST_F(CrowdedBoard, ConditionsWithoutAPlaceAreOneConditionHoweverOftenTheyAreLookedAt) {
-  look(300);
-  const auto told = board_.told();
-  EXPECT_EQ(told[1], EventBoard::kStanding);
-  EXPECT_TRUE(says_so());
-  for (int i = 0; i < 100; ++i) look(300);
-  EXPECT_EQ(board_.told(), told);
+TEST_F(FullEventBoard, ConditionsWithoutAPlaceAreOneConditionHoweverOftenTheyBegin) {
+  begin(300);
+  const auto counts = board_.counts();
+  EXPECT_EQ(counts[1], EventBoard::kStanding);
+  EXPECT_TRUE(reports_overflow());
+  for (int i = 0; i < 100; ++i) begin(300);
+  EXPECT_EQ(board_.counts(), counts);
 }
 
-TEST_F(CrowdedBoard, AnErrorTakesThePlaceOfSomethingLess) {
-  look(300);
+TEST_F(FullEventBoard, AnErrorDisplacesALowerSeverity) {
+  begin(300);
   Event worse = lost(Severity::kError);
   worse.subject = "map";
   board_.begin(worse);
@@ -113,18 +113,18 @@ TEST_F(CrowdedBoard, AnErrorTakesThePlaceOfSomethingLess) {
   EXPECT_EQ(std::count_if(standing.begin(), standing.end(),
                           [](const Event& event) { return event.subject == "map"; }),
             1);
-  EXPECT_TRUE(says_so());
-  look(300);
-  EXPECT_EQ(board_.told()[2], 1U);
-  EXPECT_EQ(board_.told()[1], EventBoard::kStanding) << "the displaced one waits";
+  EXPECT_TRUE(reports_overflow());
+  begin(300);
+  EXPECT_EQ(board_.counts()[2], 1U);
+  EXPECT_EQ(board_.counts()[1], EventBoard::kStanding) << "the displaced one is not reported again";
 }
 
-TEST_F(CrowdedBoard, WhoWaitedIsToldWhenThereIsRoom) {
-  look(300);
+TEST_F(FullEventBoard, WaitingConditionsAreReportedWhenThereIsRoom) {
+  begin(300);
   for (int i = 0; i < 200; ++i) board_.end(std::to_string(i), "lost", "back");
-  EXPECT_FALSE(says_so());
-  look(300);
-  EXPECT_TRUE(says_so());
+  EXPECT_FALSE(reports_overflow());
+  begin(300);
+  EXPECT_TRUE(reports_overflow());
   const auto standing = board_.standing();
   EXPECT_EQ(std::count_if(standing.begin(), standing.end(),
                           [](const Event& event) { return event.subject == "299"; }),
@@ -132,14 +132,14 @@ TEST_F(CrowdedBoard, WhoWaitedIsToldWhenThereIsRoom) {
       << "the first come first";
 }
 
-TEST_F(EventBoardTest, WhoIsRenamedIsFoundUnderTheNewName) {
+TEST_F(EventBoardTest, ARenamedSubjectIsShownUnderItsNewName) {
   board_.begin(lost());
   const auto revision = board_.revision();
   board_.rename("drone", "uav1");
   EXPECT_NE(board_.revision(), revision);
   ASSERT_EQ(board_.standing().size(), 1U);
   EXPECT_EQ(board_.standing()[0].subject, "uav1");
-  EXPECT_EQ(board_.after(0)[0].subject, "drone") << "as it was told";
+  EXPECT_EQ(board_.after(0)[0].subject, "drone") << "as it was reported";
 
   board_.begin(lost());
   EXPECT_EQ(board_.after(0).size(), 1U) << "it is the same";
@@ -154,16 +154,16 @@ TEST_F(EventBoardTest, WhoIsRenamedIsFoundUnderTheNewName) {
   EXPECT_EQ(board_.standing()[0].subject, "drone");
 }
 
-TEST(EventBoard, WhoReadsDoesNotWaitForWhoWrites) {
+TEST(EventBoard, ReadersDoNotWaitForWriters) {
   std::vector<std::future<void>> readers;
   std::future_status was_read{};
   std::optional<EventBoard> board;
-  board.emplace([&] {  // asked for the time in the middle of writing
+  board.emplace([&] {  // called in the middle of writing
     readers.push_back(std::async(std::launch::async, [&] {
       (void)board->revision();
       (void)board->standing();
       (void)board->after(0);
-      (void)board->told();
+      (void)board->counts();
     }));
     was_read = readers.back().wait_for(std::chrono::seconds(10));
     return std::int64_t{0};
@@ -172,17 +172,17 @@ TEST(EventBoard, WhoReadsDoesNotWaitForWhoWrites) {
   EXPECT_EQ(was_read, std::future_status::ready);
 }
 
-TEST_F(EventBoardTest, ASheetStaysAsItIs) {
-  std::shared_ptr<const EventSheet> sheet;
-  board_.refresh(sheet);
-  const auto empty = sheet;
+TEST_F(EventBoardTest, ASnapshotIsImmutable) {
+  std::shared_ptr<const EventSnapshot> snapshot;
+  board_.refresh(snapshot);
+  const auto empty = snapshot;
   board_.begin(lost());
   EXPECT_THAT(empty->standing, testing::IsEmpty());
-  board_.refresh(sheet);
-  EXPECT_EQ(sheet->revision, board_.revision());
-  ASSERT_EQ(sheet->standing.size(), 1U);
-  EXPECT_EQ(sheet->after(0).size(), 1U);
-  EXPECT_EQ(sheet->after(1).size(), 0U);
+  board_.refresh(snapshot);
+  EXPECT_EQ(snapshot->revision, board_.revision());
+  ASSERT_EQ(snapshot->standing.size(), 1U);
+  EXPECT_EQ(snapshot->after(0).size(), 1U);
+  EXPECT_EQ(snapshot->after(1).size(), 0U);
 }
 
 TEST_F(EventBoardTest, TheRevisionChangesWithWhatWouldBeShownOnly) {

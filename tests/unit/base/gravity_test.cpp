@@ -5,9 +5,9 @@
 namespace fiducap {
 namespace {
 
-// The values are published to so many digits.
+// Digits of the published values.
 constexpr double kRounded_m_s2 = 1e-5;
-// What the ground below a city does to gravity, and heights that are not told exactly.
+// Local anomalies of gravity, and approximate heights.
 constexpr double kMeasured_m_s2 = 1e-3;
 
 TEST(NormalGravity, IsThatOfTheReferenceEllipsoid) {

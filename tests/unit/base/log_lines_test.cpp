@@ -9,22 +9,19 @@ namespace {
 using namespace std::chrono_literals;
 constexpr LineLimiter::Time kStart{};
 
-TEST(Printable, EscapesWhatMovesTheCursorAndKeepsTheRest) {
-  EXPECT_EQ(printable("Größe\n\x1b[2J\x7f"), "Größe\\x0a\\x1b[2J\\x7f");
-}
-
-TEST(LineLimiter, LeavesOutAFloodOfOneRoomAndSaysHowMuchOnce) {
+TEST(LineLimiter, DropsAFloodOfOneModuleAndReportsTheCountOnce) {
   LineLimiter limiter;
-  int said = 0;
-  for (int i = 0; i < 1000; ++i) said += limiter.allow({"natnet"}, Level::kWarning, kStart) ? 1 : 0;
-  EXPECT_EQ(said, static_cast<int>(LineLimiter::kMost));
+  int allowed = 0;
+  for (int i = 0; i < 1000; ++i)
+    allowed += limiter.allow({"natnet"}, Level::kWarning, kStart) ? 1 : 0;
+  EXPECT_EQ(allowed, static_cast<int>(LineLimiter::kMost));
   EXPECT_TRUE(limiter.allow({"natnet"}, Level::kError, kStart)) << "a flood hides no error";
   EXPECT_TRUE(limiter.allow({"vrpn"}, Level::kWarning, kStart));
 
   EXPECT_THAT(limiter.ended(kStart + 9s), testing::IsEmpty());
   const auto ended = limiter.ended(kStart + LineLimiter::kWindow);
   ASSERT_EQ(ended.size(), 1U);
-  EXPECT_EQ(ended[0].source.room, "natnet");
+  EXPECT_EQ(ended[0].source.module, "natnet");
   EXPECT_EQ(ended[0].lines, 1000 - LineLimiter::kMost);
   EXPECT_THAT(limiter.ended(kStart + 30s), testing::IsEmpty());
   EXPECT_TRUE(limiter.allow({"natnet"}, Level::kWarning, kStart + LineLimiter::kWindow));
@@ -39,7 +36,7 @@ TEST(LineLimiter, AFloodAboutOneBodyHidesNoOther) {
   EXPECT_EQ(ended[0].source.subject, "drone");
 }
 
-TEST(LineLimiter, RemembersNobodyWhoIsQuiet) {
+TEST(LineLimiter, RemovesWindowsOfQuietSources) {
   LineLimiter limiter;
   for (int i = 0; i < 1000; ++i)
     (void)limiter.allow({"event", std::to_string(i)}, Level::kWarning, kStart);
@@ -48,7 +45,7 @@ TEST(LineLimiter, RemembersNobodyWhoIsQuiet) {
   EXPECT_EQ(limiter.remembered(), 0U);
 }
 
-TEST(LineLimiter, ARoomThatSaysLittleIsNeverLeftOut) {
+TEST(LineLimiter, AModuleWithFewLinesIsNeverDropped) {
   LineLimiter limiter;
   for (int i = 0; i < 1000; ++i)
     ASSERT_TRUE(limiter.allow({"mapping"}, Level::kInfo, kStart + i * 250ms)) << i;
@@ -57,8 +54,8 @@ TEST(LineLimiter, ARoomThatSaysLittleIsNeverLeftOut) {
 TEST(LineQueue, KeepsTheFirstLinesAndCountsTheOthers) {
   LineQueue queue;
   for (std::uint64_t i = 1; i <= LineQueue::kMost + 7; ++i) queue.push({.number = i});
-  EXPECT_EQ(queue.take_left_out(), 7U);
-  EXPECT_EQ(queue.take_left_out(), 0U);
+  EXPECT_EQ(queue.take_dropped(), 7U);
+  EXPECT_EQ(queue.take_dropped(), 0U);
   for (std::uint64_t i = 1; i <= LineQueue::kMost; ++i) ASSERT_EQ(queue.pop().number, i);
   EXPECT_TRUE(queue.empty());
 }

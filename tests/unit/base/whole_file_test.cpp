@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-TEST(WholeFile, ReadsBackWhatWasWrittenIntoANewFolder) {
+TEST(WholeFile, ReadsBackWhatWasWrittenIntoAMissingFolder) {
   const TemporaryFolder folder;
   const std::string path = folder.file("a/b/text");
   ASSERT_TRUE(write_whole_file(path, "one"));
@@ -35,7 +35,7 @@ TEST(WholeFile, NeitherFollowsNorFillsWhatOthersPutBesideIt) {
   EXPECT_EQ(fs::status(path).permissions(), fs::perms::owner_read | fs::perms::owner_write);
 }
 
-TEST(WholeFile, SaysWhyItCannotWrite) {
+TEST(WholeFile, ReportsWhyItCannotWrite) {
   const TemporaryFolder folder;
   ASSERT_TRUE(write_whole_file(folder.file("plain"), "x"));
   const auto written = write_whole_file(folder.file("plain/below"), "y");

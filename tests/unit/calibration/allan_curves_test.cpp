@@ -1,5 +1,4 @@
-// Curves of real IMUs, at rest for two hours, with what another program (imu_utils) reads from
-// them.
+// Allan curves of real IMUs, two hours at rest, with the results of another program (imu_utils).
 #include <algorithm>
 #include <cmath>
 #include <fstream>
@@ -11,7 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "base/yaml_section.hpp"
-#include "calibration/imu/allan_deviation.hpp"
+#include "calibration/imu/imu_calibration.hpp"
 #include "support/shared_data.hpp"
 
 namespace fiducap {
@@ -38,7 +37,7 @@ std::vector<AllanPoint> curve_of(const std::vector<double>& tau_s,
 class AllanCurves : public ::testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(ImuUtils, AllanCurves, ::testing::Values("16448", "A3", "N3", "BMI160"));
 
-TEST_P(AllanCurves, AreReadAsOthersReadThem) {
+TEST_P(AllanCurves, AgreeWithAnotherProgram) {
   const auto data = shared_data();
   if (!data) GTEST_SKIP() << kNoSharedData;
   const std::string name = GetParam();
@@ -65,8 +64,8 @@ TEST_P(AllanCurves, AreReadAsOthersReadThem) {
       std::cout << "| " << name << (gyro ? " gyro " : " accel ") << axis << " | " << white << " | "
                 << ours.white << " ± " << ours.white_sigma << " | " << ours.deviation(1) << " | "
                 << flat << " | " << lowest << " | " << (ours.walk_seen ? ours.walk : 0.0) << " |\n";
-      // They read single points of the measured curve, at 1 s and where it is lowest; ours is the
-      // smooth curve of three parts, which no real sensor follows better than this.
+      // imu_utils uses single points of the curve, at 1 s and at its minimum; ours is the smooth
+      // curve of three parts, which fits real sensors to this accuracy.
       constexpr double kPoint = 0.3;
       EXPECT_NEAR(ours.deviation(1) / white, 1, kPoint) << stem << axis;
       EXPECT_NEAR(lowest / flat, 1, kPoint) << stem << axis;

@@ -1,4 +1,4 @@
-#include "calibration/imu/allan_deviation.hpp"
+#include "calibration/imu/imu_calibration.hpp"
 
 #include <cmath>
 #include <random>
@@ -74,7 +74,7 @@ TEST(AllanDeviation, BiasWalkIsFoundWithinItsOwnSigma) {
   EXPECT_GT(squares, (1 - 3 * 0.22) / (1.5 * 1.5));
 }
 
-TEST(AllanDeviation, AWalkTooSmallForTheRecordingIsNotClaimedAndBounded) {
+TEST(AllanDeviation, AWalkTooSmallForTheRecordingIsBounded) {
   constexpr Density kTrue{1e-2, 1e-4};
   int claimed = 0;
   int above = 0;
@@ -88,7 +88,7 @@ TEST(AllanDeviation, AWalkTooSmallForTheRecordingIsNotClaimedAndBounded) {
   EXPECT_LE(above, 6);    // of 40, at 95 %: 2 ± 1.4, three sigma
 }
 
-TEST(AllanDeviation, ARecordingAsLongAsItAsksForShowsTheWalk) {
+TEST(AllanDeviation, ARecordingOfTheRequiredDurationShowsTheWalk) {
   constexpr Density kTrue{1e-2, 1e-3};
   const double seconds = identified(kTrue, 20'000, 20, 99).seconds_to_see(kTrue.walk);
   int seen = 0;

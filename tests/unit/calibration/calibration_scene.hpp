@@ -3,9 +3,9 @@
 #include <cmath>
 #include <random>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "calibration/intrinsics/calibration_data.hpp"
-#include "detection/corner_projection.hpp"
+#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
 
@@ -65,7 +65,7 @@ class CalibrationScene final {
     }
   }
 
-  /// Board in camera axes, drawn anew each time.
+  /// Board in camera axes, random for each call.
   Pose board_pose(double reach, double tilt_rad) {
     const double down = uniform(-0.5, 0.5);
     const double across = uniform(-0.5, 0.5);

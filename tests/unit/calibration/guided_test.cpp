@@ -4,10 +4,8 @@
 #include <numbers>
 #include <random>
 
-#include "calibration/guided/lens_guide.hpp"
-#include "calibration/guided/rest_guide.hpp"
-#include "calibration/guided/wave_guide.hpp"
-#include "detection/corner_projection.hpp"
+#include "calibration/guided/guides.hpp"
+#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
 namespace {
@@ -52,7 +50,7 @@ class LensGuideTest : public testing::Test {
                    640, 480};
 };
 
-TEST_F(LensGuideTest, TellsHowSlantedASquareIsSeen) {
+TEST_F(LensGuideTest, MeasuresTheSlantOfASquare) {
   const auto cosine = [](double lean_x, double lean_y) {
     return slant_cosine(seen(320, 240, 2, lean_x, lean_y).tags[0].corners_px);
   };
@@ -75,13 +73,13 @@ TEST_F(LensGuideTest, KeepsOnlyWhatIsStillAndNew) {
   EXPECT_EQ(guide_.progress().views, 2u);
 }
 
-TEST_F(LensGuideTest, SaysWhenItIsBlurred) {
+TEST_F(LensGuideTest, ReportsBlur) {
   EXPECT_TRUE(hold(seen(320, 240, 0.6)));
   EXPECT_FALSE(hold(seen(420, 240, 0.6, 0, 0, 0.2)));
   EXPECT_THAT(guide_.progress().hint, HasSubstr("blurred"));
 }
 
-TEST_F(LensGuideTest, IsContentOnlyWhenTheWholeImageWasCoveredAtASlant) {
+TEST_F(LensGuideTest, IsEnoughOnlyWithCoverageAndSlants) {
   for (int v = 0; v < 6; ++v)
     for (int u = 0; u < 8; ++u) EXPECT_TRUE(hold(seen(40 + 80 * u, 40 + 80 * v, 0.9)));
   EXPECT_GE(guide_.progress().covered, 0.9);
@@ -90,7 +88,7 @@ TEST_F(LensGuideTest, IsContentOnlyWhenTheWholeImageWasCoveredAtASlant) {
   for (int i = 0; i < 24; ++i)
     static_cast<void>(hold(seen(120 + 50 * (i % 8), 100 + 90 * (i / 8), 0.6, 40 * kDegree)));
   EXPECT_TRUE(guide_.progress().is_enough);
-  guide_.ask_for_more(5, "Nearer to the right border.");
+  guide_.request_more(5, "Nearer to the right border.");
   EXPECT_FALSE(guide_.progress().is_enough);
   EXPECT_EQ(guide_.progress().hint, "Nearer to the right border.");
 }
@@ -111,21 +109,21 @@ ImuSample at_rest(int i, std::mt19937& random) {
   return sample;
 }
 
-TEST(RestGuide, WaitsAMinuteAndGivesTheNoise) {
+TEST(RestGuide, ReturnsTheNoiseAfterAMinute) {
   std::mt19937 random(3);
   RestGuide guide;
-  EXPECT_THAT(guide.hint(), HasSubstr("Nothing has come"));
+  EXPECT_THAT(guide.hint(), HasSubstr("No sample"));
   int i = 0;
   for (; !guide.is_enough(); ++i) guide.take(at_rest(i, random));
   EXPECT_NEAR(i, 200 * RestGuide::kLongEnough_s, 2);
   const auto noise = guide.result();
   ASSERT_TRUE(noise) << noise.error().text();
-  // 0.002 rad/s at 200 Hz is 0.002 / sqrt(200) as a density; a minute tells a few percent.
+  // 0.002 rad/s at 200 Hz is 0.002 / sqrt(200) as a density; a minute determines a few percent.
   EXPECT_NEAR(noise->noise.gyro_noise_rad_s_rtHz, 0.002 / std::sqrt(200.0), 1e-5);
   EXPECT_NEAR(noise->noise.rate_hz, 200, 0.1);
 }
 
-TEST(RestGuide, BeginsAgainWhenItIsTouched) {
+TEST(RestGuide, RestartsAfterATouch) {
   std::mt19937 random(3);
   RestGuide guide;
   for (int i = 0; i < 4000; ++i) guide.take(at_rest(i, random));
@@ -137,7 +135,7 @@ TEST(RestGuide, BeginsAgainWhenItIsTouched) {
   EXPECT_THAT(guide.hint(), HasSubstr("It moved"));
 }
 
-TEST(WaveGuide, WantsEveryAxisTurnedItShakenAndTagsInView) {
+TEST(WaveGuide, NeedsRotationAboutAllAxesShakingAndTags) {
   WaveGuide guide;
   CornerFrame frame{0, {}, {TagSighting{1}}};
   int i = 0;
@@ -160,17 +158,17 @@ TEST(WaveGuide, WantsEveryAxisTurnedItShakenAndTagsInView) {
   EXPECT_THAT(guide.progress().hint, HasSubstr("Show tags"));
   frame.tags.push_back(TagSighting{1});
   hold(300);
-  EXPECT_THAT(guide.progress().hint, HasSubstr("Quickly to and fro"));
+  EXPECT_THAT(guide.progress().hint, HasSubstr("Quickly back and forth"));
   EXPECT_EQ(guide.progress().seen, 0) << "counts from the wave on";
   EXPECT_LE(guide.samples().imu.size(), 600u) << "three seconds";
   EXPECT_LE(guide.samples().tags, 61);
-  EXPECT_FALSE(guide.samples().begins_calm);
+  EXPECT_FALSE(guide.samples().begins_still);
   i += 200;  // a second without readings
   wave(2, 1, 5);
-  EXPECT_FALSE(guide.samples().begins_calm) << "what it did meanwhile nobody knows";
+  EXPECT_FALSE(guide.samples().begins_still) << "the motion in the gap is unknown";
   hold(2);
   wave(2, 10, 0);
-  EXPECT_TRUE(guide.samples().begins_calm);
+  EXPECT_TRUE(guide.samples().begins_still);
   EXPECT_FALSE(guide.progress().is_enough);
   EXPECT_EQ(guide.progress().turned[2], 1);
   EXPECT_THAT(guide.progress().hint, HasSubstr("roll it"));

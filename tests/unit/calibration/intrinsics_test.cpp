@@ -5,10 +5,9 @@
 #include <Eigen/LU>
 
 #include "calibration/intrinsics/bundle.hpp"
-#include "calibration/intrinsics/focal_search.hpp"
+#include "calibration/intrinsics/initial_state.hpp"
 #include "calibration/intrinsics/intrinsics_verdict.hpp"
-#include "calibration/intrinsics/lens_derivative.hpp"
-#include "calibration/intrinsics/target_layout.hpp"
+#include "calibration/intrinsics/lens_model.hpp"
 #include "calibration_scene.hpp"
 #include "estimation/filter/chi_square.hpp"
 #include "support/jacobian_check.hpp"
@@ -71,7 +70,7 @@ INSTANTIATE_TEST_SUITE_P(Intrinsics, BothLenses,
                          ::testing::Values(Distortion::kRadialTangential,
                                            Distortion::kEquidistant));
 
-TEST_P(BothLenses, FocalSearchComesNearWithoutAnyStart) {
+TEST_P(BothLenses, FocalSearchNeedsNoStartValue) {
   CalibrationScene scene(truth());
   scene.add_tags(3, 2);
   scene.look(30, kNoise_px);
@@ -83,7 +82,7 @@ TEST_P(BothLenses, FocalSearchComesNearWithoutAnyStart) {
 }
 
 // 8 runs of 8 numbers each: their sum is chi-square with 64 degrees of freedom.
-TEST_P(BothLenses, TheErrorOfACheckerboardCalibrationIsWhatItsCovarianceSays) {
+TEST_P(BothLenses, TheErrorOfACheckerboardCalibrationMatchesItsCovariance) {
   constexpr int kRuns = 8;
   double sum = 0;
   double numbers = 0;
@@ -98,10 +97,10 @@ TEST_P(BothLenses, TheErrorOfACheckerboardCalibrationIsWhatItsCovarianceSays) {
     numbers += static_cast<double>(result->free.size());
   }
   EXPECT_LT(sum, chi_square_quantile(static_cast<int>(numbers), 0.999));
-  EXPECT_GT(sum, 0.4 * numbers);  // nor is it modest without need
+  EXPECT_GT(sum, 0.4 * numbers);  // not too large either
 }
 
-TEST_P(BothLenses, TheErrorOfACalibrationFromTagsOfUnknownPlacesIsWhatItsCovarianceSays) {
+TEST_P(BothLenses, TheErrorOfACalibrationFromTagsOfUnknownPosesMatchesItsCovariance) {
   constexpr int kRuns = 8;
   double sum = 0;
   double numbers = 0;
@@ -111,7 +110,7 @@ TEST_P(BothLenses, TheErrorOfACalibrationFromTagsOfUnknownPlacesIsWhatItsCovaria
     scene.look(40, kNoise_px);
     const auto result = calibrate_intrinsics(scene.data, this_lens(), quiet);
     ASSERT_TRUE(result) << result.error().text();
-    EXPECT_TRUE(result->targets_stood_still);
+    EXPECT_TRUE(result->targets_joined);
     sum += nees(*result, truth());
     numbers += static_cast<double>(result->free.size());
   }
@@ -140,7 +139,7 @@ TEST_P(BothLenses, TheRightLensIsChosen) {
   EXPECT_EQ(result->trials.size(), 2U);
 }
 
-TEST_P(BothLenses, WrongSightingsAreTakenOut) {
+TEST_P(BothLenses, OutliersAreRemoved) {
   CalibrationScene scene(truth());
   scene.add_tags(3, 2);
   scene.look(40, kNoise_px);
@@ -157,32 +156,32 @@ TEST_P(BothLenses, WrongSightingsAreTakenOut) {
             chi_square_quantile(static_cast<int>(result->free.size()), 0.9999));
 }
 
-TEST_P(BothLenses, TagsThatMoveRelativeToEachOtherAreNoticedAndDoNoHarm) {
+TEST_P(BothLenses, TagsThatMoveRelativeToEachOtherAreDetected) {
   CalibrationScene scene(truth());
   scene.add_tags(3, 2);
   scene.look(60, kNoise_px, 0.95, 0.7, true);
   const auto result = calibrate_intrinsics(scene.data, this_lens(), quiet);
   ASSERT_TRUE(result) << result.error().text();
   EXPECT_TRUE(result->targets_disagree);
-  EXPECT_FALSE(result->targets_stood_still);
+  EXPECT_FALSE(result->targets_joined);
   EXPECT_LT(nees(*result, truth()),
             chi_square_quantile(static_cast<int>(result->free.size()), 0.9999));
 }
 
-TEST_P(BothLenses, AGoodRecordingIsCalledGood) {
+TEST_P(BothLenses, AGoodRecordingIsGradedGood) {
   CalibrationScene scene(truth());
   scene.add_tags(3, 2);
   scene.look(80, kNoise_px);
   const auto result = calibrate_intrinsics(scene.data, this_lens(), quiet);
   ASSERT_TRUE(result) << result.error().text();
-  const auto verdict = judge(*result, make_image_map(*result));
+  const auto verdict = assess(*result, make_image_map(*result));
   EXPECT_EQ(verdict.grade, IntrinsicsGrade::kGood)
       << (verdict.advice.empty() ? "" : verdict.advice.front());
   EXPECT_GT(verdict.covered, 0.8);
   EXPECT_LT(verdict.misfit_px, 0.05);
 }
 
-TEST_P(BothLenses, DirectionsAreLessCertainWhereNothingWasSeen) {
+TEST_P(BothLenses, UncertaintyIsLargerWithoutPoints) {
   CalibrationScene scene(truth(), 7);
   scene.add_checkerboard(8, 6, 0.04);
   scene.look(40, kNoise_px, 0.5);  // corners are not seen: there it is worst
@@ -201,13 +200,13 @@ TEST_P(BothLenses, DirectionsAreLessCertainWhereNothingWasSeen) {
   EXPECT_GT(outside / n_outside, 1.5 * inside / n_inside);
 }
 
-TEST_P(BothLenses, ABoardThatStaysInTheMiddleIsSentIntoTheCorners) {
+TEST_P(BothLenses, AdvisesToMoveABoardFromTheMiddleToTheCorners) {
   CalibrationScene scene(truth());
   scene.add_checkerboard(5, 4, 0.02);
   scene.look(40, kNoise_px, 0.3);
   const auto result = calibrate_intrinsics(scene.data, this_lens(), quiet);
   ASSERT_TRUE(result) << result.error().text();
-  const auto verdict = judge(*result, make_image_map(*result));
+  const auto verdict = assess(*result, make_image_map(*result));
   EXPECT_NE(verdict.grade, IntrinsicsGrade::kGood);
   ASSERT_FALSE(verdict.advice.empty());
   std::string all;
@@ -224,11 +223,11 @@ TEST_P(BothLenses, ABoardThatIsNeverTiltedIsNotGood) {
     EXPECT_THAT(result.error().text(), HasSubstr("tilt"));
     return;
   }
-  const auto verdict = judge(*result, make_image_map(*result));
+  const auto verdict = assess(*result, make_image_map(*result));
   EXPECT_NE(verdict.grade, IntrinsicsGrade::kGood);
 }
 
-TEST(TargetLayout, GroupsThatLoseTheirCommonImagesComeApartAndStayInPlace) {
+TEST(TargetLayout, GroupsWithoutCommonImagesAreSplitWithoutMotion) {
   CalibrationScene scene(narrow_lens());
   scene.add_tags(3, 2);
   scene.look(30, 0);
@@ -250,16 +249,16 @@ TEST(Intrinsics, FourImagesAreRefused) {
   scene.look(4, kNoise_px);
   const auto result = calibrate_intrinsics(scene.data, {}, quiet);
   ASSERT_FALSE(result);
-  EXPECT_THAT(result.error().text(), HasSubstr("too little"));
+  EXPECT_THAT(result.error().text(), HasSubstr("too few data"));
 }
 
-TEST(Intrinsics, PixelsThatAreNoBoardAreRefusedOrUseless) {
+TEST(Intrinsics, RandomPixelsAreRefusedOrUseless) {
   CalibrationScene scene(narrow_lens());
   scene.add_checkerboard(8, 6, 0.04);
   scene.look(30, 60.0);
   const auto result = calibrate_intrinsics(scene.data, {}, quiet);
   if (!result) return;
-  EXPECT_EQ(judge(*result, make_image_map(*result)).grade, IntrinsicsGrade::kUseless);
+  EXPECT_EQ(assess(*result, make_image_map(*result)).grade, IntrinsicsGrade::kUseless);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "calibration/imu/multi_pose_imu.hpp"
+#include "calibration/imu/imu_calibration.hpp"
 
 #include <cmath>
 #include <cstdlib>
@@ -12,7 +12,7 @@
 #include <gtest/gtest.h>
 #include <Eigen/LU>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "capture/imu_sample.hpp"
 #include "support/shared_data.hpp"
 
@@ -117,14 +117,14 @@ TEST(MultiPoseImu, FindsBiasScaleAndMisalignmentWithinTheirSigma) {
 TEST(MultiPoseImu, TooFewAttitudesAreCounted) {
   const auto found = calibrate_multi_pose(in_many_attitudes(wrong_unit(), 6), kGravity, "test");
   ASSERT_FALSE(found);
-  EXPECT_THAT(found.error().text(), HasSubstr("at rest in 7 places, 12 are the least"));
+  EXPECT_THAT(found.error().text(), HasSubstr("at rest in 7 places, at least 12 are needed"));
 }
 
-TEST(MultiPoseImu, AttitudesThatAreAlikeAreRefused) {
+TEST(MultiPoseImu, SimilarAttitudesAreRefused) {
   const auto found =
       calibrate_multi_pose(in_many_attitudes(wrong_unit(), 30, false), kGravity, "test");
   ASSERT_FALSE(found);
-  EXPECT_THAT(found.error().text(), HasSubstr("too much alike"));
+  EXPECT_THAT(found.error().text(), HasSubstr("too similar"));
 }
 
 TEST(MultiPoseImu, AnEmptyRecordingIsRefused) {
@@ -157,7 +157,7 @@ std::vector<ImuSample> read_xsens(const std::filesystem::path& folder, double ac
   return samples;
 }
 
-TEST(MultiPoseImuData, TheXsensRecordingGivesTheFactorysNumbers) {
+TEST(MultiPoseImuData, TheXsensRecordingGivesTheFactorysParameters) {
   const auto data = shared_data();
   if (!data) GTEST_SKIP() << kNoSharedData;
   constexpr double kAccelCounts = 400, kGyroCounts = 5000;
@@ -182,7 +182,7 @@ TEST(MultiPoseImuData, TheXsensRecordingGivesTheFactorysNumbers) {
             << found->up_rms_after * 57.29578 << "\nsigmas " << found->accel_scale_sigma.transpose()
             << " " << found->accel_bias_sigma_m_s2.transpose() << " "
             << found->gyro_scale_sigma.transpose() << "\n";
-  constexpr double kScale = 0.01;  // it was years later, and the maker's numbers are rounded
+  constexpr double kScale = 0.01;  // measured years later; the maker's parameters are rounded
   for (int i = 0; i < 3; ++i) {
     EXPECT_NEAR(accel.col(i).norm() / factory_accel(i), 1, kScale);
     EXPECT_NEAR(gyro.col(i).norm() / factory_gyro(i), 1, kScale);

@@ -1,4 +1,4 @@
-#include "calibration/extrinsics/time_shift_search.hpp"
+#include "calibration/extrinsics/camera_imu_calibration.hpp"
 
 #include <cmath>
 
@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kSigma_s = 1e-4;
 
-/// A chi-square around `truth` with teeth of a few units, as gates of a filter make them.
+/// A chi-square around `truth` with a ripple of a few units, as caused by gates of a filter.
 ShiftCost jagged(double truth_s) {
   return [truth_s](double s) -> Expected<double> {
     const double off = (s - truth_s) / kSigma_s;
@@ -21,14 +21,14 @@ TEST(TimeShiftSearch, FindsTheMinimumOfAJaggedCostWithItsSigma) {
   for (const double truth : {-0.0437, -0.012, 0.0, 0.00021, 0.031}) {
     const auto found = search_time_shift(jagged(truth), 0.05);
     ASSERT_TRUE(found);
-    EXPECT_NEAR(found->shift_s, truth, kSigma_s) << truth;  // teeth of 3 on curvature 1/σ²
+    EXPECT_NEAR(found->shift_s, truth, kSigma_s) << truth;  // ripple of 3 on curvature 1/σ²
     EXPECT_NEAR(found->sigma_s, kSigma_s, 0.1 * kSigma_s) << truth;
     EXPECT_TRUE(found->determined);
     EXPECT_FALSE(found->at_border);
   }
 }
 
-TEST(TimeShiftSearch, SaysThatAFlatCostTellsNothing) {
+TEST(TimeShiftSearch, AFlatCostIsNotDetermined) {
   const auto found =
       search_time_shift([](double s) -> Expected<double> { return 5 - 900 * s; }, 0.05);
   ASSERT_TRUE(found);
@@ -37,14 +37,14 @@ TEST(TimeShiftSearch, SaysThatAFlatCostTellsNothing) {
   EXPECT_EQ(found->shift_s, 0);
 }
 
-TEST(TimeShiftSearch, SaysThatTheMinimumLiesOutside) {
+TEST(TimeShiftSearch, ReportsAMinimumOutsideOfTheRange) {
   const auto found = search_time_shift(jagged(0.09), 0.05);
   ASSERT_TRUE(found);
   EXPECT_TRUE(found->at_border);
 }
 
-TEST(TimeShiftSearch, SaysSoAlsoWhereTheCostBendsTheWrongWay) {
-  // Falls ever more steeply towards the border: concave.
+TEST(TimeShiftSearch, ReportsItForAConcaveCostAsWell) {
+  // Concave towards the border.
   const auto found =
       search_time_shift([](double s) -> Expected<double> { return -1e3 * std::exp(40 * s); }, 0.05);
   ASSERT_TRUE(found);
@@ -53,7 +53,7 @@ TEST(TimeShiftSearch, SaysSoAlsoWhereTheCostBendsTheWrongWay) {
   EXPECT_EQ(found->shift_s, 0);
 }
 
-TEST(TimeShiftSearch, PassesTheErrorOfACostOnAndStops) {
+TEST(TimeShiftSearch, ReturnsTheErrorOfACostAndStops) {
   int asked = 0;
   const auto found = search_time_shift(
       [&](double) -> Expected<double> {

@@ -7,8 +7,8 @@
 
 namespace fiducap {
 
-/// How a camera was calibrated, rightly or not. What the calibration is told is the plain board;
-/// what was in front of the camera may differ.
+/// A calibration, right or wrong. The calibration uses the plain board; the board in front of the
+/// camera may differ.
 struct VerdictInput {
   CameraModel camera{narrow_lens()};
   bool tags{false};  ///< Six tags at unknown places; else a checkerboard of 9 x 6 corners.

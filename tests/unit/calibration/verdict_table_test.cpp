@@ -1,4 +1,4 @@
-// Right and wrong calibrations, each with the verdict it must get and why. Prints the table of
+// Right and wrong calibrations, each with its expected verdict and advice. Prints the table of
 // docs/design/intrinsics.md.
 #include <cmath>
 #include <iostream>
@@ -18,7 +18,7 @@ struct Row {
   std::string name;
   VerdictInput input;
   IntrinsicsGrade grade{IntrinsicsGrade::kGood};
-  std::string why;  ///< Part of one sentence of advice; empty: none is wanted.
+  std::string why;  ///< Part of one sentence of advice; empty: none.
 };
 
 CameraModel bare_lens() { return {752, 480, 458, 458, 375.5, 239.5, Distortion::kNone, {}}; }
@@ -104,7 +104,7 @@ std::vector<Row> rows_with_wrong_targets() {
   rows.push_back({"print 5 % wider", {.print = stretched(0.05)}, G::kUseless, "sides x to y"});
   rows.push_back(
       {"one tag of six 20 % larger", {.tags = true, .print = one_larger}, G::kWeak, "tag 4"});
-  rows.push_back({"not the board that was said", {.print = another_board}, G::kUseless, "px off"});
+  rows.push_back({"another board than described", {.print = another_board}, G::kUseless, "px off"});
   return rows;
 }
 
@@ -179,7 +179,7 @@ INSTANTIATE_TEST_SUITE_P(Targets, Verdicts, ::testing::ValuesIn(rows_with_wrong_
 INSTANTIATE_TEST_SUITE_P(Cameras, Verdicts, ::testing::ValuesIn(rows_with_wrong_cameras()),
                          test_name);
 
-TEST_P(Verdicts, AreWhatTheInputDeserves) {
+TEST_P(Verdicts, MatchTheInput) {
   const Row& row = GetParam();
   const CalibrationData data = VerdictStage(row.input).record();
   const auto result = calibrate_intrinsics(data, {}, [](const std::string&) {});
@@ -189,7 +189,7 @@ TEST_P(Verdicts, AreWhatTheInputDeserves) {
     EXPECT_THAT(result.error().text(), ::testing::HasSubstr(row.why));
     return;
   }
-  const IntrinsicsVerdict verdict = judge(*result, make_image_map(*result));
+  const IntrinsicsVerdict verdict = assess(*result, make_image_map(*result));
   print_row(row, *result, verdict);
   std::string all;
   for (const std::string& advice : verdict.advice) all += advice + "\n";

@@ -1,8 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "capture/lens/camera_calibration_file.hpp"
-#include "capture/lens/kalibr_file.hpp"
+#include "capture/lens/calibration_files.hpp"
 #include "support/shared_data.hpp"
 #include "support/temporary_folder.hpp"
 

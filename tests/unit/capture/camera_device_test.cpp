@@ -6,7 +6,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/videoio.hpp>
 
-#include "capture/lens/camera_calibration_file.hpp"
+#include "capture/lens/calibration_files.hpp"
 #include "support/fake_clock.hpp"
 #include "support/shared_data.hpp"
 #include "support/temporary_folder.hpp"

@@ -56,7 +56,7 @@ class ImageWatchTest : public testing::Test {
     return {0, at, std::move(gray)};
   }
   void take(const CameraFrame& frame) {
-    for (const ImageDoubt& doubt : watch_.take(frame)) {
+    for (const ImageCondition& doubt : watch_.take(frame)) {
       told_.push_back(std::string(doubt.holds ? "+" : "-") + std::string(name_of(doubt.fault)));
       texts_ += doubt.text + "; " + doubt.remedy + "\n";
     }
@@ -119,7 +119,7 @@ TEST_F(ImageWatchTest, EverySecondImageTwiceIsDuplicated) {
     if (i % 2 == 1) image = before_;
   });
   EXPECT_THAT(told_, ElementsAre("+image_duplicated"));
-  EXPECT_THAT(texts_, HasSubstr("are the one before with a new stamp"));
+  EXPECT_THAT(texts_, HasSubstr("repeat the one before with a new stamp"));
   run(15);
   EXPECT_THAT(told_, ElementsAre("+image_duplicated", "-image_duplicated"));
 }

@@ -1,4 +1,4 @@
-#include "capture/jump_gate.hpp"
+#include "capture/sample_merger.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

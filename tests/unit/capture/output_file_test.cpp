@@ -1,4 +1,4 @@
-#include "capture/recording/output_file.hpp"
+#include "capture/output_file.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -6,7 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "unit/capture/recording_folder.hpp"
 
 namespace fiducap {

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "support/fake_clock.hpp"
 #include "support/temporary_folder.hpp"
 

@@ -1,4 +1,4 @@
-#include "capture/recording/stamp_column.hpp"
+#include "capture/recording/csv_reader.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

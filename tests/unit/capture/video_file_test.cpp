@@ -1,4 +1,4 @@
-#include "capture/video/video_file.hpp"
+#include "capture/video/video_source.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -98,7 +98,7 @@ TEST_F(VideoFileTest, WhatIsTooSlowToDecodeKeepsItsPaceByLeavingOutImages) {
 TEST_F(VideoFileTest, ThatImagesAreLeftOutIsSaidOnceInWords) {
   (void)play(15, 26);
   EXPECT_THAT(said(),
-              AllOf(HasSubstr("field.mp4 needs 41 ms an image to be decoded here, its images come "
+              AllOf(HasSubstr("field.mp4 needs 41 ms to decode an image here, its images come "
                               "every 33 ms: 10 of the first "),
                     HasSubstr("use a smaller video"), Not(HasSubstr("slower"))));
   EXPECT_EQ(said().find("left out"), said().rfind("left out"));

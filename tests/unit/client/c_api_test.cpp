@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "support/allocation_counter.hpp"
-#include "support/fake_desk.hpp"
+#include "support/fake_operator_api.hpp"
 #include "test_server.hpp"
 
 extern "C" int fiducap_layout_is_checked(void);
@@ -27,7 +27,8 @@ std::string output_of(const std::string& command) {
 class CApiTest : public testing::Test {
  protected:
   CApiTest() {
-    desk_.known = {{"sunday", RecordingStatus::State::kFailed, "the disk is full", 1200, 34567, 8}};
+    operator_api_.known = {
+        {"sunday", RecordingStatus::State::kFailed, "the disk is full", 1200, 34567, 8}};
   }
   void connect() {
     fiducap_options options = fiducap_options_init();
@@ -41,9 +42,9 @@ class CApiTest : public testing::Test {
   ~CApiTest() override { fiducap_disconnect(client_); }
 
   std::shared_ptr<SceneFrame> scene_ = make_scene_frame({"drone", "arm", "cart"});
-  FakeDesk desk_;
+  FakeOperatorApi operator_api_;
   EventBoard board_{[] { return std::int64_t{1'700'000'000'000'000'000}; }};
-  TestServer server_{*scene_, 0, {}, &desk_, nullptr, &board_};
+  TestServer server_{*scene_, 0, {}, &operator_api_, nullptr, &board_};
   fiducap_client* client_{nullptr};
   fiducap_frame frame_ = fiducap_frame_init();
   fiducap_body bodies_[3]{};
@@ -163,7 +164,7 @@ TEST_F(CApiTest, Controls) {
   EXPECT_EQ(fiducap_control_rename(control, 5, "x", problem, sizeof(problem)), 0);
   EXPECT_NE(std::string(problem).find("5"), std::string::npos) << problem;
   EXPECT_EQ(fiducap_control_commit_map(control, nullptr, 0), 1);
-  EXPECT_EQ(desk_.changes.size(), 1U);
+  EXPECT_EQ(operator_api_.changes.size(), 1U);
   fiducap_control_close(control);
 }
 

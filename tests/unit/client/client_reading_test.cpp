@@ -8,7 +8,7 @@
 #include <functional>
 #include <thread>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "support/allocation_counter.hpp"
 #include "unit/client/test_server.hpp"
 
@@ -94,7 +94,7 @@ TEST_F(ClientServerTest, ASteadyStreamAllocatesNothingOnEitherSide) {
   config.port = 0;
   const auto server = native::start_native_server(io, config, scene_->model, clock);
   ASSERT_TRUE(server) << server.error().text();
-  const Client client(options_for(native::bound_port(**server)));
+  const Client client(options_for((*server)->port()));
   ASSERT_TRUE(wait_until([&] {
     io.poll();
     return client.statistics().connected;

@@ -12,7 +12,7 @@
 #include <mutex>
 #include <thread>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "unit/client/test_server.hpp"
 
 namespace fiducap {

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "streaming/net/limits.hpp"
-#include "support/fake_desk.hpp"
+#include "support/fake_operator_api.hpp"
 #include "test_server.hpp"
 
 namespace fiducap {
@@ -46,18 +46,18 @@ class ControlTest : public testing::Test {
   }
 
   std::shared_ptr<SceneFrame> scene_ = make_scene_frame({"drone", "arm"});
-  FakeDesk desk_;
-  TestServer server_{*scene_, 0, {}, &desk_};
+  FakeOperatorApi operator_api_;
+  TestServer server_{*scene_, 0, {}, &operator_api_};
 };
 
 TEST_F(ControlTest, ListsAllBodiesAndWhatTheServerIsAbout) {
   Control control(options());
   ControlState state;
-  desk_.mode = MapMode::kMapping;
-  desk_.under_way = "monday";
+  operator_api_.mode = MapMode::kMapping;
+  operator_api_.under_way = "monday";
   using State = RecordingStatus::State;
-  desk_.known = {{"sunday", State::kFailed, "the disk is full", 1200, 34567, 8},
-                 {"monday", State::kRecording, "", 10, 2000, 0}};
+  operator_api_.known = {{"sunday", State::kFailed, "the disk is full", 1200, 34567, 8},
+                         {"monday", State::kRecording, "", 10, 2000, 0}};
   const auto outcome = control.list(state);
   ASSERT_TRUE(outcome) << outcome.problem;
   ASSERT_EQ(state.bodies.size(), 2u);
@@ -81,25 +81,25 @@ TEST_F(ControlTest, ListsAllBodiesAndWhatTheServerIsAbout) {
 TEST_F(ControlTest, CarriesOutEveryCommandOnOneConnection) {
   Control control(options());
   EXPECT_TRUE(control.set_enabled(2, true));
-  EXPECT_TRUE(desk_.all[1].enabled);
+  EXPECT_TRUE(operator_api_.all[1].enabled);
   EXPECT_TRUE(control.rename(1, "quad"));
-  EXPECT_EQ(desk_.all[0].name, "quad");
+  EXPECT_EQ(operator_api_.all[0].name, "quad");
   EXPECT_TRUE(control.set_pivot(1, {1, 2, 3}, {2 / 9., 4 / 9., 5 / 9., 6 / 9.}));
-  EXPECT_EQ(desk_.all[0].X_BP.p, Eigen::Vector3d(1, 2, 3));
-  EXPECT_NEAR(desk_.all[0].X_BP.q.z(), 6 / 9., 1e-15);
+  EXPECT_EQ(operator_api_.all[0].X_BP.p, Eigen::Vector3d(1, 2, 3));
+  EXPECT_NEAR(operator_api_.all[0].X_BP.q.z(), 6 / 9., 1e-15);
   EXPECT_TRUE(control.set_mapping(true));
-  EXPECT_EQ(desk_.mode, MapMode::kMapping);
+  EXPECT_EQ(operator_api_.mode, MapMode::kMapping);
   EXPECT_TRUE(control.commit_map());
-  EXPECT_EQ(desk_.changes.size(), 1U);
+  EXPECT_EQ(operator_api_.changes.size(), 1U);
   EXPECT_TRUE(control.start_recording("tuesday"));
-  EXPECT_EQ(desk_.under_way, "tuesday");
+  EXPECT_EQ(operator_api_.under_way, "tuesday");
   EXPECT_TRUE(control.stop_recording());
-  EXPECT_FALSE(desk_.under_way);
+  EXPECT_FALSE(operator_api_.under_way);
 }
 
 template <typename Change>
-Change change_in(const FakeDesk& desk, std::size_t i) {
-  return std::get<Change>(desk.changes.at(i));
+Change change_in(const FakeOperatorApi& operator_api, std::size_t i) {
+  return std::get<Change>(operator_api.changes.at(i));
 }
 
 TEST_F(ControlTest, ChangesOfTheMapArriveAsTheyWereSent) {
@@ -110,25 +110,25 @@ TEST_F(ControlTest, ChangesOfTheMapArriveAsTheyWereSent) {
   ASSERT_TRUE(control.align_map({{3, {1, 2, 3}}, {4, {-1, 0.5, 0}}}));
   ASSERT_TRUE(control.quarantine_tag(0));
   ASSERT_TRUE(control.forget_tag(586));
-  EXPECT_EQ(change_in<CommitVersion>(desk_, 0).name, "before the move");
-  EXPECT_EQ(change_in<NameVersion>(desk_, 1).version, 12);
-  EXPECT_EQ(change_in<NameVersion>(desk_, 1).name, "monday");
-  EXPECT_EQ(change_in<RollBack>(desk_, 2).version, 12);
-  const auto align = change_in<AlignMap>(desk_, 3);
+  EXPECT_EQ(change_in<CommitVersion>(operator_api_, 0).name, "before the move");
+  EXPECT_EQ(change_in<NameVersion>(operator_api_, 1).version, 12);
+  EXPECT_EQ(change_in<NameVersion>(operator_api_, 1).name, "monday");
+  EXPECT_EQ(change_in<RollBack>(operator_api_, 2).version, 12);
+  const auto align = change_in<AlignMap>(operator_api_, 3);
   ASSERT_EQ(align.places.size(), 2U);
   EXPECT_EQ(align.places[1].tag_id, 4);
   EXPECT_EQ(align.places[1].p_RT, Eigen::Vector3d(-1, 0.5, 0));
-  EXPECT_EQ(change_in<QuarantineTag>(desk_, 4).tag_id, 0);
-  EXPECT_EQ(change_in<ForgetTag>(desk_, 5).tag_id, 586);
+  EXPECT_EQ(change_in<QuarantineTag>(operator_api_, 4).tag_id, 0);
+  EXPECT_EQ(change_in<ForgetTag>(operator_api_, 5).tag_id, 586);
   EXPECT_FALSE(control.forget_tag(-1)) << "no tag has such an id";
-  desk_.refusal = "the map is frozen";
+  operator_api_.refusal = "the map is frozen";
   EXPECT_NE(control.roll_back(12).problem.find("the map is frozen"), std::string::npos);
 }
 
 TEST_F(ControlTest, TheVersionOfTheMapIsListed) {
   auto map = std::make_shared<TagMap>();
   map->version = 7;
-  desk_.served = map;
+  operator_api_.served = map;
   Control control(options());
   ControlState state;
   ASSERT_TRUE(control.list(state));
@@ -151,16 +151,16 @@ TEST_F(ControlTest, RefusesAWrongTokenAndDoesNothing) {
     EXPECT_FALSE(outcome);
     EXPECT_NE(outcome.problem.find("token"), std::string::npos) << outcome.problem;
   }
-  EXPECT_EQ(desk_.mode, MapMode::kFrozen);
+  EXPECT_EQ(operator_api_.mode, MapMode::kFrozen);
 }
 
 TEST_F(ControlTest, TakesNoCommandsWithoutAConfiguredToken) {
-  desk_.operator_token.clear();
+  operator_api_.operator_token.clear();
   Control control(options(""));
   const auto outcome = control.commit_map();
   EXPECT_FALSE(outcome);
   EXPECT_NE(outcome.problem.find("operator.token"), std::string::npos) << outcome.problem;
-  EXPECT_EQ(desk_.changes.size(), 0U);
+  EXPECT_EQ(operator_api_.changes.size(), 0U);
 }
 
 TEST_F(ControlTest, ShutsOutWhoGuesses) {
@@ -197,14 +197,14 @@ TEST_F(ControlTest, SaysThatNobodyListens) {
 
 TEST_F(ControlTest, ComesBackAfterARestartOfTheServer) {
   std::uint16_t port = 0;
-  auto first = std::make_unique<TestServer>(*scene_, port, native::NativeConfig{}, &desk_);
+  auto first = std::make_unique<TestServer>(*scene_, port, native::NativeConfig{}, &operator_api_);
   auto there = options();
   there.port = first->port();
   Control control(there);
   ASSERT_TRUE(control.commit_map());
   first.reset();
   EXPECT_FALSE(control.commit_map());
-  first = std::make_unique<TestServer>(*scene_, there.port, native::NativeConfig{}, &desk_);
+  first = std::make_unique<TestServer>(*scene_, there.port, native::NativeConfig{}, &operator_api_);
   const auto outcome = control.commit_map();
   EXPECT_TRUE(outcome) << outcome.problem;
 }

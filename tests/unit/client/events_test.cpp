@@ -6,7 +6,7 @@
 
 #include <optional>
 
-#include "support/fake_desk.hpp"
+#include "support/fake_operator_api.hpp"
 #include "test_server.hpp"
 
 namespace fiducap {
@@ -23,7 +23,7 @@ class EventWatchTest : public testing::Test {
     return made;
   }
   void start(std::uint16_t port = 0) {
-    server_.emplace(*scene_, port, native::NativeConfig{}, &desk_, nullptr, &*board_);
+    server_.emplace(*scene_, port, native::NativeConfig{}, &operator_api_, nullptr, &*board_);
   }
   static Event lost() {
     return {.severity = Severity::kError,
@@ -35,13 +35,13 @@ class EventWatchTest : public testing::Test {
 
   std::shared_ptr<SceneFrame> scene_ = make_scene_frame({"drone"});
   std::optional<EventBoard> board_{[] { return std::int64_t{1'700'000'000'123'000'000}; }};
-  FakeDesk desk_;
+  FakeOperatorApi operator_api_;
   std::optional<TestServer> server_;
   ServerEvent event_;
 };
 
 TEST_F(EventWatchTest, TellsWhatHappensWithCauseAndRemedyWithoutAToken) {
-  desk_.operator_token.clear();
+  operator_api_.operator_token.clear();
   start();
   EventWatch watch(options());
   EXPECT_FALSE(watch.next(event_, kAtOnce));
@@ -64,7 +64,7 @@ TEST_F(EventWatchTest, TellsWhatHappensWithCauseAndRemedyWithoutAToken) {
 }
 
 TEST_F(EventWatchTest, BeginsWithWhatTheServerStillKnowsUnlessOnlyNewsAreWanted) {
-  board_->tell({.subject = "server", .kind = "started", .text = "runs"});
+  board_->report({.subject = "server", .kind = "started", .text = "runs"});
   board_->begin(lost());
   start();
   EventWatch all(options());
@@ -77,7 +77,7 @@ TEST_F(EventWatchTest, BeginsWithWhatTheServerStillKnowsUnlessOnlyNewsAreWanted)
     EXPECT_FALSE(news.next(event_, kAtOnce));
     return news.standing().size() == 1;
   })) << news.problem();
-  board_->tell({.subject = "map", .kind = "stored", .text = "stored"});
+  board_->report({.subject = "map", .kind = "stored", .text = "stored"});
   ASSERT_TRUE(news.next(event_, kPatience)) << news.problem();
   EXPECT_EQ(event_.kind, "stored");
 }
@@ -86,9 +86,9 @@ TEST_F(EventWatchTest, LosesNothingWhenTheServerRestarts) {
   start();
   const auto port = server_->port();
   EventWatch watch(options());
-  board_->tell({.subject = "server", .kind = "one", .text = "one"});
+  board_->report({.subject = "server", .kind = "one", .text = "one"});
   ASSERT_TRUE(watch.next(event_, kPatience)) << watch.problem();
-  board_->tell({.subject = "server", .kind = "two", .text = "two"});
+  board_->report({.subject = "server", .kind = "two", .text = "two"});
   ASSERT_TRUE(watch.next(event_, kPatience)) << watch.problem();
   server_.reset();
   ASSERT_TRUE(wait_until([&] {
@@ -97,7 +97,7 @@ TEST_F(EventWatchTest, LosesNothingWhenTheServerRestarts) {
   }));
   EXPECT_TRUE(watch.standing().empty()) << "nobody knows";
   board_.emplace([] { return std::int64_t{0}; });  // numbers begin anew
-  board_->tell({.subject = "server", .kind = "three", .text = "three"});
+  board_->report({.subject = "server", .kind = "three", .text = "three"});
   start(port);
   ASSERT_TRUE(watch.next(event_, kPatience)) << watch.problem();
   EXPECT_EQ(event_.kind, "three");
@@ -109,12 +109,12 @@ TEST_F(EventWatchTest, ManyWatchersLeaveThePlacesOfOperators) {
   std::vector<std::unique_ptr<EventWatch>> watchers;
   for (int i = 0; i < 4; ++i) {
     watchers.push_back(std::make_unique<EventWatch>(options()));
-    board_->tell({.subject = "server", .kind = "n", .text = std::to_string(i)});
+    board_->report({.subject = "server", .kind = "n", .text = std::to_string(i)});
     ASSERT_TRUE(watchers.back()->next(event_, kPatience)) << watchers.back()->problem();
   }
   ControlOptions control;
   control.port = server_->port();
-  control.token = desk_.operator_token;
+  control.token = operator_api_.operator_token;
   control.timeout = kPatience;
   ControlState state;
   const auto outcome = Control(control).list(state);

@@ -16,7 +16,7 @@
 #include <future>
 #include <thread>
 
-#include "streaming/native/native_server.hpp"
+#include "streaming/native/native.hpp"
 #include "support/fake_clock.hpp"
 #include "support/scene_builder.hpp"
 
@@ -35,14 +35,14 @@ inline std::int64_t monotonic_ns() {
 class TestServer {
  public:
   explicit TestServer(const SceneFrame& scene, std::uint16_t port = 0,
-                      native::NativeConfig config = {}, OperatorDesk* desk = nullptr,
+                      native::NativeConfig config = {}, OperatorApi* operator_api = nullptr,
                       const Clock* clock = nullptr, const EventBoard* events = nullptr) {
     config.port = port;
-    auto started = native::start_native_server(io_, config, scene.model,
-                                               clock != nullptr ? *clock : clock_, desk, events);
+    auto started = native::start_native_server(
+        io_, config, scene.model, clock != nullptr ? *clock : clock_, operator_api, events);
     EXPECT_TRUE(started) << started.error().text();
     server_ = std::move(*started);
-    port_ = native::bound_port(*server_);
+    port_ = server_->port();
     thread_ = std::thread([this] { io_.run(); });
   }
   ~TestServer() {

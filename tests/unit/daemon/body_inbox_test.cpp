@@ -1,4 +1,4 @@
-#include "daemon/bodies/body_inbox.hpp"
+#include "daemon/bodies/body_reader.hpp"
 
 #include <gtest/gtest.h>
 

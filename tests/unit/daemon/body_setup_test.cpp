@@ -46,8 +46,8 @@ TEST(BodySetup, GravityIsToldByANumberOrByThePlace) {
     const auto config = parse_config("site: " + site + "\n", "test.yaml");
     if (!config) throw std::runtime_error(config.error().front().text());
     const auto again = parse_config(print_config(*config), "printed.yaml");
-    EXPECT_EQ(config->site.told_gravity(), again->site.told_gravity());
-    return again->site.told_gravity();
+    EXPECT_EQ(config->site.configured_gravity(), again->site.configured_gravity());
+    return again->site.configured_gravity();
   };
   EXPECT_EQ(told("{}"), std::nullopt);
   EXPECT_EQ(told("{gravity_m_s2: 9.776}"), 9.776);
@@ -73,11 +73,11 @@ TEST(BodySetup, GravityThatIsToldIsInTheRecordingToo) {
     return offline_setup(*read).sensors;
   };
   const BodySensors untold = read_back({}, "untold");
-  EXPECT_FALSE(untold.is_gravity_told());
+  EXPECT_FALSE(untold.is_gravity_known());
   EXPECT_EQ(untold.gravity_sigma_m_s2, kUsualGravitySigma_m_s2);
   const BodySensors told = read_back({std::nullopt, 19.4, 2240}, "told");
   EXPECT_EQ(told.gravity_m_s2, normal_gravity(19.4, 2240)) << "to the last bit";
-  EXPECT_EQ(told.gravity_sigma_m_s2, kToldGravitySigma_m_s2);
+  EXPECT_EQ(told.gravity_sigma_m_s2, kGivenGravitySigma_m_s2);
 }
 
 TEST(BodySetup, AnImuComesWithItsCorrection) {

@@ -1,4 +1,4 @@
-// What a body says of itself, and how it goes on after a failure.
+// Conditions of a body, and its restart after a failure.
 #include "body_worker_fixture.hpp"
 
 namespace fiducap {
@@ -83,10 +83,10 @@ TEST_F(BodyWorkerTest, BeginsAnewWhenItsFilterThrowsAndSaysWhenItIsBack) {
   std::thread reader([this] { worker_->read(0, {}); });
   worker_->work({});
   reader.join();
-  EXPECT_EQ(worker_->statistics().new_beginnings, 1U);
+  EXPECT_EQ(worker_->statistics().restarts, 1U);
   const auto told = events_.after(0);
   ASSERT_EQ(told.size(), 2U);
-  EXPECT_THAT(told[0].sentence(), testing::HasSubstr("robot: its estimate broke off (a matrix is"));
+  EXPECT_THAT(told[0].sentence(), testing::HasSubstr("robot: estimator failed (a matrix is"));
   EXPECT_EQ(told[1].sentence(), "robot: is tracked again");
 }
 
@@ -96,7 +96,7 @@ TEST_F(BodyWorkerTest, CountsOnAfterANewBeginning) {
   worker_->read(0, {});
   clock_.advance(std::chrono::milliseconds(500));  // two of three are too old by now
   worker_->work({});
-  EXPECT_EQ(worker_->statistics().new_beginnings, 1U);
+  EXPECT_EQ(worker_->statistics().restarts, 1U);
   EXPECT_EQ(worker_->statistics().images_dropped, 2U);
   EXPECT_EQ(worker_->statistics().pipeline.skipped, 2U);
   EXPECT_EQ(worker_->statistics().pipeline.imu_samples, log_.propagated.size());
@@ -128,11 +128,11 @@ TEST_F(BodyWorkerTest, ANewBeginningLooksAtTheImuAnew) {
   build(std::move(samples));
   filter_->throws_at = 3;
   run();
-  EXPECT_EQ(worker_->statistics().new_beginnings, 1U);
+  EXPECT_EQ(worker_->statistics().restarts, 1U);
   std::vector<std::string> told;
   for (const Event& event : events_.after(0))
     if (event.kind == "imu_silent") told.push_back(event.over ? event.text : "silent");
-  EXPECT_THAT(told, ElementsAre("silent", testing::HasSubstr("begins anew")));
+  EXPECT_THAT(told, ElementsAre("silent", testing::HasSubstr("estimator restarts")));
 }
 
 TEST_F(BodyWorkerTest, OneThatFailsAgainAndAgainWaitsLongerAndLonger) {
@@ -147,8 +147,8 @@ TEST_F(BodyWorkerTest, OneThatFailsAgainAndAgainWaitsLongerAndLonger) {
   std::thread reader([this] { worker_->read(0, {}); });
   worker_->work({});
   reader.join();
-  EXPECT_LE(worker_->statistics().new_beginnings, 13U) << "100 ms, 200 ms, … 30 s, 30 s";
-  EXPECT_GE(worker_->statistics().new_beginnings, 9U);
+  EXPECT_LE(worker_->statistics().restarts, 13U) << "100 ms, 200 ms, … 30 s, 30 s";
+  EXPECT_GE(worker_->statistics().restarts, 9U);
   ASSERT_EQ(events_.after(0).size(), 2U) << "said once, and that it is over";
   EXPECT_EQ(events_.after(0)[1].text, "its source has ended");
 }

@@ -75,7 +75,7 @@ class BodyWorkerTest : public testing::Test {
   }
 
   /// Three images, a tenth of a second apart, with an IMU reading before each and one at the end.
-  /// The clock goes on by 50 ms with each.
+  /// Each advances the clock by 50 ms.
   void build_three_images() {
     std::vector<SensorSample> samples;
     for (int i = 0; i < 3; ++i) {

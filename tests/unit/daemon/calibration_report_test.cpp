@@ -1,4 +1,4 @@
-#include "daemon/bodies/calibration_report.hpp"
+#include "daemon/bodies/body_worker.hpp"
 
 #include <gtest/gtest.h>
 

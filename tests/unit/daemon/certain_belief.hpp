@@ -1,10 +1,10 @@
 #pragma once
 
-#include "estimation/tag_belief.hpp"
+#include "estimation/known_tag.hpp"
 
 namespace fiducap {
 
-/// A tag that nobody doubts, at (x, 0, 1).
+/// A certain tag at (x, 0, 1).
 inline TagBelief belief(int id, double x) {
   TagBelief certain;
   certain.tag = {id, 0.16, {Eigen::Quaterniond::Identity(), {x, 0, 1}}};

@@ -5,7 +5,7 @@
 
 #include <filesystem>
 
-#include "capture/imu/imu_part.hpp"
+#include "capture/imu_sample.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {
@@ -42,7 +42,7 @@ std::vector<std::string> faults_of(const std::string& text,
 
 TEST(ConfigFile, GravityIsToldOnce) {
   EXPECT_THAT(faults_of("site: {gravity_m_s2: 9.78, latitude_deg: 0}"),
-              ElementsAre(HasSubstr("leave one of them out")));
+              ElementsAre(HasSubstr("remove one of them")));
   EXPECT_THAT(faults_of("site: {height_m: 2240}"), ElementsAre(HasSubstr("needs latitude_deg")));
   EXPECT_THAT(faults_of("site: {gravity_m_s2: 1}"), ElementsAre(HasSubstr("site.gravity_m_s2")));
 }
@@ -127,26 +127,28 @@ TEST(ConfigFile, GivesAnImuASourceOfItsOwnAndTheNoiseOfItsPart) {
 
 TEST(ConfigFile, AnImuNeedsASourceAndOnlyOne) {
   EXPECT_THAT(faults_of(std::string(kTwoCameras) + "    imu: {rate_hz: 200}\n"),
-              ElementsAre(HasSubstr("bodies.0.imu = {…}: has no source: say in `imu_source`")));
+              ElementsAre(HasSubstr("bodies.0.imu = {…}: has no source: set `imu_source`")));
   const std::string source = "imu_source: {type: line, device: /dev/ttyACM0}";
   EXPECT_THAT(
       faults_of("bodies: [{name: a, source: {type: recording, folder: x}, " + source + "}]"),
-      ElementsAre(HasSubstr("bodies.0.imu_source = {…}: cannot be: a recording")));
+      ElementsAre(HasSubstr("bodies.0.imu_source = {…}: must not be given: a recording")));
   EXPECT_THAT(
       faults_of("bodies: [{name: a, source: {type: ros, images: [/c/i], imu: /imu}, cameras: "
                 "[{}], " +
                 source + "}]"),
-      ElementsAre(HasSubstr("bodies.0.imu_source = {…}: stands beside source.imu")));
+      ElementsAre(
+          HasSubstr("bodies.0.imu_source = {…}: must not be given together with source.imu")));
 }
 
 TEST(ConfigFile, SourcesOfCamerasAndOfTheirBodyExcludeEachOther) {
   EXPECT_THAT(faults_of(kTwoCameras, {"bodies.0.source.type=camera", "bodies.0.source.open=a.mp4"}),
-              testing::Contains(HasSubstr("cameras.0.source = {…}: stands beside the `source`")));
+              testing::Contains(HasSubstr("cameras.0.source = {…}: is given beside the `source`")));
   EXPECT_THAT(
       faults_of(kTwoCameras, {"bodies.0.cameras.1.source=~"}),
-      testing::Contains(HasSubstr("cameras.1.source = nothing: must say where its images")));
-  EXPECT_THAT(faults_of("bodies: [{name: robot, source: {type: sensors}}]"),
-              ElementsAre(HasSubstr("bodies.0.cameras = 0 entries: must have a camera")));
+      testing::Contains(HasSubstr("cameras.1.source = nothing: must be set: the body has no")));
+  EXPECT_THAT(
+      faults_of("bodies: [{name: robot, source: {type: sensors}}]"),
+      ElementsAre(HasSubstr("bodies.0.cameras = 0 entries: must have at least one camera")));
   EXPECT_THAT(
       faults_of(kTwoCameras, {"bodies.0.cameras.1.source.image=right"}),
       ElementsAre(HasSubstr("bodies.0.cameras.1.source.image = \"right\": must be a topic")));
@@ -244,7 +246,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadValue{"map: {correction_ramp_s: -1}", "map.correction_ramp_s = -1: must be finite"},
         BadValue{"map: {reference_pose: {p: [0, 0, 0]}}", "needs reference_tag"},
         BadValue{"map: {reference_tag: 0, reference_pose: {p: [0, 0, 0]}, floor_tags: [1]}",
-                 "reference_pose says what is up"},
+                 "which defines the vertical"},
         BadValue{"streaming: {vrpn: {port: 70000}}",
                  "streaming.vrpn.port = 70000: must be a whole number in [0, 65535]"},
         BadValue{"streaming: {web: {rate_hz: 0}}", "streaming.web.rate_hz = 0: must be"},
@@ -253,7 +255,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadValue{"streaming: {natnet: {aliases: [drone]}}",
                  "must be a section of `name: other name`"},
         BadValue{"streaming: {natnet: {aliases: {ghost: RigidBody 1}}}",
-                 "streaming.natnet.aliases.ghost = \"RigidBody 1\": must stand for the name of one "
+                 "streaming.natnet.aliases.ghost = \"RigidBody 1\": must be an alias of one "
                  "of the bodies"},
         BadValue{"{streaming: {dds: {aliases: {a: \"\"}}}, bodies: [{name: a, source: {type: "
                  "recording, folder: x}}]}",
@@ -261,7 +263,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadValue{"bodies: [{name: a/b, source: {type: recording, folder: x}}]",
                  "bodies.0.name = \"a/b\": must not have /"},
         BadValue{"bodies: [{name: \"a\\u202Eb\", source: {type: recording, folder: x}}]",
-                 "bodies.0.name = \"a\\u202eb\": must not have characters that are not seen"},
+                 "bodies.0.name = \"a\\u202eb\": must not have invisible characters"},
         BadValue{"bodies: [{name: a, source: {type: recording}}]",
                  "bodies.0.source.folder = \"\": must name"},
         BadValue{"bodies: [{name: a, source: {type: simulator}}]", "bodies.0.cameras = []"},
@@ -348,10 +350,10 @@ TEST(ConfigPaths, DevicesAndPipelinesStayAsTheyAre) {
   }
 }
 
-TEST(ConfigFile, BodiesThatContainThemselvesAreToldWithPathAndRule) {
+TEST(ConfigFile, BodiesThatContainThemselvesAreReportedWithPathAndRule) {
   EXPECT_THAT(faults_of("bodies: &a [*a, *a]\n"),
-              ElementsAre("test.yaml:1: bodies.0 = an alias: repeats the list or section that it "
-                          "stands in"));
+              ElementsAre("test.yaml:1: bodies.0 = an alias: repeats the list or section that "
+                          "contains it"));
 }
 
 TEST(ConfigPrint, DoesNotShowTheTokenNorOneThatWorks) {

@@ -89,7 +89,7 @@ const std::vector<Mistake> kMistakes{
      "map.mode = frosen: must be one of mapping, frozen; did you mean frozen?"},
     {{"tags.family=tag36h12"}, "tags.family = tag36h12: must be one of"},
     {{"bodies.1.name=robot"}, "bodies.1.name = \"robot\": is taken by another body"},
-    {{"streaming.vrpn.aliases={drone: A}"}, "must stand for the name of one of the bodies"},
+    {{"streaming.vrpn.aliases={drone: A}"}, "must be an alias of one of the bodies"},
     {{"bodies.1.source.type=recordng"}, "did you mean recording?"},
     // Units
     {{"tags.size_m=160"}, "tags.size_m = 160: must be in metres: 160 mm is 0.16"},
@@ -100,7 +100,7 @@ const std::vector<Mistake> kMistakes{
     {{"bodies.0.imu.accel_noise_m_s2_rtHz=100"}, "data sheets give micro-g", true},
     // Lenses
     {{"bodies.1.cameras.0.model.width=640"}, "gives images of 64 x 48"},
-    {{"bodies.0.cameras.0.focal_sigma=0.1"}, "says that the lens is a guess", true},
+    {{"bodies.0.cameras.0.focal_sigma=0.1"}, "means that the lens is a guess", true},
     {{"bodies.0.cameras.0.model.fv=700"}, "differs from fu by more than pixels do", true},
     {{"bodies.0.cameras.0.model.cu=20"}, "is far from the middle of 752 x 480", true},
     {{"bodies.0.cameras.0.model.fu=7000", "bodies.0.cameras.0.model.fv=7000"},
@@ -116,16 +116,16 @@ const std::vector<Mistake> kMistakes{
     {{"operator.token_file=/no/such/token"}, "operator.token_file = /no/such/token"},
     {{"dds.interface=eth77"}, "dds.interface = eth77: is no network interface"},
     // What can never track
-    {{"map.mode=frozen"}, "has no map to be frozen: nothing will ever be tracked"},
+    {{"map.mode=frozen"}, "has no map: nothing will ever be tracked"},
     {{"map.reference_tag=900"},
      "map.reference_tag = 900: is no tag of tag36h11, which has 0 to 586"},
-    {{"tags.ignore=[0]"}, "map.reference_tag = 0: stands in tags.ignore"},
+    {{"tags.ignore=[0]"}, "map.reference_tag = 0: is in tags.ignore"},
     {{"tags.sizes_m={5000: 0.2}"}, "tags.sizes_m = 5000: is no tag of tag36h11"},
     {{"map.floor_tags=[-3]"}, "map.floor_tags = -3: is no tag"},
     // What is forgotten
     {{"map.store="}, "the map is forgotten when the server ends", true},
     {{"map.reference_tag=~"}, "the first tag that is seen becomes the origin", true},
-    {{"bodies.0.use_imu=false"}, "nothing says what is up", true},
+    {{"bodies.0.use_imu=false"}, "the vertical is unknown", true},
     // Ports
     {{"streaming.vrpn.port=21987", "streaming.native.port=21987"}, "is the port of vrpn, too"},
     {{"streaming.vrpn.address=203.0.113.7", "streaming.vrpn.port=21988"},
@@ -166,7 +166,7 @@ TEST_F(ConfigReviewTest, SaysWhenAnImuBelongsToTheFirstSender) {
   const std::string imu = "bodies.1.imu={part: icm-42688-p}";
   const std::string port = "bodies.1.imu_source={type: line, port: 47115";
   EXPECT_THAT(lines(look({imu, port + "}"}).doubts),
-              Contains(HasSubstr("the IMU belongs to the first sender")));
+              Contains(HasSubstr("readings of the first sender are used")));
   EXPECT_THAT(lines(look({imu, port + ", peer: 10.0.0.7}"}).doubts), IsEmpty());
 }
 

@@ -13,7 +13,7 @@
 
 namespace fiducap {
 
-/// Throws as often as it was told, gives the samples it was given, then ends: with nullopt or an
+/// Throws a given number of times, gives its samples, then ends: with nullopt or an
 /// error.
 class ScriptedSource final : public SensorSource {
  public:
@@ -46,7 +46,7 @@ class ScriptedSource final : public SensorSource {
   std::optional<Error> error_;
 };
 
-/// Gives whatever is made for each turn, until that is nothing.
+/// Gives what is made for each turn, until that is nothing.
 class EndlessSource final : public SensorSource {
  public:
   using Make = std::function<std::optional<SensorSample>(int turn)>;

@@ -1,4 +1,4 @@
-#include "daemon/frame_mailbox.hpp"
+#include "daemon/stream_loop.hpp"
 
 #include <gtest/gtest.h>
 

@@ -7,11 +7,7 @@
 #include <cstdlib>
 #include <new>
 
-#include "daemon/watch/body_health.hpp"
-#include "daemon/watch/frame_watchdog.hpp"
 #include "daemon/watch/health_watch.hpp"
-#include "daemon/watch/machine_health.hpp"
-#include "daemon/watch/service_manager.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/fake_clock.hpp"
 #include "support/temporary_folder.hpp"
@@ -70,7 +66,7 @@ TEST_F(BodyHealthTest, SaysThatACameraIsSilentAndThatItIsBack) {
   pass(5s);
   pass(4s, [] {});
   EXPECT_THAT(told(), ElementsAre("silent"));
-  EXPECT_THAT(text(), HasSubstr("drone: no image has come from its camera any more. Look at its"));
+  EXPECT_THAT(text(), HasSubstr("drone: no more images from its camera. Check its"));
   pass(5s);
   EXPECT_THAT(told(), ElementsAre("silent", "over: silent"));
 }
@@ -89,7 +85,7 @@ TEST_F(BodyHealthTest, OfSeveralCamerasTheSilentOneIsNamed) {
   EXPECT_THAT(told(), IsEmpty());
   pass_with(4s, false);
   EXPECT_THAT(told(), ElementsAre("silent_1"));
-  EXPECT_THAT(text(), HasSubstr("drone: no image has come from its camera 1 any more"));
+  EXPECT_THAT(text(), HasSubstr("drone: no more images from its camera 1"));
   pass_with(5s, true);
   EXPECT_THAT(told(), ElementsAre("silent_1", "over: silent_1"));
 }
@@ -97,7 +93,7 @@ TEST_F(BodyHealthTest, OfSeveralCamerasTheSilentOneIsNamed) {
 TEST_F(BodyHealthTest, ACameraThatNeverGaveAnImageIsSilentToo) {
   pose_.state = BodyState::kSearching;
   pass(6s, [] {});
-  EXPECT_THAT(text(), HasSubstr("not one image has come"));
+  EXPECT_THAT(text(), HasSubstr("no image so far"));
 }
 
 TEST_F(BodyHealthTest, ASourceThatHasEndedIsNotSilent) {
@@ -212,7 +208,7 @@ TEST_F(BodyHealthTest, ARobotThatDoesNotFindItsPlaceIsTold) {
     healthy();
     pose_.state = BodyState::kSearching;
   });
-  EXPECT_THAT(text(), HasSubstr("has not found its place"));
+  EXPECT_THAT(text(), HasSubstr("has found no pose"));
 }
 
 TEST(FrameWatchdog, GivesUpAfterSoManyLooksInARowWithoutAFrame) {
@@ -220,11 +216,11 @@ TEST(FrameWatchdog, GivesUpAfterSoManyLooksInARowWithoutAFrame) {
   std::uint64_t frames = 0;
   using Verdict = FrameWatchdog::Verdict;
   EXPECT_EQ(watchdog.look(++frames), Verdict::kFlows);
-  EXPECT_EQ(watchdog.look(frames), Verdict::kStands);
-  EXPECT_EQ(watchdog.look(frames), Verdict::kStands);
+  EXPECT_EQ(watchdog.look(frames), Verdict::kStalled);
+  EXPECT_EQ(watchdog.look(frames), Verdict::kStalled);
   EXPECT_EQ(watchdog.look(++frames), Verdict::kFlows);
-  EXPECT_EQ(watchdog.look(frames), Verdict::kStands);
-  EXPECT_EQ(watchdog.look(frames), Verdict::kStands);
+  EXPECT_EQ(watchdog.look(frames), Verdict::kStalled);
+  EXPECT_EQ(watchdog.look(frames), Verdict::kStalled);
   EXPECT_EQ(watchdog.look(frames), Verdict::kDead);
 }
 
@@ -236,12 +232,12 @@ TEST(HealthWatch, GivesTheServerUpOnceWhenFramesReachNobody) {
   Publisher publisher(100, scene, map, clock, [](auto) {});
   int given_up = 0;
   HealthWatch watch(events, publisher, clock, [&] { ++given_up; });
-  for (int i = 0; i < 3 * HealthWatch::kLooksInVain; ++i) {
+  for (int i = 0; i < 3 * HealthWatch::kMissedLooks; ++i) {
     watch.delivered(nullptr);
     watch.look();
   }
   EXPECT_EQ(given_up, 0);
-  for (int i = 0; i < 3 * HealthWatch::kLooksInVain; ++i) watch.look();
+  for (int i = 0; i < 3 * HealthWatch::kMissedLooks; ++i) watch.look();
   EXPECT_EQ(given_up, 1);
   EXPECT_EQ(events.standing().back().kind, "stalled");
 }
@@ -256,7 +252,7 @@ TEST(HealthWatch, GivesTheServerUpAlsoWhenThereIsNoMemoryToSaySo) {
   HealthWatch watch(events, publisher, clock, [&] {
     if (++asked == 1) throw std::bad_alloc();
   });
-  for (int i = 0; i + 1 < HealthWatch::kLooksInVain; ++i) watch.look();
+  for (int i = 0; i + 1 < HealthWatch::kMissedLooks; ++i) watch.look();
   AllocationFault::reach_this_thread();
   AllocationFault::arm(1);
   EXPECT_THROW(watch.look(), std::bad_alloc);
@@ -333,9 +329,9 @@ TEST(ServiceManager, IsToldThroughItsSocket) {
   path.copy(address.sun_path, sizeof(address.sun_path) - 1);
   ASSERT_EQ(::bind(socket, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
   ::setenv("NOTIFY_SOCKET", path.c_str(), 1);
-  EXPECT_TRUE(tell_service_manager("WATCHDOG=1"));
+  EXPECT_TRUE(notify_service_manager("WATCHDOG=1"));
   ::unsetenv("NOTIFY_SOCKET");
-  EXPECT_FALSE(tell_service_manager("WATCHDOG=1")) << "there is none";
+  EXPECT_FALSE(notify_service_manager("WATCHDOG=1")) << "there is none";
   std::array<char, 64> said{};
   EXPECT_EQ(::recv(socket, said.data(), said.size(), MSG_DONTWAIT), 10);
   EXPECT_STREQ(said.data(), "WATCHDOG=1");

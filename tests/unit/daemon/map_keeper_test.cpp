@@ -167,26 +167,26 @@ TEST_F(MapKeeperTest, StoresUnderANameAndNamesVersions) {
   ASSERT_EQ(log.size(), 2u) << "though nothing has changed";
   EXPECT_EQ(log[0].comment, "after it");
   EXPECT_EQ(log[1].comment, "before the move");
-  keeper_->fill_shelf();
-  EXPECT_EQ(keeper_->shelf().log()->front().comment, "after it");
+  keeper_->update_cache();
+  EXPECT_EQ(keeper_->versions().log()->front().comment, "after it");
 }
 
 TEST_F(MapKeeperTest, VersionsAreReadForThoseWhoMayNotWait) {
   build(MapMode::kMapping);
   see(4);
   keeper_->commit();
-  keeper_->fill_shelf();
-  auto content = keeper_->shelf().version(1);
+  keeper_->update_cache();
+  auto content = keeper_->versions().version(1);
   ASSERT_TRUE(content);
   EXPECT_EQ(*content, nullptr) << "asked for";
   std::jthread thread([&](const std::stop_token& stop) { keeper_->run(stop); });
   while (*content == nullptr) {
     clock_.advance(std::chrono::seconds(1));
     std::this_thread::yield();
-    content = keeper_->shelf().version(1);
+    content = keeper_->versions().version(1);
   }
   EXPECT_EQ((*content)->tags.size(), 1u);
-  EXPECT_EQ(keeper_->shelf().version(2).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(keeper_->versions().version(2).error().code, ErrorCode::kNotFound);
 }
 
 TEST_F(MapKeeperTest, RequestsThatADiskDoesNotTakeAreLimited) {
@@ -362,7 +362,7 @@ TEST_F(MapKeeperTest, WhatAnOperatorAsksForIsKeptUnderItsOwnName) {
   EXPECT_EQ(stored().back().comment, kAutomaticComment);
 }
 
-/// A disk that takes its time holds up the keeper, nobody else.
+/// A slow disk delays the keeper only.
 TEST_F(MapKeeperTest, AMapGrowsWhileTheDiskIsBusy) {
   test::FaultDisk disk;
   file_ = "map.sqlite";

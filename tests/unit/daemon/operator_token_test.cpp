@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "daemon/control_desk.hpp"
+#include "daemon/operator_service.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {
@@ -88,7 +88,7 @@ TEST_F(OperatorTokenTest, TwoTokensAreATypingError) {
   EXPECT_TRUE((OperatorConfig{"", "/etc/token"}.check().empty()));
   const auto faults = OperatorConfig{"correct horse", "/etc/token"}.check();
   ASSERT_EQ(faults.size(), 1u);
-  EXPECT_THAT(faults[0].text(), HasSubstr("keep one of"));
+  EXPECT_THAT(faults[0].text(), HasSubstr("remove one of"));
   EXPECT_THAT(faults[0].text(), testing::Not(HasSubstr("correct horse")));
 }
 

@@ -1,4 +1,4 @@
-#include "daemon/recording/recording_queue.hpp"
+#include "daemon/recording/session_files.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "daemon/bodies/reopening_source.hpp"
+#include "daemon/bodies/body_setup.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ using testing::ElementsAre;
 using testing::IsEmpty;
 using testing::Not;
 
-/// Gives so many readings, one a second, then is unplugged, throws, or ends.
+/// Gives a number of readings, one a second, then is unplugged, throws, or ends.
 class Device final : public SensorSource {
  public:
   enum class End { kUnplugged, kThrows, kOver };

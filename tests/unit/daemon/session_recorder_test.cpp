@@ -314,7 +314,7 @@ class RecordingImagesTest : public SessionRecorderTest {
 TEST_F(RecordingImagesTest, ASlowDiskCostsImagesNotMemoryAndNoImuReading) {
   constexpr int kImages = 200;  // 400 MB
   constexpr int kFit = static_cast<int>(RecordingQueue::kImages_bytes / 2'000'000);
-  ASSERT_TRUE(images_.start("slow"));  // nobody writes
+  ASSERT_TRUE(images_.start("slow"));  // without a writer
   for (int ms = 1; ms <= kImages; ++ms) {
     images_.take(0, CameraFrame{0, at_ms(ms), image_});
     images_.take(0, ImuSample{at_ms(ms), {0.1, 0.2, 0.3}, {0, 0, 9.81}});

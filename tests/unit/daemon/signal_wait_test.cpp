@@ -1,4 +1,4 @@
-#include "daemon/signal_wait.hpp"
+#include "daemon/stream_loop.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@ namespace {
 
 class SignalWaitTest : public testing::Test {
  protected:
-  /// @return how often it was told to stop by one SIGTERM
+  /// @return number of stops by one SIGTERM
   int told_by_a_signal() {
     told_ = 0;
     std::raise(SIGTERM);

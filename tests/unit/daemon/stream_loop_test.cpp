@@ -7,15 +7,14 @@
 #include <stdexcept>
 #include <thread>
 
-#include "daemon/protocol_servers.hpp"
 #include "support/fake_clock.hpp"
-#include "support/fake_desk.hpp"
+#include "support/fake_operator_api.hpp"
 #include "support/scene_builder.hpp"
 
 namespace fiducap {
 namespace {
 
-/// Says what happens to it, in order.
+/// Records its calls, in order.
 class Witness final : public Streamer {
  public:
   explicit Witness(std::string& story) : story_(story) {}
@@ -67,13 +66,13 @@ TEST(ProtocolServers, PagesAreServedBesideTheThreadOfTheFrames) {
   for_each_protocol([](std::string_view name, auto& one) { one.enabled = name == "web"; },
                     config.streaming);
   config.streaming.web.port = 0;
-  FakeDesk desk;
+  FakeOperatorApi operator_api;
   const EventBoard events{[] { return std::int64_t{0}; }};
   const FakeClock clock;
   StreamLoop frames("frames");
   StreamLoop pages("pages");
   const auto ports = start_protocols(
-      {frames, pages, config, std::make_shared<SceneModel>(), desk, events, clock, {}});
+      {frames, pages, config, std::make_shared<SceneModel>(), operator_api, events, clock, {}});
   ASSERT_TRUE(ports.has_value()) << ports.error().text();
   EXPECT_TRUE(frames.hub().empty());
   EXPECT_FALSE(pages.hub().empty());
@@ -84,13 +83,13 @@ TEST(ProtocolServers, EverythingElseIsServedOnTheThreadOfTheFrames) {
   for_each_protocol([](std::string_view name, auto& one) { one.enabled = name == "vrpn"; },
                     config.streaming);
   config.streaming.vrpn.port = 0;
-  FakeDesk desk;
+  FakeOperatorApi operator_api;
   const EventBoard events{[] { return std::int64_t{0}; }};
   const FakeClock clock;
   StreamLoop frames("frames");
   StreamLoop pages("pages");
   const auto ports = start_protocols(
-      {frames, pages, config, std::make_shared<SceneModel>(), desk, events, clock, {}});
+      {frames, pages, config, std::make_shared<SceneModel>(), operator_api, events, clock, {}});
   ASSERT_TRUE(ports.has_value()) << ports.error().text();
   EXPECT_FALSE(frames.hub().empty());
   EXPECT_TRUE(pages.hub().empty());

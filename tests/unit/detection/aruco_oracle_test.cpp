@@ -1,4 +1,4 @@
-// Our reader and OpenCV's, each on what the other one draws.
+// Our detector and OpenCV's, each on images drawn by the other one.
 #include <gtest/gtest.h>
 
 #include <opencv2/core.hpp>
@@ -14,7 +14,7 @@
 namespace fiducap {
 namespace {
 
-constexpr int kModule_px = 10;
+constexpr int kCell_px = 10;
 constexpr int kMargin_px = 20;
 constexpr std::array kSampledIds{0, 1, 7, 17, 23, 29};
 /// OpenCV's corners are on whole pixels unless they are refined.
@@ -46,11 +46,11 @@ void read_by_opencv(const cv::Mat& image, int dictionary,
 }
 #endif
 
-TEST(ArucoOracle, WhatOpenCvDrawsIsReadUpright) {
+TEST(ArucoOracle, DetectsTagsDrawnByOpenCv) {
   for (const TagFamilyFacts& facts : tag_families()) {
     if (facts.dictionary < 0) continue;
     TagDetector detector({.family = std::string(facts.name)}, {});
-    const int side_px = facts.edge_modules * kModule_px;
+    const int side_px = facts.edge_cells * kCell_px;
     for (const int id : kSampledIds) {
       SCOPED_TRACE(std::string(facts.name) + " id " + std::to_string(id));
       const int size = side_px + 2 * kMargin_px;
@@ -73,7 +73,7 @@ TEST(ArucoOracle, WhatOpenCvDrawsIsReadUpright) {
   }
 }
 
-TEST(ArucoOracle, OpenCvReadsWhatIsPrintedInAllFourTurns) {
+TEST(ArucoOracle, OpenCvDetectsPrintsInAllFourRotations) {
   for (const TagFamilyFacts& facts : tag_families()) {
     if (facts.dictionary < 0) continue;
     const auto family = TagFamily::named(std::string(facts.name));
@@ -100,7 +100,7 @@ TEST(ArucoOracle, OpenCvReadsWhatIsPrintedInAllFourTurns) {
   }
 }
 
-TEST(ArucoOracle, OpenCvTurnsAprilTagsByHalfATurn) {
+TEST(ArucoOracle, OpenCvRotatesAprilTagsByHalfATurn) {
   const auto ours = TagFamily::named("tag36h11");
   TagDetector detector({.family = "DICT_APRILTAG_36h11"}, {});
   PrintedTag tag;

@@ -14,7 +14,7 @@ class CandidateSearchTest : public testing::Test {
  protected:
   std::vector<TagCandidate> candidates(std::span<const TagSighting> found = {}) {
     CandidateSearch search(tags_, detector_);
-    std::vector<TagCandidate> out(3);  // what was there before goes
+    std::vector<TagCandidate> out(3);  // is replaced
     search.search(image_, found, out);
     return out;
   }
@@ -31,14 +31,14 @@ class CandidateSearchTest : public testing::Test {
 
 TEST_F(CandidateSearchTest, AnEmptyWallHasNone) { EXPECT_TRUE(candidates().empty()); }
 
-TEST_F(CandidateSearchTest, WhatWasFoundIsNoneNorAreItsBits) {
+TEST_F(CandidateSearchTest, FoundTagsAndTheirBitsAreExcluded) {
   draw_tag(image_, 7, 100, 100, 20);
   const auto found = found_tags();
   ASSERT_EQ(found.size(), 1u);
   EXPECT_TRUE(candidates(found).empty());
 }
 
-TEST_F(CandidateSearchTest, AGoodTagThatNobodyLookedForIsNamed) {
+TEST_F(CandidateSearchTest, AGoodTagOutsideOfTheSearchIsReported) {
   const int edge_px = draw_tag(image_, 7, 100, 100, 20);
   const auto all = candidates();
   ASSERT_EQ(all.size(), 1u);
@@ -58,7 +58,7 @@ TEST_F(CandidateSearchTest, AFaintTagIsReadWithALowMargin) {
   EXPECT_LT(all[0].decision_margin, detector_.min_decision_margin);
 }
 
-TEST_F(CandidateSearchTest, ADarkSquareIsSaidToBeNoTagTooSmallOrFaint) {
+TEST_F(CandidateSearchTest, ADarkSquareIsUnreadTooSmallOrFaint) {
   draw_square(image_, 60, 60, 100, 30);
   draw_square(image_, 300, 60, 11, 30);
   draw_square(image_, 400, 60, 80, 205);
@@ -76,7 +76,7 @@ TEST_F(CandidateSearchTest, ABrightSquareOnADarkWallIsNone) {
   EXPECT_TRUE(candidates().empty());
 }
 
-TEST_F(CandidateSearchTest, GivesNoMoreThanItsBoundAndTakesAnySize) {
+TEST_F(CandidateSearchTest, ReturnsAtMostItsBoundForImagesOfAnySize) {
   for (int v = 10; v < 460; v += 25)
     for (int u = 10; u < 620; u += 25) draw_square(image_, u, v, 14, 30);
   EXPECT_EQ(candidates().size(), CandidateSearch::kMost);

@@ -4,8 +4,8 @@
 
 #include <cmath>
 
-#include "detection/side_bend.hpp"
-#include "detection/tracking/tag_search.hpp"
+#include "detection/observe.hpp"
+#include "detection/tag_search.hpp"
 #include "support/corner_scenes.hpp"
 
 namespace fiducap {
@@ -24,7 +24,7 @@ TEST(CornerSigma, IsUnknownWhenTheSourceMeasuredNothing) {
   EXPECT_EQ(corner_sigma_px(square(50, 0), 2.0), 0.0);
 }
 
-TEST(CornerSigma, GrowsForSmallTiltedSmearedAndNoisyTags) {
+TEST(CornerSigma, GrowsForSmallSlantedBlurredAndNoisyTags) {
   const double fine = corner_sigma_px(square(60), 1.0);
   EXPECT_NEAR(fine, 0.008, 0.001);
   EXPECT_GT(corner_sigma_px(square(12), 1.0), 1.8 * fine);
@@ -35,26 +35,27 @@ TEST(CornerSigma, GrowsForSmallTiltedSmearedAndNoisyTags) {
   EXPECT_GT(corner_sigma_px(thin, 1.0), 1.5 * fine);
 }
 
-TEST(CornerSigma, OnlySidesAcrossTheMotionAreBadlyKnown) {
+TEST(CornerSigma, IsLargeOnlyForSidesAcrossTheMotion) {
   TagSighting tag = square(60, 0.3);
   tag.sides[1].sharpness = tag.sides[3].sharpness = 1;
   const auto sides = side_sigmas(tag, 3.0);
   EXPECT_GT(sides[0].shift_px, 2.5 * sides[1].shift_px);
   EXPECT_DOUBLE_EQ(sides[1].shift_px, sides[3].shift_px);
-  // What is smeared is off as a whole; what is sharp, by the noise along it.
+  // Blurred sides are shifted; sharp ones have the noise along them.
   EXPECT_LT(sides[1].shift_px / sides[1].turn_px, sides[0].shift_px / sides[0].turn_px);
 }
 
-TEST(CornerSigma, ASideThatCouldNotBeFittedIsHardlyBelieved) {
+TEST(CornerSigma, IsOnePixelForASideWithoutAFit) {
   TagSighting tag = square(60, 0.3);
   tag.sides[1].sharpness = 0;
   const auto sides = side_sigmas(tag, 1.0);
   EXPECT_GT(sides[1].shift_px, 5 * sides[0].shift_px);
   tag.sides.fill({});
-  EXPECT_EQ(side_sigmas(tag, 1.0)[1].shift_px, sides[0].shift_px) << "the source says no more";
+  EXPECT_EQ(side_sigmas(tag, 1.0)[1].shift_px, sides[0].shift_px)
+      << "the source knows only the tag's sharpness";
 }
 
-TEST(CornerSigma, WhitePaperAtTheSensorsEndMayHaveMovedASide) {
+TEST(CornerSigma, GrowsForSaturatedPaper) {
   TagSighting tag = square(60);
   const double fine = side_sigmas(tag, 1.0)[2].shift_px;
   tag.sides[2].clipped = 1;
@@ -76,16 +77,16 @@ GrayImage black_square(int side, int quiet, std::uint8_t wall) {
   return image;
 }
 
-TEST(TagSides, AWallAtTheSensorsEndReachesAcrossNarrowQuietZones) {
-  for (const int module : {2, 6}) {
+TEST(TagSides, ASaturatedWallClipsSidesWithNarrowQuietZones) {
+  for (const int cell : {2, 6}) {
     const double low = 60.5;
-    const double high = 60.5 + 8 * module;
+    const double high = 60.5 + 8 * cell;
     const std::array<Eigen::Vector2d, 4> corners{
         {{low, high}, {high, high}, {high, low}, {low, low}}};
-    const auto dull = look_at_sides(black_square(8 * module, module, 220), corners);
-    const auto glaring = look_at_sides(black_square(8 * module, module, 255), corners);
-    EXPECT_EQ(dull[0].clipped, 0) << module;
-    if (module == 2) {
+    const auto dull = measure_sides(black_square(8 * cell, cell, 220), corners);
+    const auto glaring = measure_sides(black_square(8 * cell, cell, 255), corners);
+    EXPECT_EQ(dull[0].clipped, 0) << cell;
+    if (cell == 2) {
       EXPECT_GT(glaring[0].clipped, 0.5);
     } else {
       EXPECT_EQ(glaring[0].clipped, 0);
@@ -93,18 +94,18 @@ TEST(TagSides, AWallAtTheSensorsEndReachesAcrossNarrowQuietZones) {
   }
 }
 
-TEST(CornerSigma, ShiftsOfNarrowSidesAreBelievedToWhatLasts) {
-  const auto told = [](double side) {
+TEST(CornerSigma, LastingErrorIsAddedToShiftsOfNarrowSides) {
+  const auto sigmas = [](double side) {
     const TagSighting tag = square(side);
     const auto sides = side_sigmas(tag, 1.0);
-    return std::pair(sides[0], with_what_lasts(sides, tag.corners_px)[0]);
+    return std::pair(sides[0], with_lasting_error(sides, tag.corners_px)[0]);
   };
-  const auto [wide, wide_lasting] = told(60);
+  const auto [wide, wide_lasting] = sigmas(60);
   EXPECT_EQ(wide.shift_px, wide_lasting.shift_px);
-  const auto [narrow, narrow_lasting] = told(16);
+  const auto [narrow, narrow_lasting] = sigmas(16);
   EXPECT_NEAR(narrow_lasting.shift_px, std::hypot(narrow.shift_px, 0.05), 1e-9);
   EXPECT_EQ(narrow_lasting.turn_px, narrow.turn_px);
-  EXPECT_EQ(with_what_lasts({}, square(16).corners_px)[0].shift_px, 0) << "nothing is known";
+  EXPECT_EQ(with_lasting_error({}, square(16).corners_px)[0].shift_px, 0) << "nothing is known";
 }
 
 TEST(TagSides, IsOneForASharpEdgeAndTheShareOfTwoPixelsForAMotion) {
@@ -113,7 +114,7 @@ TEST(TagSides, IsOneForASharpEdgeAndTheShareOfTwoPixelsForAMotion) {
   const auto print = [&](double blur) {
     for (int v = 0; v < 200; ++v)
       for (int u = 0; u < 200; ++u) {
-        // A black square from 60 to 140, smeared along u.
+        // A black square from 60 to 140, blurred along u.
         const auto share = [&](double edge) {
           return std::clamp((u - edge) / std::max(blur, 1e-6) + 0.5, 0.0, 1.0);
         };
@@ -127,18 +128,18 @@ TEST(TagSides, IsOneForASharpEdgeAndTheShareOfTwoPixelsForAMotion) {
       {{59.5, 139.5}, {139.5, 139.5}, {139.5, 59.5}, {59.5, 59.5}}};
   constexpr double kRounding = 0.05;
   print(0);
-  EXPECT_NEAR(least_sharpness(look_at_sides(image, corners)), 1.0, kRounding);
+  EXPECT_NEAR(least_sharpness(measure_sides(image, corners)), 1.0, kRounding);
   for (const double blur : {4.0, 6.0, 8.0}) {
     print(blur);
-    EXPECT_NEAR(least_sharpness(look_at_sides(image, corners)), 2 / blur, kRounding) << blur;
+    EXPECT_NEAR(least_sharpness(measure_sides(image, corners)), 2 / blur, kRounding) << blur;
   }
-  EXPECT_EQ(least_sharpness(look_at_sides(image, {{{-9, -1}, {-1, -1}, {-1, -9}, {-9, -9}}})), 0.0)
+  EXPECT_EQ(least_sharpness(measure_sides(image, {{{-9, -1}, {-1, -1}, {-1, -9}, {-9, -9}}})), 0.0)
       << "nothing to measure";
 }
 
 /// (error / sigma)² of some errors.
 struct ChiSquare {
-  static constexpr double kGate = 16;  // 4 sigma: a filter takes in nothing beyond
+  static constexpr double kGate = 16;  // 4 sigma: the gate of a filter
   double sum{}, sum_within{};
   int count{}, within{};
   void add(double value) {
@@ -154,9 +155,9 @@ struct ChiSquare {
 };
 
 constexpr unsigned kFirst = 20'000;  // the fit saw 1000 to 5199
-constexpr double kOff_px = 1.0;      // what is further off is not the noise of a line fit
+constexpr double kOff_px = 1.0;      // beyond, not the noise of a line fit
 
-/// What the corners of a scene were off, raw pixels.
+/// Errors of the corners of a scene, raw pixels.
 struct Found {
   TagSighting tag;
   std::array<Eigen::Vector2d, 4> corners_px;
@@ -183,7 +184,7 @@ std::vector<Found> find_in(TagSearch& search, const CornerScene& scene, unsigned
   return out;
 }
 
-/// What a side is off across itself, of both kinds, in sigmas, squared.
+/// Squared errors of a side in sigmas: shift and turn.
 std::pair<double, double> side_squares(const Found& found, std::size_t i, const SideSigma& sigma) {
   const std::size_t next = (i + 1) % 4;
   const Eigen::Vector2d along = (found.corners_px[next] - found.corners_px[i]).normalized();
@@ -196,7 +197,7 @@ std::pair<double, double> side_squares(const Found& found, std::size_t i, const 
 
 TEST(CornerSigma, MakesResidualsUnitOnImagesThatItWasNotFittedTo) {
   constexpr unsigned kScenes = 220;
-  ChiSquare all, small, large, sharp, smeared, shift, turn, across, along;
+  ChiSquare all, small, large, sharp, blurred, shift, turn, across, along;
   int gross = 0;
   TagSearch search({}, {});
   for (unsigned k = 0; k < kScenes; ++k) {
@@ -212,7 +213,7 @@ TEST(CornerSigma, MakesResidualsUnitOnImagesThatItWasNotFittedTo) {
       for (const auto& off : found.off_px) chi += off.squaredNorm() / (8 * sigma * sigma);
       all.add(chi);
       ((tag.corners_px[2] - tag.corners_px[0]).norm() < 40 ? small : large).add(chi);
-      (tag.sharpness > 0.85 ? sharp : smeared).add(chi);
+      (tag.sharpness > 0.85 ? sharp : blurred).add(chi);
       const auto sides = side_sigmas(tag, found.pixel_noise);
       for (std::size_t i = 0; i < 4; ++i) {
         const auto [shifted, turned] = side_squares(found, i, sides[i]);
@@ -231,7 +232,7 @@ TEST(CornerSigma, MakesResidualsUnitOnImagesThatItWasNotFittedTo) {
   EXPECT_NEAR(small.mean(), 1.0, 0.25);
   EXPECT_NEAR(large.mean(), 1.0, 0.25);
   EXPECT_NEAR(sharp.mean(), 1.0, 0.25);
-  EXPECT_NEAR(smeared.mean(), 1.0, 0.35);
+  EXPECT_NEAR(blurred.mean(), 1.0, 0.35);
   EXPECT_NEAR(shift.mean(), 1.0, 0.25);
   // A few turns beyond the gate are a fifth of the mean of all (1.22). A normal distribution has
   // 0.006 % there.
@@ -250,14 +251,13 @@ TEST(CornerSigma, IsRightForSidesAlongTheGridOfPixels) {
   for (unsigned k = 0; k < kScenes; ++k) {
     for (const Found& found : find_in(search, make_corner_scene(kFirst + k, 1.0, true), k)) {
       if (found.worst_px() > kOff_px) continue;
-      const double module_px = (found.corners_px[2] - found.corners_px[0]).norm() / 8 / M_SQRT2;
+      const double cell_px = (found.corners_px[2] - found.corners_px[0]).norm() / 8 / M_SQRT2;
       const auto sides = side_sigmas(found.tag, found.pixel_noise);
       for (std::size_t i = 0; i < 4; ++i) {
         const auto along = (found.corners_px[(i + 1) % 4] - found.corners_px[i]).cwiseAbs();
-        if (along.minCoeff() > 2 || found.tag.sides[i].sharpness < 0.95 || module_px < 1.8)
-          continue;
+        if (along.minCoeff() > 2 || found.tag.sides[i].sharpness < 0.95 || cell_px < 1.8) continue;
         const auto [shifted, turned] = side_squares(found, i, sides[i]);
-        (module_px < 4 ? shift_small : shift_large).add(shifted);
+        (cell_px < 4 ? shift_small : shift_large).add(shifted);
         turn.add(turned);
       }
     }
@@ -270,7 +270,7 @@ TEST(CornerSigma, IsRightForSidesAlongTheGridOfPixels) {
   EXPECT_LT(turn.share_beyond(), 0.01);
 }
 
-TEST(CornerSigma, IsRightToAFactorWhereWhiteIsAtTheSensorsEnd) {
+TEST(CornerSigma, IsRightToAFactorForSaturatedPaper) {
   constexpr unsigned kScenes = 60;
   ChiSquare shift;
   TagSearch search({}, {});
@@ -284,7 +284,7 @@ TEST(CornerSigma, IsRightToAFactorWhereWhiteIsAtTheSensorsEnd) {
     }
   }
   ASSERT_GT(shift.count, 200);
-  EXPECT_GT(shift.mean(), 0.5);  // not knowing of it: 100
+  EXPECT_GT(shift.mean(), 0.5);  // 100 without the term for clipping
   EXPECT_LT(shift.mean(), 2.0);
 }
 

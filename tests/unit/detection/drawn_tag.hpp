@@ -15,19 +15,19 @@ inline GrayImage white_wall(int width = 640, int height = 480, std::uint8_t gray
   return image;
 }
 
-/// Draws a tag upright with modules of whole pixels. @return the border's edge, pixels
-inline int draw_tag(GrayImage& image, int id, int left, int top, int module_px,
+/// Draws a tag upright with cells of whole pixels. @return the border's edge, pixels
+inline int draw_tag(GrayImage& image, int id, int left, int top, int cell_px,
                     std::uint8_t black = 20, std::uint8_t white = 220) {
   const auto family = TagFamily::named("tag36h11").value();
-  const auto modules = family.modules(id);
-  for (int v = 0; v < family.width() * module_px; ++v) {
-    for (int u = 0; u < family.width() * module_px; ++u) {
-      const auto at = static_cast<std::size_t>(v / module_px * family.width() + u / module_px);
+  const auto cells = family.cells(id);
+  for (int v = 0; v < family.width() * cell_px; ++v) {
+    for (int u = 0; u < family.width() * cell_px; ++u) {
+      const auto at = static_cast<std::size_t>(v / cell_px * family.width() + u / cell_px);
       image.pixels[static_cast<std::size_t>((top + v) * image.width + left + u)] =
-          modules[at] == 0 ? black : white;
+          cells[at] == 0 ? black : white;
     }
   }
-  return family.edge_width() * module_px;
+  return family.edge_width() * cell_px;
 }
 
 /// A dark square with nothing in it.
@@ -37,8 +37,8 @@ inline void draw_square(GrayImage& image, int left, int top, int side, std::uint
       image.pixels[static_cast<std::size_t>(v * image.width + u)] = gray;
 }
 
-/// Averages over so many pixels to the right (and, of a lens, down).
-inline void smear(GrayImage& image, int across, int down = 1) {
+/// Averages over this number of pixels to the right (and, of a lens, down).
+inline void blur(GrayImage& image, int across, int down = 1) {
   const GrayImage sharp = image;
   for (int v = 0; v + down <= image.height; ++v) {
     for (int u = 0; u + across <= image.width; ++u) {

@@ -40,7 +40,7 @@ class Observe : public testing::Test {
   TagObservations out_;
 };
 
-TEST_F(Observe, GivesTagsSortedByIdWithTheirSizes) {
+TEST_F(Observe, ReturnsTagsSortedByIdWithTheirSizes) {
   tags_.sizes_m[3] = 0.3;
   ASSERT_EQ(observed().tags.size(), 2u);
   EXPECT_EQ(out_.tags[0].tag_id, 3);
@@ -50,12 +50,12 @@ TEST_F(Observe, GivesTagsSortedByIdWithTheirSizes) {
   EXPECT_EQ(out_.exposed_at, instant_from_ns(42));
 }
 
-TEST_F(Observe, LooksAtTheSameCornersThroughAnotherLens) {
+TEST_F(Observe, UndistortsTheSameCornersWithAnotherLens) {
   TagObservation tag = observed().tags.front();
   camera_.fu = camera_.fv = 480;
   camera_.distortion = Distortion::kRadialTangential;
   camera_.coefficients = {-0.28, 0.07, 2e-4, 2e-5, 0};
-  ASSERT_TRUE(see_through(camera_, tag));
+  ASSERT_TRUE(undistort_tag(camera_, tag));
   const TagObservation& expected = observed().tags.front();
   EXPECT_GT((expected.corners_px[3] - sighting(3).corners_px[3]).norm(), 5) << "another lens";
   for (std::size_t i = 0; i < 4; ++i) {
@@ -64,7 +64,7 @@ TEST_F(Observe, LooksAtTheSameCornersThroughAnotherLens) {
   }
 }
 
-TEST_F(Observe, TakesTheLensOutOfFollowedPointsAndForgetsThoseOfTheImageBefore) {
+TEST_F(Observe, UndistortsTrackedPointsOfThisImageOnly) {
   camera_.distortion = Distortion::kRadialTangential;
   camera_.coefficients = {-0.28, 0.07, 2e-4, 2e-5, 0};
   frame_.points = {{7, 3, {60, 400}}, {9, 0, {376, 240}}};
@@ -89,7 +89,7 @@ TEST_F(Observe, DropsBothOfADoubledId) {
   EXPECT_EQ(out_.tags[0].tag_id, 5);
 }
 
-TEST_F(Observe, DropsWeakAndMuchCorrectedSightings) {
+TEST_F(Observe, DropsSightingsWithLowMarginOrManyCorrectedBits) {
   frame_.tags[0].decision_margin = 10;
   frame_.tags[1].hamming = 4;
   EXPECT_TRUE(observed().tags.empty());
@@ -104,6 +104,54 @@ TEST_F(Observe, DropsTagsSeenFromBehindOrTwisted) {
   std::swap(frame_.tags[0].corners_px[0], frame_.tags[0].corners_px[1]);
   frame_.tags[1].corners_px[2].x() = std::numeric_limits<double>::quiet_NaN();
   EXPECT_TRUE(observed().tags.empty());
+}
+
+CameraModel wide_lens() {
+  CameraModel c;
+  c.width = 752;
+  c.height = 480;
+  c.fu = 458.6;
+  c.fv = 457.3;
+  c.cu = 367.2;
+  c.cv = 248.4;
+  c.distortion = Distortion::kRadialTangential;
+  c.coefficients = {-0.283, 0.074, 0.0002, 0.00002, 0};
+  return c;
+}
+
+const std::array<Eigen::Vector2d, 4> kSquareNearTheEdge{
+    Eigen::Vector2d{600, 420}, {700, 415}, {705, 320}, {605, 318}};
+
+TEST(SideBend, ALensBiasesFittedCorners) {
+  const CameraModel camera = wide_lens();
+  const auto fitted = corners_of_fitted_sides(camera, kSquareNearTheEdge);
+  ASSERT_TRUE(fitted);
+  double worst = 0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto& px = kSquareNearTheEdge[i];
+    const auto raw =
+        camera.project({(px.x() - camera.cu) / camera.fu, (px.y() - camera.cv) / camera.fv, 1.0});
+    worst = std::max(worst, ((*fitted)[i] - *raw).norm());
+  }
+  EXPECT_GT(worst, 0.1) << "there is nothing to correct";
+}
+
+TEST(SideBend, UnbendingReturnsTheTrueCorners) {
+  const CameraModel camera = wide_lens();
+  const auto corrected =
+      unbend_corners(camera, *corners_of_fitted_sides(camera, kSquareNearTheEdge));
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto& px = kSquareNearTheEdge[i];
+    const auto raw =
+        camera.project({(px.x() - camera.cu) / camera.fu, (px.y() - camera.cv) / camera.fv, 1.0});
+    EXPECT_LT((corrected[i] - *raw).norm(), 5e-3);
+  }
+}
+
+TEST(SideBend, WithoutALensNothingChanges) {
+  CameraModel camera = wide_lens();
+  camera.distortion = Distortion::kNone;
+  EXPECT_EQ(unbend_corners(camera, kSquareNearTheEdge), kSquareNearTheEdge);
 }
 
 }  // namespace

@@ -5,10 +5,7 @@
 #include <map>
 #include <set>
 
-#include "detection/points/corner_finder.hpp"
-#include "detection/points/image_pyramid.hpp"
-#include "detection/points/motion_check.hpp"
-#include "detection/points/patch_flow.hpp"
+#include "detection/points/feature_points.hpp"
 #include "detection/points/point_tracker.hpp"
 #include "support/allocation_counter.hpp"
 #include "unit/simulation/still_camera.hpp"
@@ -60,7 +57,7 @@ TEST(PatchFlow, FindsAShiftBetweenPixels) {
   }
 }
 
-TEST(PatchFlow, RefusesFlatPatchesAndTheBorder) {
+TEST(PatchFlow, RejectsFlatPatchesAndTheBorder) {
   auto flat = std::make_shared<GrayImage>();
   flat->resize(160, 120);
   ImagePyramid a;
@@ -72,7 +69,7 @@ TEST(PatchFlow, RefusesFlatPatchesAndTheBorder) {
   EXPECT_FALSE(patch_flow::follow(a, {80, 60}, a, {std::nan(""), 60}));
 }
 
-TEST(PatchFlow, RefusesWhatLooksDifferentThere) {
+TEST(PatchFlow, RejectsADifferentPatch) {
   ImagePyramid a;
   ImagePyramid b;
   a.build(hills(0, 0));
@@ -102,9 +99,9 @@ TEST(CornerFinder, FindsTheCornerOfASquareAndNotItsSides) {
   EXPECT_FALSE(finder.best(image, {5, 5, 75, 55}, 9, left_half));
 }
 
-TEST(MotionCheck, KeepsWhatFitsOneShiftAndDropsWhatMovesOnItsOwn) {
+TEST(TranslationConsensus, KeepsPointsOfTheStaticSceneAndDropsMovingOnes) {
   const Eigen::Vector3d shift(0.2, -0.05, 0.1);
-  std::vector<TurnedPair> pairs;
+  std::vector<RotatedPair> pairs;
   for (int i = 0; i < 30; ++i) {
     const Eigen::Vector3d p(std::sin(1.7 * i) * 2, std::cos(2.9 * i), 3 + i % 5);
     const Eigen::Vector3d later = p - shift;
@@ -112,8 +109,8 @@ TEST(MotionCheck, KeepsWhatFitsOneShiftAndDropsWhatMovesOnItsOwn) {
     if (i % 3 == 0)
       pairs.back().now += Eigen::Vector3d(0.02 * std::cos(i), 0.03 + 0.01 * std::sin(i), 0);
   }
-  MotionCheck check;
-  const auto fits = check.fitting(pairs, 0.002);
+  TranslationConsensus check;
+  const auto fits = check.inliers(pairs, 0.002);
   int kept_movers = 0;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     if (i % 3 == 0) {
@@ -125,15 +122,15 @@ TEST(MotionCheck, KeepsWhatFitsOneShiftAndDropsWhatMovesOnItsOwn) {
   EXPECT_LE(kept_movers, 1);  // one may move along its own epipolar line
 }
 
-TEST(MotionCheck, KeepsAllWhenTheCameraOnlyTurned) {
-  std::vector<TurnedPair> pairs;
+TEST(TranslationConsensus, KeepsAllUnderPureRotation) {
+  std::vector<RotatedPair> pairs;
   for (int i = 0; i < 20; ++i) {
     const Eigen::Vector3d ray(std::sin(1.7 * i), std::cos(2.9 * i), 1);
     pairs.push_back(
         {ray, ray + Eigen::Vector3d(3e-4 * std::sin(5.0 * i), 3e-4 * std::cos(3.0 * i), 0)});
   }
-  MotionCheck check;
-  for (const char fits : check.fitting(pairs, 0.002)) EXPECT_EQ(fits, 1);
+  TranslationConsensus check;
+  for (const char fits : check.inliers(pairs, 0.002)) EXPECT_EQ(fits, 1);
 }
 
 /// A camera that glides before a textured wall 5 m away, without noise unless asked for.
@@ -176,8 +173,8 @@ class PointTrackerTest : public testing::Test {
   PointTracker tracker_;
 };
 
-TEST_F(PointTrackerTest, FollowsPlacesOfTheRoomToAFractionOfAPixel) {
-  // What a track showed first, on the wall z = −5.
+TEST_F(PointTrackerTest, TracksPointsToAFractionOfAPixel) {
+  // First position of each track, on the wall z = −5.
   std::map<std::uint32_t, Eigen::Vector3d> places;
   double squares = 0;
   int count = 0;
@@ -228,7 +225,7 @@ TEST_F(PointTrackerTest, ReportsEverySecondImageAndCountsReports) {
   EXPECT_LE(*ages.rbegin(), 1);
 }
 
-TEST_F(PointTrackerTest, LeavesTagsAlone) {
+TEST_F(PointTrackerTest, HasNoPointsOnTags) {
   RecordedTag tag = simulation::tag_at(3, 1.2, {0.1, 0, -4.9});
   TagSighting seen;
   const auto corners = simulation::corners_of(tag);
@@ -243,7 +240,7 @@ TEST_F(PointTrackerTest, LeavesTagsAlone) {
   }
 }
 
-TEST_F(PointTrackerTest, HasNothingToFollowWhereThereIsNothing) {
+TEST_F(PointTrackerTest, FindsNoPointsInAnImageWithoutStructure) {
   simulation::StillCamera blank(simulation::small_camera(), settings(3.0), "plain");
   for (int k = 0; k < 5; ++k) {
     CameraFrame frame;
@@ -253,7 +250,7 @@ TEST_F(PointTrackerTest, HasNothingToFollowWhereThereIsNothing) {
   }
 }
 
-TEST_F(PointTrackerTest, StartsAnewWhenTheImageChangesItsSize) {
+TEST_F(PointTrackerTest, RestartsWhenTheImageSizeChanges) {
   (void)follow(0);
   (void)follow(1);
   CameraFrame frame;

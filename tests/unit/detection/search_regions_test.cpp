@@ -1,4 +1,4 @@
-#include "detection/tracking/search_regions.hpp"
+#include "detection/tag_search.hpp"
 
 #include <gtest/gtest.h>
 
@@ -119,7 +119,7 @@ TEST(SearchRegions, JoiningNeverCostsMoreThanLeavingApart) {
   }
 }
 
-TEST(SearchRegions, OnlyTagsWithPixelsToSpareAreLookedForInFewer) {
+TEST(SearchRegions, OnlyLargeTagsAreSearchedDecimated) {
   EXPECT_EQ(planned({square({300, 200}, 30)})[0].decimate, 1);
   EXPECT_EQ(planned({square({300, 200}, 45)})[0].decimate, 2);
   EXPECT_EQ(planned({square({300, 200}, 200)})[0].decimate, 4);
@@ -128,7 +128,7 @@ TEST(SearchRegions, OnlyTagsWithPixelsToSpareAreLookedForInFewer) {
   EXPECT_EQ(planned({thin})[0].decimate, 1);
 }
 
-TEST(SearchRegions, TagsOutsideOfTheImageAndBrokenNumbersAreLeftOut) {
+TEST(SearchRegions, TagsOutsideOfTheImageAndInvalidNumbersAreSkipped) {
   ExpectedTag broken = square({300, 200}, 50);
   broken.corners_px[2].x() = std::numeric_limits<double>::quiet_NaN();
   ExpectedTag unbounded = square({300, 200}, 50);

@@ -10,7 +10,7 @@
 namespace fiducap {
 namespace {
 
-constexpr int kModules = 8;
+constexpr int kCells = 8;
 
 /// RMS per coordinate over many tags and poses, from corners that are this far off.
 double rms_from(double off_px, double distance) {
@@ -31,10 +31,11 @@ double rms_from(double off_px, double distance) {
         const double du = off(random);
         px += Eigen::Vector2d(du, off(random));
       }
-      const auto fitted = fit_sides(*image, start, kModules);
+      const auto fitted = fit_sides(*image, start, kCells);
       EXPECT_TRUE(fitted);
       if (!fitted) continue;
-      for (std::size_t i = 0; i < 4; ++i) squares += ((*fitted)[i] - truth[i]).squaredNorm();
+      for (std::size_t i = 0; i < 4; ++i)
+        squares += (fitted->corners_px[i] - truth[i]).squaredNorm();
       count += 8;
     }
   }
@@ -44,28 +45,28 @@ double rms_from(double off_px, double distance) {
 constexpr double kBlack = 30;
 constexpr double kWhite = 220;
 
-/// A tag along the pixels on a wall of this gray, its outer corner at `corner_px`, bits by chance;
+/// A tag along the pixels on a wall of this gray, its outer corner at `corner_px`, random bits;
 /// every pixel is the mean over its area and over a motion along the rows.
-GrayImage tag_on(double wall, double module_px, const Eigen::Vector2d& corner_px, unsigned seed,
-                 double smear_px = 0, double white = kWhite) {
-  const int size = std::max(64, static_cast<int>(24 + (kModules + 2) * module_px));
-  const int fine_steps = smear_px > 0 ? 4 : 8;
-  const int steps = 1 + static_cast<int>(2 * smear_px);
+GrayImage tag_on(double wall, double cell_px, const Eigen::Vector2d& corner_px, unsigned seed,
+                 double blur_px = 0, double white = kWhite) {
+  const int size = std::max(64, static_cast<int>(24 + (kCells + 2) * cell_px));
+  const int fine_steps = blur_px > 0 ? 4 : 8;
+  const int steps = 1 + static_cast<int>(2 * blur_px);
   std::mt19937 random(seed);
-  std::array<std::array<bool, kModules - 2>, kModules - 2> bits{};
+  std::array<std::array<bool, kCells - 2>, kCells - 2> bits{};
   for (auto& row : bits) {
     for (bool& bit : row) bit = random() % 2 == 1;
   }
   const auto gray_at = [&](const Eigen::Vector2d& px) {
-    const Eigen::Vector2d in_modules = (px - corner_px) / module_px;
-    const int a = static_cast<int>(std::floor(in_modules.x()));
-    const int b = static_cast<int>(std::floor(in_modules.y()));
+    const Eigen::Vector2d in_cells = (px - corner_px) / cell_px;
+    const int a = static_cast<int>(std::floor(in_cells.x()));
+    const int b = static_cast<int>(std::floor(in_cells.y()));
     const auto is_within = [&](int from, int to) {
       return a >= from && b >= from && a <= to && b <= to;
     };
-    if (!is_within(-1, kModules)) return wall;
-    if (!is_within(0, kModules - 1)) return white;
-    if (!is_within(1, kModules - 2)) return kBlack;
+    if (!is_within(-1, kCells)) return wall;
+    if (!is_within(0, kCells - 1)) return white;
+    if (!is_within(1, kCells - 2)) return kBlack;
     return bits[static_cast<std::size_t>(a - 1)][static_cast<std::size_t>(b - 1)] ? white : kBlack;
   };
   GrayImage image;
@@ -76,7 +77,7 @@ GrayImage tag_on(double wall, double module_px, const Eigen::Vector2d& corner_px
       const int place = fine / steps;
       const Eigen::Vector2d within((place % fine_steps + 0.5) / fine_steps,
                                    (place / fine_steps + 0.5) / fine_steps);
-      const Eigen::Vector2d moved(smear_px * ((fine % steps + 0.5) / steps - 0.5), 0);
+      const Eigen::Vector2d moved(blur_px * ((fine % steps + 0.5) / steps - 0.5), 0);
       sum += gray_at(Eigen::Vector2d(k % size - 0.5, k / size - 0.5) + within + moved);
     }
     image.pixels[static_cast<std::size_t>(k)] =
@@ -85,9 +86,9 @@ GrayImage tag_on(double wall, double module_px, const Eigen::Vector2d& corner_px
   return image;
 }
 
-/// How far outwards the sides are found, mean over places on the pixels.
-/// @param smear_px  along the rows; only the sides across it count then
-double outward_px(double wall, double module_px, double smear_px = 0, double white = kWhite) {
+/// Outward error of the sides, mean over positions on the grid of pixels.
+/// @param blur_px  along the rows; only the sides across it are used then
+double outward_px(double wall, double cell_px, double blur_px = 0, double white = kWhite) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> part(0, 1);
   double sum = 0;
@@ -95,36 +96,35 @@ double outward_px(double wall, double module_px, double smear_px = 0, double whi
   for (unsigned k = 0; k < kTags; ++k) {
     const double u = 12 + part(random);
     const double v = 12 + part(random);
-    const double edge = kModules * module_px;
+    const double edge = kCells * cell_px;
     const std::array<Eigen::Vector2d, 4> truth{
         {{u, v + edge}, {u + edge, v + edge}, {u + edge, v}, {u, v}}};
-    const auto fitted =
-        fit_sides(tag_on(wall, module_px, {u, v}, k, smear_px, white), truth, kModules);
+    const auto fitted = fit_sides(tag_on(wall, cell_px, {u, v}, k, blur_px, white), truth, kCells);
     EXPECT_TRUE(fitted);
     if (!fitted) return std::nan("");
     for (std::size_t i = 0; i < 4; ++i) {
-      const Eigen::Vector2d off = (*fitted)[i] - truth[i];
+      const Eigen::Vector2d off = fitted->corners_px[i] - truth[i];
       sum += i == 1 || i == 2 ? off.x() : -off.x();
-      if (smear_px == 0) sum += i < 2 ? off.y() : -off.y();
+      if (blur_px == 0) sum += i < 2 ? off.y() : -off.y();
     }
   }
-  return sum / ((smear_px == 0 ? 8 : 4) * kTags);
+  return sum / ((blur_px == 0 ? 8 : 4) * kTags);
 }
 
-TEST(SideFit, WhatLiesBesideANarrowBorderDoesNotMoveItsSides) {
+TEST(SideFit, NeighboursOfANarrowBorderDoNotMoveItsSides) {
   // Not corrected: 0.03 to 0.06 px, inwards on a dark wall, outwards on white paper.
   constexpr double kMoved_px = 0.03;
-  for (const double module_px : {1.75, 2.5}) {
+  for (const double cell_px : {1.75, 2.5}) {
     for (const double wall : {40.0, 220.0}) {
       SCOPED_TRACE(wall);
-      EXPECT_LT(std::abs(outward_px(wall, module_px)), kMoved_px);
+      EXPECT_LT(std::abs(outward_px(wall, cell_px)), kMoved_px);
     }
   }
 }
 
 /// Corners of a square along the pixels.
-std::array<Eigen::Vector2d, 4> square_at(const Eigen::Vector2d& corner_px, double module_px) {
-  const double edge = kModules * module_px;
+std::array<Eigen::Vector2d, 4> square_at(const Eigen::Vector2d& corner_px, double cell_px) {
+  const double edge = kCells * cell_px;
   const auto [u, v] = std::pair(corner_px.x(), corner_px.y());
   return {{{u, v + edge}, {u + edge, v + edge}, {u + edge, v}, {u, v}}};
 }
@@ -132,34 +132,34 @@ std::array<Eigen::Vector2d, 4> square_at(const Eigen::Vector2d& corner_px, doubl
 /// @return RMS per coordinate
 double off_px(const FittedSides& fitted, const std::array<Eigen::Vector2d, 4>& truth) {
   double squares = 0;
-  for (std::size_t i = 0; i < 4; ++i) squares += (fitted[i] - truth[i]).squaredNorm();
+  for (std::size_t i = 0; i < 4; ++i) squares += (fitted.corners_px[i] - truth[i]).squaredNorm();
   return std::sqrt(squares / 8);
 }
 
-TEST(SideFit, SidesAlongTheGridOfPixelsAreNotDrawnToIt) {
-  constexpr double kDrawn_px = 0.015;  // by steepest places: 0.045
-  for (const double module_px : {3.0, 4.0, 7.0}) {
-    for (int eighth = 0; eighth < 8; ++eighth) {  // what `tag_on` tells apart
+TEST(SideFit, SidesAlongTheGridOfPixelsAreNotBiasedByIt) {
+  constexpr double kDrawn_px = 0.015;  // by steepest points: 0.045
+  for (const double cell_px : {3.0, 4.0, 7.0}) {
+    for (int eighth = 0; eighth < 8; ++eighth) {  // the resolution of `tag_on`
       const Eigen::Vector2d corner_px(12 + eighth / 8.0, 12 + (3 * eighth % 8) / 8.0);
-      const auto truth = square_at(corner_px, module_px);
-      const auto fitted = fit_sides(tag_on(90, module_px, corner_px, 5), truth, kModules);
+      const auto truth = square_at(corner_px, cell_px);
+      const auto fitted = fit_sides(tag_on(90, cell_px, corner_px, 5), truth, kCells);
       ASSERT_TRUE(fitted);
-      EXPECT_LT(off_px(*fitted, truth), kDrawn_px) << module_px << ' ' << eighth;
+      EXPECT_LT(off_px(*fitted, truth), kDrawn_px) << cell_px << ' ' << eighth;
     }
   }
 }
 
-TEST(SideFit, ASmearedTagIsFoundFromACornerThatIsMostOfAModuleOff) {
-  constexpr double kModule_px = 8;
-  constexpr double kSmear_px = 12;
+TEST(SideFit, ABlurredTagIsFittedFromCornersNearlyACellOff) {
+  constexpr double kCell_px = 8;
+  constexpr double kBlur_px = 12;
   constexpr double kNear_px = 0.3;
   const Eigen::Vector2d corner_px(20.3, 16.6);
-  const auto truth = square_at(corner_px, kModule_px);
+  const auto truth = square_at(corner_px, kCell_px);
   for (unsigned seed = 1; seed < 7; ++seed) {
-    const GrayImage image = tag_on(100, kModule_px, corner_px, seed, kSmear_px);
+    const GrayImage image = tag_on(100, kCell_px, corner_px, seed, kBlur_px);
     auto start = truth;
     start[1].x() -= 5;
-    const auto fitted = fit_sides(image, start, kModules);
+    const auto fitted = fit_sides(image, start, kCells);
     ASSERT_TRUE(fitted) << seed;
     EXPECT_LT(off_px(*fitted, truth), kNear_px) << seed;
     for (const bool guessed : fitted->guessed) EXPECT_FALSE(guessed);
@@ -167,16 +167,16 @@ TEST(SideFit, ASmearedTagIsFoundFromACornerThatIsMostOfAModuleOff) {
 }
 
 TEST(SideFit, ASunlitWallBeyondTheQuietZoneDoesNotMoveSides) {
-  // Taken for the same rise: 0.2 px outwards. Narrower ones are believed less (corner_sigma).
+  // As part of the same rise: 0.2 px outwards. Narrower sides have a larger sigma (corner_sigma).
   constexpr double kMoved_px = 0.05;  // a side of 3 px: 1.5 sigma
-  for (const double module_px : {3.2, 4.5}) {
-    SCOPED_TRACE(module_px);
-    EXPECT_LT(std::abs(outward_px(255.0, module_px, 0, 130.0)), kMoved_px);
+  for (const double cell_px : {3.2, 4.5}) {
+    SCOPED_TRACE(cell_px);
+    EXPECT_LT(std::abs(outward_px(255.0, cell_px, 0, 130.0)), kMoved_px);
   }
 }
 
-TEST(SideFit, MotionOverMoreThanAModuleDoesNotMoveSides) {
-  // By the steepest place alone: 0.1 px and more inwards on a dark wall.
+TEST(SideFit, MotionOverMoreThanACellDoesNotMoveSides) {
+  // By the steepest points alone: 0.1 px and more inwards on a dark wall.
   constexpr double kMoved_px = 0.04;
   for (const double wall : {40.0, 120.0}) {
     SCOPED_TRACE(wall);
@@ -184,8 +184,8 @@ TEST(SideFit, MotionOverMoreThanAModuleDoesNotMoveSides) {
   }
 }
 
-TEST(SideFit, MotionOverAWideModuleIsSeen) {
-  // Taken for sharp, as the reach ends before: 0.5 px inwards.
+TEST(SideFit, MotionOverAWideCellIsDetected) {
+  // As a sharp side, because the reach ends before: 0.5 px inwards.
   constexpr double kMoved_px = 0.1;
   EXPECT_LT(std::abs(outward_px(40.0, 9.0, 1.2 * 9.0)), kMoved_px);
 }
@@ -202,17 +202,17 @@ TEST(SideFit, StartsFromCornersThatAreHalfAPixelOff) {
   EXPECT_LT(rms_from(0.5, 1.8), 0.09);
 }
 
-TEST(SideFit, SaysWhenThereIsNoSideOrItWouldGoTooFar) {
+TEST(SideFit, FailsWithoutSidesOrWithTooLargeSteps) {
   GrayImage flat;
   flat.resize(100, 100);
   const std::array<Eigen::Vector2d, 4> square{{{20, 80}, {80, 80}, {80, 20}, {20, 20}}};
-  EXPECT_FALSE(fit_sides(flat, square, kModules));
-  EXPECT_FALSE(fit_sides(flat, {{{20, 20}, {20, 20}, {20, 20}, {20, 20}}}, kModules));
+  EXPECT_FALSE(fit_sides(flat, square, kCells));
+  EXPECT_FALSE(fit_sides(flat, {{{20, 20}, {20, 20}, {20, 20}, {20, 20}}}, kCells));
   std::mt19937 random(1);
   for (auto& px : flat.pixels) px = static_cast<std::uint8_t>(random() % 256);
-  if (const auto fitted = fit_sides(flat, square, kModules)) {
+  if (const auto fitted = fit_sides(flat, square, kCells)) {
     for (std::size_t i = 0; i < 4; ++i)
-      EXPECT_LT(((*fitted)[i] - square[i]).norm(), 60.0 / kModules);
+      EXPECT_LT((fitted->corners_px[i] - square[i]).norm(), 60.0 / kCells);
   }
 }
 
@@ -221,9 +221,9 @@ TEST(SideFit, ReadsNoPixelOutsideOfTheImage) {
   image.resize(30, 30);
   for (std::size_t i = 0; i < image.pixels.size(); ++i)
     image.pixels[i] = static_cast<std::uint8_t>(i);
-  // Under a sanitizer this is the test; without one it only has to come back.
-  (void)fit_sides(image, {{{-3, 33}, {33, 33}, {33, -3}, {-3, -3}}}, kModules);
-  (void)fit_sides(image, {{{0, 29}, {29, 29}, {29, 0}, {0, 0}}}, kModules);
+  // Tested by a sanitizer; without one the calls only have to return.
+  (void)fit_sides(image, {{{-3, 33}, {33, 33}, {33, -3}, {-3, -3}}}, kCells);
+  (void)fit_sides(image, {{{0, 29}, {29, 29}, {29, 0}, {0, 0}}}, kCells);
 }
 
 }  // namespace

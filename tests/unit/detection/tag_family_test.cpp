@@ -48,7 +48,7 @@ TEST(TagFamily, WhatIsPrintedIsReadInAllFourTurns) {
     const std::string name(facts.name);
     const auto family = TagFamily::named(name);
     ASSERT_TRUE(family) << name;
-    EXPECT_EQ(family->edge_width(), facts.edge_modules) << name;
+    EXPECT_EQ(family->edge_width(), facts.edge_cells) << name;
     TagDetector detector({.family = name}, {});
     PrintedTag tag;
     for (const int id : sampled_ids(*family)) {
@@ -84,13 +84,13 @@ TEST(TagFamily, APrintThatLooksTheSameTurnedIsNeitherPrintedNorRead) {
       if (family->has_pose(id)) continue;
       ++found;
       EXPECT_EQ(facts.name, "DICT_ARUCO_ORIGINAL");
-      EXPECT_THAT(family->fault_of(id), HasSubstr("looks the same when it is turned"));
+      EXPECT_THAT(family->fault_of(id), HasSubstr("looks the same when rotated"));
     }
   }
   EXPECT_EQ(found, 1);
 }
 
-TEST(TagFamily, SaysWhichIdsThereAre) {
+TEST(TagFamily, NamesItsIds) {
   const auto family = TagFamily::named("tag16h5");
   EXPECT_EQ(family->fault_of(29), "");
   EXPECT_EQ(family->fault_of(30), "tag16h5 has the ids 0 to 29");

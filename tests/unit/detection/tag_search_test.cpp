@@ -1,11 +1,11 @@
-#include "detection/tracking/tag_search.hpp"
+#include "detection/tag_search.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <set>
 
-#include "detection/pixel_noise.hpp"
+#include "detection/image_measures.hpp"
 #include "rendered_wall.hpp"
 #include "support/allocation_counter.hpp"
 
@@ -118,7 +118,7 @@ TEST_F(TagSearchTest, CornersAreAsCloseToTheTruthAsThoseOfTheWholeImageAtFullRes
   DetectorConfig full;
   full.decimate = 1;
   TagDetector detector({}, full);
-  constexpr double kNoWorse = 1.1;  // 400 corners of each size tell an RMS to a twentieth
+  constexpr double kNoWorse = 1.1;  // 400 corners of each size determine an RMS to a twentieth
   for (const double distance : {0.84, 1.2, 1.8}) {
     double theirs = 0;
     double ours = 0;
@@ -182,9 +182,8 @@ TEST_F(TagSearchTest, AFrameWithoutImageGivesNothing) {
   EXPECT_THAT(search(ms(0), {}), IsEmpty());
 }
 
-// libapriltag takes from malloc what it needs for each call; that is not ours to save. So: as much
-// as its calls alone.
-TEST_F(TagSearchTest, AllocatesNothingOfOursAfterWarmUp) {
+// libapriltag allocates in each call: as many allocations as its calls alone.
+TEST_F(TagSearchTest, AllocatesOnlyInLibapriltagAfterWarmUp) {
   const auto expected = expecting({0, 1, 2, 3});
   (void)search(ms(0), expected);
   for (int k = 1; k < 10; ++k) (void)search(ms(50 * k), expected);

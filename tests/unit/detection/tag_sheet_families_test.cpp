@@ -1,4 +1,4 @@
-// What `fiducap tags sheet` prints, the server reads: pdftoppm draws the pages, TagDetector looks.
+// TagDetector finds the tags of `fiducap tags sheet`; pdftoppm draws the pages.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -21,7 +21,7 @@ using ::testing::HasSubstr;
 constexpr int kDotsPerInch = 200;
 constexpr double kDotsPerMm = kDotsPerInch / 25.4;
 constexpr double kSize_mm = 37;
-/// Pages are drawn in gray, but the drawer rounds places to a fraction of a dot of 0.13 mm.
+/// pdftoppm rounds positions to a fraction of a dot of 0.13 mm.
 constexpr double kPrinted_mm = 0.05;
 
 std::shared_ptr<const GrayImage> drawn(const TagSheetOrder& sheet) {
@@ -73,7 +73,7 @@ TEST(TagSheetFamilies, AnIdWithoutAPoseIsNotPrinted) {
   const auto sheet = tag_sheet_pdf({"DICT_ARUCO_ORIGINAL", {1023}, kSize_mm, *paper_named("a4")});
   ASSERT_FALSE(sheet);
   EXPECT_THAT(sheet.error().what, HasSubstr("id 1023"));
-  EXPECT_THAT(sheet.error().what, HasSubstr("take another id"));
+  EXPECT_THAT(sheet.error().what, HasSubstr("use another id"));
 }
 
 }  // namespace

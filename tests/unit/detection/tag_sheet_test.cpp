@@ -39,12 +39,12 @@ TEST(TagSheet, RefusesWhatIsNoIdList) {
     EXPECT_FALSE(parse_id_list(text)) << text;
 }
 
-TEST(TagSheet, SaysWhichSizeWouldFit) {
+TEST(TagSheet, NamesTheLargestSizeThatFits) {
   EXPECT_TRUE(tag_sheet_pdf(order({0}, 160, "a4")));
   EXPECT_TRUE(tag_sheet_pdf(order({0}, 160, "letter")));
   const auto sheet = tag_sheet_pdf(order({0}, 200, "a4"));
   ASSERT_FALSE(sheet);
-  EXPECT_THAT(sheet.error().what, HasSubstr("up to 161 mm do"));
+  EXPECT_THAT(sheet.error().what, HasSubstr("up to 161 mm fit"));
 }
 
 TEST(TagSheet, RefusesIdsAndFamiliesThatDoNotExist) {
@@ -60,7 +60,7 @@ TEST(TagSheet, StubNamesEveryIdWithItsSize) {
   EXPECT_THAT(stub, HasSubstr("    3: 0.0625\n    11: 0.0625\n"));
 }
 
-// ---- What a printer would make of it: pdftoppm draws the pages, libapriltag reads them.
+// ---- Printed: pdftoppm draws the pages, libapriltag detects the tags.
 
 constexpr double kDotsPerMm = 300 / 25.4;
 // The corner estimate of libapriltag is good to about a tenth of a dot of 0.085 mm; the print must

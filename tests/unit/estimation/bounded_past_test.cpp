@@ -26,7 +26,7 @@ TEST(ImuBufferPast, AnIntervalBeforeTheFirstReadingIsAGap) {
   EXPECT_GT(input.accel_noise, 0.5 * kGapAccel);
 }
 
-TEST(ImuBufferPast, RemembersTheEndOfTheRangeThatReadingsMet) {
+TEST(ImuBufferPast, RemembersTheObservedEndOfTheRange) {
   constexpr double kRange = 8.7;
   ImuBuffer buffer(ImuNoise{}, kMaxGap_s, kGapAccel);
   const auto push = [&](int i, double most) {
@@ -42,7 +42,7 @@ TEST(ImuBufferPast, RemembersTheEndOfTheRangeThatReadingsMet) {
   EXPECT_EQ(buffer.ranges_met().accel_m_s2, 0);
 }
 
-TEST(ImuBufferPast, SeesTheEndOfTheRangeBeforeReadingsAreCorrected) {
+TEST(ImuBufferPast, TestsSaturationBeforeReadingsAreCorrected) {
   ImuNoise noise;
   noise.accel_range_m_s2 = 40;
   noise.correction = ImuCorrection{};
@@ -56,7 +56,7 @@ TEST(ImuBufferPast, SeesTheEndOfTheRangeBeforeReadingsAreCorrected) {
   EXPECT_EQ(buffer.ranges_met().gyro_rad_s, 0);
 }
 
-TEST(ImuBufferPast, WithoutReadingsEverythingIsAGap) {
+TEST(ImuBufferPast, WithoutReadingsEveryIntervalIsAGap) {
   const ImuBuffer buffer(ImuNoise{}, kMaxGap_s, kGapAccel);
   const InertialInput input = buffer.input_between(ExampleRoom::at(1.0), ExampleRoom::at(1.01));
   EXPECT_GT(input.gyro_noise, 0.5 * kBlindRate_rad_s_rtHz);
@@ -86,7 +86,7 @@ class BoundedPast : public testing::TestWithParam<std::string> {
 INSTANTIATE_TEST_SUITE_P(BothFilters, BoundedPast, testing::Values("robocentric", "world"),
                          [](const auto& one) { return one.param; });
 
-TEST_P(BoundedPast, ASlowCameraAndAQuickImuLoseNothing) {
+TEST_P(BoundedPast, ASlowCameraAndAFastImuLoseNothing) {
   // Six images a second, a thousand readings: the images that a waiting tag remembers reach further
   // back than four thousand readings.
   ExampleRoom::Setup setup = BoundedPast::setup();
@@ -131,7 +131,7 @@ TEST_P(BoundedPast, ImagesWithoutReadingsDoNotGrowMemory) {
   EXPECT_LT(after, before + 256 * 1024);
 }
 
-TEST(TagCandidatesPast, AViewOfLongAgoDoesNotJudge) {
+TEST(TagCandidatesPast, AnOldViewIsNotUsed) {
   const CameraModel camera = example_camera();
   TagCandidates candidates{EstimatorConfig{}};
   const Eigen::Quaterniond q_WT = exp_so3({2.6, 0.4, 0.3});
@@ -152,7 +152,7 @@ TEST(TagCandidatesPast, AViewOfLongAgoDoesNotJudge) {
   EXPECT_LT(angle_between(*verdict->q_WT, exp_so3({0, 0.3, 0}) * q_WT), 0.02);
 }
 
-TEST(TagCandidatesPast, WhatWasSeenOnceIsForgotten) {
+TEST(TagCandidatesPast, ATagSeenOnceIsForgotten) {
   TagCandidates candidates{EstimatorConfig{}};
   const CameraModel camera = example_camera();
   for (int id = 0; id < 500; ++id) {
@@ -164,7 +164,7 @@ TEST(TagCandidatesPast, WhatWasSeenOnceIsForgotten) {
   EXPECT_LT(candidates.size(), 30u);
 }
 
-TEST(DroppedTag, DoesNotComeBackWithThePast) {
+TEST(DroppedTag, DoesNotReturnWithAnEarlierState) {
   world::FilterState state = world::example_state();
   world::ImageMemory memory;
   TagObservations seen;

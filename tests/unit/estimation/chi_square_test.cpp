@@ -10,7 +10,7 @@ namespace fiducap {
 namespace {
 
 // The approximation itself is 0.13 short at 4 sigma of a sum of two, and better of all others.
-TEST(NormalScore, IsAsRareAsTheSumOfSquares) {
+TEST(NormalScore, HasTheProbabilityOfTheSumOfSquares) {
   for (const int degrees : {2, 4, 10, 100}) {
     for (const double sigmas : {-1.0, 0.0, 1.0, 2.0, 3.0, 4.0}) {
       const double probability = boost::math::cdf(boost::math::normal(), sigmas);
@@ -23,7 +23,7 @@ TEST(NormalScore, IsAsRareAsTheSumOfSquares) {
   }
 }
 
-TEST(NormalScore, OfWhatIsNotSkewedIsTheScore) {
+TEST(NormalScore, WithoutSkewnessIsTheScore) {
   EXPECT_EQ(normal_score(3.0, 0.0), 3.0);
   EXPECT_NEAR(normal_score(3.0, 2e-3), 3.0, 1e-2);
 }

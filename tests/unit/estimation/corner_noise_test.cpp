@@ -45,14 +45,14 @@ TEST(CornerNoise, IsHardlyMovedByOutliers) {
   EXPECT_NEAR(noise.of(TagObservation{}) / 0.4, 1.0, 0.12);
 }
 
-TEST(CornerNoise, ADetectorsOwnShareComesOnTop) {
+TEST(CornerNoise, TheNoiseOfTheDetectorIsAdded) {
   CornerNoise noise(EstimatorConfig{}, true);
   TagObservation blurred;
   blurred.corner_sigma_px = 0.3;
   EXPECT_DOUBLE_EQ(noise.of(blurred), 0.5);
 }
 
-TEST(CornerNoise, WhatSaysNothingTeachesNothing) {
+TEST(CornerNoise, UninformativeTagsAreIgnored) {
   CornerNoise noise(EstimatorConfig{}, true);
   for (int i = 0; i < kTags; ++i) {
     noise.learn(tag_at(i), 100.0, 0.0);
@@ -61,19 +61,19 @@ TEST(CornerNoise, WhatSaysNothingTeachesNothing) {
   EXPECT_EQ(noise.unexplained_px(), EstimatorConfig{}.corner_noise_px);
 }
 
-TEST(CornerNoise, IsNeverBelievedBetterThanLensAndPrintAre) {
+TEST(CornerNoise, IsNeverBelowTheErrorsOfLensAndPrint) {
   CornerNoise noise(EstimatorConfig{}, true);
   learn(noise, 0.001, 0.0);
   EXPECT_DOUBLE_EQ(noise.of(TagObservation{}), 0.004);
 }
 
-TEST(CornerNoise, ATagThatStandsStillIsNotProvenGood) {
+TEST(CornerNoise, AStaticTagDoesNotReduceTheNoise) {
   CornerNoise noise(EstimatorConfig{}, true);
   for (int i = 0; i < kTags; ++i) noise.learn(tag_at(1, 0.3), 0.1, 1.0);
   EXPECT_NEAR(noise.of(tag_at(1, 0.3)), 0.5, 1e-12);
 }
 
-TEST(CornerNoise, WhatIsLearnedInMotionIsNotUnlearnedAtRest) {
+TEST(CornerNoise, NoiseLearnedInMotionIsKeptAtRest) {
   CornerNoise noise(EstimatorConfig{}, true);
   learn(noise, 0.15, 0.0);
   const double in_motion = noise.of(TagObservation{});
@@ -82,7 +82,7 @@ TEST(CornerNoise, WhatIsLearnedInMotionIsNotUnlearnedAtRest) {
   EXPECT_NEAR(noise.of(TagObservation{}) / in_motion, 1.0, 0.004);
 }
 
-TEST(CornerNoise, ATagThatStandsStillAndFitsBadlyIsCalledNoisy) {
+TEST(CornerNoise, AStaticTagWithABadFitIncreasesTheNoise) {
   CornerNoise noise(EstimatorConfig{}, true);
   for (int i = 0; i < kTags; ++i) noise.learn(tag_at(1), 50.0, 1.0);
   EXPECT_GT(noise.of(TagObservation{}), 1.6);
@@ -107,12 +107,12 @@ double after_looks(bool falls_quickly, double distance) {
   return noise.unexplained_px();
 }
 
-TEST(CornerNoise, FallsQuicklyWhereItMayAndNeverRisesQuickly) {
+TEST(CornerNoise, FallsQuicklyWhenAllowedAndNeverRisesQuickly) {
   EXPECT_LT(after_looks(true, 0.1), 0.4 * after_looks(false, 0.1));
   EXPECT_DOUBLE_EQ(after_looks(true, 100.0), after_looks(false, 100.0));
 }
 
-TEST(CornerNoise, IsOneNumberWhereNobodyToldTheSidesApart) {
+TEST(CornerNoise, IsOneNumberWithoutMeasuredSides) {
   const CornerNoise noise(EstimatorConfig{}, true);
   EXPECT_TRUE(noise.is_uneven(measured(1))) << "all sides alike, but shifted less than turned";
   EXPECT_FALSE(noise.is_uneven(tag_at(1, 0.3)));
@@ -136,7 +136,7 @@ TEST(CornerNoise, LooksAtTheSamePlaceAreWorthLessThanTwo) {
               64 * noise.covariance(measured(2), 0.0).trace(), 1.0);
 }
 
-TEST(CornerNoise, CornersThatNoDetectorMeasuredAreWhite) {
+TEST(CornerNoise, CornersOfOtherDetectorsHaveWhiteNoise) {
   CornerNoise noise(EstimatorConfig{}, true);
   const double first = noise.of(tag_at(1));
   for (int look = 0; look < 9; ++look) noise.learn(tag_at(1), 8.0, 0.0001);
@@ -159,7 +159,7 @@ TagObservation square_at(double x) {
   return seen;
 }
 
-TEST(CornerNoise, ALensThatIsOffMakesCornersOffTogether) {
+TEST(CornerNoise, ALensErrorCorrelatesTheCorners) {
   const CameraMount lens = lens_off_by(0.1);
   const CornerNoise noise(EstimatorConfig{}, true, &lens);
   const TagObservation seen = square_at(500);
@@ -172,16 +172,16 @@ TEST(CornerNoise, ALensThatIsOffMakesCornersOffTogether) {
   EXPECT_GT(R(0, 2), 0.9 * lens_variance) << "neighbouring corners, the same way";
   EXPECT_EQ(R(0, 1), 0) << "x says nothing of y";
   EXPECT_GT(R.ldlt().vectorD().minCoeff(), 0);
-  // Told exactly, nothing changes.
+  // With the exact sigma nothing changes.
   const CameraMount exact = lens_off_by(0);
   const CornerNoise plain(EstimatorConfig{}, true, &exact);
   EXPECT_FALSE(plain.is_uneven(seen));
   EXPECT_DOUBLE_EQ(plain.of(seen), CornerNoise(EstimatorConfig{}, true).of(seen));
 }
 
-/// The first eight looks at one part of the image are worth less than two, each later one a 64th: a
-/// body that stands there must not be let go of.
-TEST(CornerNoise, WhatALensIsOffIsHardlyAveragedAwayWhereATagStays) {
+/// The first eight looks at one part of the image are worth less than two, each later one a 64th:
+/// tracking of a body at rest must not be lost.
+TEST(CornerNoise, ALensErrorHardlyAveragesOutForAStaticTag) {
   const CameraMount lens = lens_off_by(0.1);
   CornerNoise noise(EstimatorConfig{}, true, &lens);
   noise.begin_with(1e-6);
@@ -199,7 +199,7 @@ TEST(CornerNoise, WhatALensIsOffIsHardlyAveragedAwayWhereATagStays) {
   EXPECT_NEAR(noise.of(square_at(800)), first, 1e-3 * first) << "elsewhere it is off otherwise";
 }
 
-TEST(CornerNoise, BeginsWithWhatAnotherFilterHasLearned) {
+TEST(CornerNoise, StartsWithTheNoiseLearnedByAnotherFilter) {
   CornerNoise noise(EstimatorConfig{}, true);
   noise.begin_with(0.05);
   EXPECT_DOUBLE_EQ(noise.of(TagObservation{}), 0.05);
@@ -208,7 +208,7 @@ TEST(CornerNoise, BeginsWithWhatAnotherFilterHasLearned) {
   EXPECT_DOUBLE_EQ(noise.of(TagObservation{}), 0.4) << "contradictions are no noise of a start";
 }
 
-TEST(CornerNoise, ThePapersFilterKeepsItsNumber) {
+TEST(CornerNoise, TheRobocentricFilterHasConstantNoise) {
   CornerNoise noise(EstimatorConfig{}, false);
   TagObservation blurred;
   blurred.corner_sigma_px = 0.3;

@@ -67,7 +67,7 @@ TEST_P(DenseKernels, FactorAndDivideLikeEigen) {
   }
 }
 
-TEST_P(DenseKernels, ADirectionWithoutVarianceTeachesNothing) {
+TEST_P(DenseKernels, ADirectionWithoutVarianceGivesNoInformation) {
   for (const int m : kSizes) {
     Eigen::MatrixXd S = scatter(m);
     const int empty = m / 2;
@@ -98,7 +98,7 @@ TEST_P(DenseKernels, SubtractSquareLikeEigen) {
   }
 }
 
-TEST_P(DenseKernels, WhatIsHeldStays) {
+TEST_P(DenseKernels, HeldElementsAreUnchanged) {
   constexpr int kRows = 51;
   constexpr int kDepth = 12;
   // Held: nothing, some here and there, whole tiles, everything.

@@ -14,8 +14,8 @@
 namespace fiducap {
 
 /// A wall of tags before which a body moves to and fro, with noisy readings and corners: the
-/// smallest world in which a filter, and a map that talks with it, can be told stories. Room axes
-/// are level, z up; the truth is known.
+/// smallest simulation for a filter and a map that exchange data. Room axes are level, z up; the
+/// truth is known.
 class ExampleRoom {
  public:
   struct Setup {
@@ -120,7 +120,7 @@ class ExampleRoom {
         now.q.conjugate() * (a + Eigen::Vector3d(0, 0, 9.81)) + white(noise.accel_noise_m_s2_rtHz)};
   }
 
-  /// What a map would say of a tag that stands there, each axis known to `sigma`; 0: exactly.
+  /// Known tag of a map at that pose, with standard deviation `sigma` per axis; 0: exact.
   [[nodiscard]] KnownTag known(int tag_id, const Pose& X_WT, double sigma) const {
     return {tag_id, edge_m, X_WT, Matrix6d::Identity() * sigma * sigma};
   }

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "capture/lens/camera_model.hpp"
-#include "detection/corner_projection.hpp"
+#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
 

@@ -1,11 +1,11 @@
 // Without an IMU: what is up, by tags that lie on the floor.
-#include "estimation/filter/floor.hpp"
+#include "estimation/filter/heading_rule.hpp"
 
 #include <gtest/gtest.h>
 
 #include <array>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "example_room.hpp"
 
 namespace fiducap {
@@ -17,38 +17,38 @@ double degrees_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
 
 const Eigen::Vector3d kUp = Eigen::Vector3d(0.3, -0.9, 0.4).normalized();
 
-/// A tag that lies on the floor, its face tilted by so much.
+/// A tag that lies on the floor, its face tilted by the angle.
 Pose lying(const Eigen::Vector3d& place,
            const Eigen::Vector3d& tilt_rad = Eigen::Vector3d::Zero()) {
   const auto q = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), kUp);
   return {q * exp_so3(tilt_rad), q * place};
 }
 
-TEST(Floor, OneTagSaysByItsFaceWhatIsUp) {
+TEST(Floor, OneTagDefinesTheVerticalByItsNormal) {
   const std::array tags{lying({1, 2, 0}, {0, 0, 1.1})};
   EXPECT_LT(degrees_between(*up_by_floor(tags), kUp), 1e-6);
   EXPECT_FALSE(up_by_floor({}));
 }
 
-TEST(Floor, ThreeTagsApartSayItByTheirPlaces) {
+TEST(Floor, ThreeTagsApartDefineItByTheirPositions) {
   const std::array tags{lying({0, 0, 0}, {0.1, 0, 0.4}), lying({2, 0, 0}, {0.1, 0.05, -2}),
                         lying({0.5, 1.5, 0}, {0.08, 0, 1})};
   EXPECT_LT(degrees_between(*up_by_floor(tags), kUp), 1e-6);
 }
 
-TEST(Floor, FacesSayItWhereOneOfTheTagsLiesOnATableOrAllInARow) {
+TEST(Floor, NormalsDefineItWithATagOnATableOrAllInARow) {
   const std::array table{lying({0, 0, 0}), lying({2, 0, 0}), lying({0.5, 1.5, 0.8})};
   EXPECT_LT(degrees_between(*up_by_floor(table), kUp), 1e-6);
   const std::array row{lying({0, 0, 0}), lying({2, 0, 0}), lying({4, 0.1, 0.1})};
   EXPECT_LT(degrees_between(*up_by_floor(row), kUp), 1e-6);
 }
 
-TEST(Floor, TagsThatLookOppositeWaysSayNothing) {
+TEST(Floor, OppositeNormalsDefineNothing) {
   const std::array tags{lying({0, 0, 0}), lying({2, 0, 0}, {3.1, 0, 0})};
   EXPECT_FALSE(up_by_floor(tags));
 }
 
-TEST(Floor, ATagStandsUprightWithItsOwnHeading) {
+TEST(Floor, ATagIsUprightWithItsOwnHeading) {
   const Eigen::Quaterniond q_AT = exp_so3({0.4, 1.0, -0.6});
   const Eigen::Quaterniond q_WT = upright_attitude(q_AT, kUp);
   EXPECT_LT(degrees_between(q_WT * q_AT.conjugate() * kUp, Eigen::Vector3d::UnitZ()), 1e-6);
@@ -74,11 +74,11 @@ class FloorInARoom : public testing::TestWithParam<const char*> {
   static constexpr double kUpright_deg = 3;
 };
 
-TEST_P(FloorInARoom, TheWorkspaceStandsUprightWhereFloorTagsAreNamed) {
-  ExampleRoom told = room({10, 11, 12});
-  for (int i = 0; i < 200; ++i) told.next_image({});
-  ASSERT_TRUE(told.filter->estimate().anchored);
-  EXPECT_LT(tilt_deg(told), kUpright_deg);
+TEST_P(FloorInARoom, TheWorkspaceIsUprightWithConfiguredFloorTags) {
+  ExampleRoom anchored_room = room({10, 11, 12});
+  for (int i = 0; i < 200; ++i) anchored_room.next_image({});
+  ASSERT_TRUE(anchored_room.filter->estimate().anchored);
+  EXPECT_LT(tilt_deg(anchored_room), kUpright_deg);
 
   ExampleRoom untold = room({});
   for (int i = 0; i < 200; ++i) untold.next_image({}, {0, 1, 2, 3, 4, 5});
@@ -86,13 +86,13 @@ TEST_P(FloorInARoom, TheWorkspaceStandsUprightWhereFloorTagsAreNamed) {
   EXPECT_GT(tilt_deg(untold), 45) << "a tag on the wall is no floor";
 }
 
-TEST_P(FloorInARoom, NoPoseIsOfTheWorkspaceBeforeTheFloorWasSeen) {
-  ExampleRoom told = room({10, 11});
-  for (int i = 0; i < 100; ++i) told.next_image({}, {0, 1, 2, 3, 4, 5, 10});
-  ASSERT_TRUE(told.filter->running());
-  EXPECT_FALSE(told.filter->estimate().anchored);
-  for (int i = 0; i < 60; ++i) told.next_image({});
-  EXPECT_TRUE(told.filter->estimate().anchored);
+TEST_P(FloorInARoom, NoPoseIsInTheWorkspaceBeforeTheFloorWasSeen) {
+  ExampleRoom anchored_room = room({10, 11});
+  for (int i = 0; i < 100; ++i) anchored_room.next_image({}, {0, 1, 2, 3, 4, 5, 10});
+  ASSERT_TRUE(anchored_room.filter->running());
+  EXPECT_FALSE(anchored_room.filter->estimate().anchored);
+  for (int i = 0; i < 60; ++i) anchored_room.next_image({});
+  EXPECT_TRUE(anchored_room.filter->estimate().anchored);
 }
 
 INSTANTIATE_TEST_SUITE_P(BothFilters, FloorInARoom, testing::Values("robocentric", "world"),

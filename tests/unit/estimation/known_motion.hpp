@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "estimation/imu/output_predictor.hpp"
 
 namespace fiducap {

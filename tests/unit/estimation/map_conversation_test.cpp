@@ -1,5 +1,5 @@
-// What a filter and the map say to each other: who defines the workspace, which tags are believed,
-// and what happens when one of them moves.
+// Data exchange of a filter and the map: which of them defines the workspace, which tags are used
+// as known, and what happens when one of them moves.
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
@@ -27,7 +27,7 @@ class MapConversation : public testing::TestWithParam<std::string> {
 INSTANTIATE_TEST_SUITE_P(BothFilters, MapConversation, testing::Values("robocentric", "world"),
                          [](const auto& one) { return one.param; });
 
-/// Shows images until the filter stands in a workspace of its own making, and on.
+/// Shows images until the filter has defined its own workspace, and longer.
 void settle(ExampleRoom& room, int images = kStartImages) {
   for (int i = 0; i < images; ++i) room.next_image({});
   ASSERT_TRUE(room.filter->running());
@@ -42,10 +42,10 @@ std::vector<KnownTag> known_of(const ExampleRoom& room) {
   return out;
 }
 
-TEST_P(MapConversation, TheTagThatMadeTheWorkspaceMovesAndTheWorkspaceStays) {
+TEST_P(MapConversation, AMovedReferenceTagDoesNotMoveTheWorkspace) {
   ExampleRoom room(setup());
   settle(room);
-  const std::vector<KnownTag> map = known_of(room);  // the map has what this body told
+  const std::vector<KnownTag> map = known_of(room);  // the map has the tags of this body
   ASSERT_EQ(map.size(), 6u);
   const Pose X_WR = room.filter->estimate().X_WB * room.truth().inverse();
   const int first = std::min_element(map.begin(), map.end(), [](const auto& a, const auto& b) {
@@ -75,7 +75,7 @@ TEST_P(MapConversation, TheTagThatMadeTheWorkspaceMovesAndTheWorkspaceStays) {
   EXPECT_LT((again->tag.X_WT.p - (X_WR * room.tags[first]).p).norm(), kGood_m);
 }
 
-TEST_P(MapConversation, AFilterThatMadeTheWorkspaceUsesTagsOfTheMap) {
+TEST_P(MapConversation, AFilterWithItsOwnWorkspaceUsesTagsOfTheMap) {
   ExampleRoom room(setup());
   for (int i = 0; i < kStartImages; ++i) room.next_image({}, {0, 1, 2});
   ASSERT_TRUE(room.filter->estimate().anchored);
@@ -90,7 +90,7 @@ TEST_P(MapConversation, AFilterThatMadeTheWorkspaceUsesTagsOfTheMap) {
 }
 
 /// Far from the origin of a known room: it is the prints beside the body that bend.
-TEST_P(MapConversation, WithoutImuABodyIsAsUnsureAsThePrintsNearItNotAsTheOriginIsFar) {
+TEST_P(MapConversation, WithoutImuTheSigmaFollowsTheNearTagsNotTheDistanceToTheOrigin) {
   for (const double sigma_m : {0.0, 0.001}) {  // exact tags are not in the state, others are
     ExampleRoom::Setup without_imu = setup();
     without_imu.has_imu = false;
@@ -110,7 +110,7 @@ TEST_P(MapConversation, WithoutImuABodyIsAsUnsureAsThePrintsNearItNotAsTheOrigin
 
 class KnownTagMoves : public testing::TestWithParam<std::tuple<std::string, double>> {};
 
-TEST_P(KnownTagMoves, IsSaidAndLearnedAnewWhenTheMapTakesItBack) {
+TEST_P(KnownTagMoves, IsReportedAndEstimatedAgainWhenTheMapWithdrawsIt) {
   const auto& [filter, sigma] = GetParam();
   ExampleRoom::Setup setup;
   setup.filter = filter;
@@ -144,7 +144,7 @@ INSTANTIATE_TEST_SUITE_P(HeldAndExact, KnownTagMoves,
                                   (std::get<1>(one.param) > 0 ? "Held" : "Exact");
                          });
 
-TEST_P(MapConversation, AFilterThatMayNotDefineTheWorkspaceWaitsForATagOfTheMap) {
+TEST_P(MapConversation, WithoutPermissionToDefineTheWorkspaceAFilterWaitsForATagOfTheMap) {
   ExampleRoom room(setup());
   for (int i = 0; i < kStartImages; ++i) {
     room.next_image({.tags = {}, .may_define_workspace = false}, {0, 1, 2});
@@ -164,7 +164,7 @@ TEST_P(MapConversation, AFilterThatMayNotDefineTheWorkspaceWaitsForATagOfTheMap)
 TEST_P(MapConversation, APriorDoesNotDefineASecondWorkspace) {
   ExampleRoom room(setup());
   KnownTag prior = room.known(1, room.tags[1], 1e-2);
-  prior.X_WT.p += Eigen::Vector3d(7, 0, 0);  // told in a workspace of its own
+  prior.X_WT.p += Eigen::Vector3d(7, 0, 0);  // given in its own workspace
   room.filter->set_tag_priors({prior});
   for (int i = 0; i < kStartImages; ++i) {
     room.next_image({.tags = {}, .may_define_workspace = false}, {0, 1, 2});
@@ -185,7 +185,7 @@ void wander_unanchored(ExampleRoom& room) {
   ASSERT_FALSE(room.filter->estimate().anchored);
 }
 
-TEST_P(MapConversation, ABodyThatKnewItsTagsBeforeTheMapHadThemIsAnchoredAtOnce) {
+TEST_P(MapConversation, ABodyWithEarlierTagsThanTheMapIsAnchoredAtOnce) {
   ExampleRoom room(setup());
   wander_unanchored(room);
   const Pose before = room.filter->estimate().X_WB;
@@ -230,7 +230,7 @@ TEST_P(MapConversation, OneMisreadTagDoesNotAnchorABodyWrongly) {
   }
 }
 
-TEST_P(MapConversation, ABodyThatKnewATagBeforeTheMapDidGivesItToTheMap) {
+TEST_P(MapConversation, AnEarlierTagOfABodyIsGivenToTheMap) {
   ExampleRoom room(setup());
   wander_unanchored(room);
   std::vector<TagBelief> beliefs;
@@ -247,8 +247,8 @@ TEST_P(MapConversation, ABodyThatKnewATagBeforeTheMapDidGivesItToTheMap) {
   for (const TagBelief& belief : beliefs) EXPECT_EQ(belief.component, TagBelief::kWorkspace);
 }
 
-/// Moves what was given out along with the workspace, as whoever keeps poses does, and says how far
-/// the newest pose is from where the last one, moved so, would have it.
+/// Moves the published poses along with the workspace, as any user of poses does.
+/// @return distance of the newest pose from the last one moved in this way
 class Follower {
  public:
   double jump_m(const ExampleRoom& room, const UpdateReport& report) {
@@ -273,7 +273,7 @@ class Follower {
   int generation_{0};
 };
 
-TEST_P(MapConversation, TheShiftIsSaidAlsoWhenTheStartIsLookedAtWithTheSameImage) {
+TEST_P(MapConversation, TheShiftIsReportedAlsoWhenTheStartIsReplacedAtTheSameImage) {
   // The reference tag comes into view so that it joins with one of the images of 1.9 … 2.6 s.
   for (int first_image = 34; first_image < 50; ++first_image) {
     ExampleRoom::Setup setup = MapConversation::setup();
@@ -297,7 +297,7 @@ TEST_P(MapConversation, PosesFromBeforeAResetAreNotMoved) {
   ExampleRoom room(setup());
   settle(room);
   const int generation = room.next_image({}).generation;
-  // Everything stands elsewhere: nothing of what was known fits any more.
+  // All tags are at other places: no known tag fits any more.
   double index = 0;
   for (auto& [id, X_RT] : room.tags) {
     X_RT.p += Eigen::Vector3d(0.3 * std::cos(2.0 * index), 0.2, 0.3 * std::sin(3.0 * index));
@@ -315,9 +315,9 @@ TEST_P(MapConversation, PosesFromBeforeAResetAreNotMoved) {
   EXPECT_TRUE(room.filter->estimate().anchored);
 }
 
-TEST_P(MapConversation, ABodyThatLostItsPlaceSaysWhenOneTagAloneGivesItBack) {
+TEST_P(MapConversation, RelocalisationByASingleTagIsReported) {
   const std::vector<int> nothing{-1};
-  for (const double blind_s : {0.2, 9.0, 12.0}) {  // short; without a place; adrift
+  for (const double blind_s : {0.2, 9.0, 12.0}) {  // short; without position; lost
     for (const std::vector<int>& visible : {std::vector<int>{2}, std::vector<int>{1, 2, 3}}) {
       ExampleRoom room(setup());
       settle(room);
@@ -326,13 +326,13 @@ TEST_P(MapConversation, ABodyThatLostItsPlaceSaysWhenOneTagAloneGivesItBack) {
       for (int i = 0; i < 60 && back.tags_used == 0; ++i) {
         back = room.next_image({}, visible);
         if (back.tags_used == 0) {
-          EXPECT_FALSE(back.returned_alone);
+          EXPECT_FALSE(back.relocalised_by_one_tag);
         }
       }
       ASSERT_GT(back.tags_used, 0);
       const bool is_lost = blind_s > 1;
-      EXPECT_EQ(back.returned_alone, is_lost && visible.size() == 1) << blind_s;
-      EXPECT_FALSE(room.next_image({}, visible).returned_alone);
+      EXPECT_EQ(back.relocalised_by_one_tag, is_lost && visible.size() == 1) << blind_s;
+      EXPECT_FALSE(room.next_image({}, visible).relocalised_by_one_tag);
     }
   }
 }
@@ -345,7 +345,7 @@ double pose_nees(const ExampleRoom& room) {
   return off.dot(body.covariance.topLeftCorner<6, 6>().ldlt().solve(off)) / 6;
 }
 
-TEST_P(MapConversation, ABodyThatComesBackFarOffIsAsSureAsItIsRight) {
+TEST_P(MapConversation, SigmaAfterADistantRelocalisationIsConsistent) {
   constexpr int kRuns = 20;
   double nees = 0;
   for (int run = 0; run < kRuns; ++run) {

@@ -12,7 +12,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-TEST(OutputPredictor, SaysNothingBeforeTheFirstEstimateAndAfterClear) {
+TEST(OutputPredictor, GivesNothingBeforeTheFirstEstimateAndAfterClear) {
   OutputPredictor predictor(with_imu(), {});
   feed(predictor, 0, 0.1);
   EXPECT_FALSE(predictor.predict(at_s(0.1)));
@@ -22,7 +22,7 @@ TEST(OutputPredictor, SaysNothingBeforeTheFirstEstimateAndAfterClear) {
   EXPECT_FALSE(predictor.predict(at_s(0.1)));
 }
 
-TEST(OutputPredictor, BodyAtRestStaysWhereItIs) {
+TEST(OutputPredictor, BodyAtRestDoesNotMove) {
   OutputPredictor predictor(with_imu(), {});
   BodyEstimate rest;
   rest.at = at_s(0);
@@ -145,7 +145,7 @@ TEST(OutputPredictor, CoastsLongerThanItsMemory) {
   EXPECT_LT((predictor.predict(at_s(3.5))->X_WB.p - Motion::p(3.5)).norm(), kMidPoint_m);
 }
 
-TEST(OutputPredictor, BridgesAHoleInTheStreamWithMotionNoise) {
+TEST(OutputPredictor, BridgesAGapInTheStreamWithMotionNoise) {
   OutputPredictor predictor(with_imu(), {});
   predictor.set_estimate(Motion::truth(0));
   feed(predictor, 0, 0.1);

@@ -38,7 +38,7 @@ class Restart : public testing::TestWithParam<const char*> {
   Instant now_{};
 };
 
-TEST_P(Restart, ALongContradictionIsForgottenWhole) {
+TEST_P(Restart, ALongContradictionIsDiscardedCompletely) {
   for (int i = 0; i < 20; ++i) show(clean_);
   ASSERT_TRUE(filter_->running());
   for (int i = 0; i < 40; ++i) EXPECT_EQ(show(torn()).tags_used, 0) << "image " << i;

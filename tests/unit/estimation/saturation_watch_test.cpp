@@ -1,4 +1,4 @@
-#include "estimation/imu/saturation_watch.hpp"
+#include "estimation/imu/imu_buffer.hpp"
 
 #include <gtest/gtest.h>
 
@@ -38,7 +38,7 @@ class Unit {
 
 constexpr int kReadings = 4000;
 
-TEST(SaturationWatch, AFineSensorInMotionIsBelieved) {
+TEST(SaturationWatch, AFineSensorInMotionIsNotSaturated) {
   SaturationWatch watch{ImuNoise{}};
   Unit unit(0, 0.01);
   for (int k = 0; k < kReadings; ++k) {
@@ -47,7 +47,7 @@ TEST(SaturationWatch, AFineSensorInMotionIsBelieved) {
   }
 }
 
-TEST(SaturationWatch, ACoarseSensorAtRestIsBelieved) {
+TEST(SaturationWatch, ACoarseSensorAtRestIsNotSaturated) {
   for (const double noise : {0.5, 1.0, 3.0}) {  // in steps of its resolution
     SaturationWatch watch{ImuNoise{}};
     Unit unit(0.001, noise * 0.001);
@@ -60,7 +60,7 @@ TEST(SaturationWatch, ACoarseSensorAtRestIsBelieved) {
   }
 }
 
-TEST(SaturationWatch, AMotionlessNoiselessUnitIsBelieved) {
+TEST(SaturationWatch, AMotionlessNoiselessUnitIsNotSaturated) {
   SaturationWatch watch{ImuNoise{}};
   Unit unit(0, 0);
   for (int k = 0; k < kReadings; ++k) {
@@ -87,7 +87,7 @@ TEST(SaturationWatch, AFlatTopIsFoundWithAllItsReadings) {
       EXPECT_FALSE(found.now.accel);
     }
     EXPECT_GT(cut, 200);
-    // What is noticed late is said afterwards; only tops of a few readings go unseen.
+    // Late detections are reported afterwards; only peaks of a few readings stay undetected.
     EXPECT_LT(missed - static_cast<int>(before), 0.08 * cut) << resolution;
   }
 }

@@ -50,7 +50,7 @@ class TurnedTag : public testing::TestWithParam<double> {
   TurnedTag() : state_(example_state()) {
     state_.P() *= 1e-4;
     // Of what is doubted, eight numbers say a little more.
-    state_.suspicions.clear();
+    state_.parameter_tests.clear();
     state_.clear_column(layout::readout(0), 0);
     state_.clocks[0].shift_s += GetParam();
     given_ = {13, 0.2, state_.tags[0].X_WT, Matrix6d::Zero()};
@@ -119,7 +119,7 @@ class TurnedTag : public testing::TestWithParam<double> {
   std::array<TagToUse, 5> use_;
 };
 
-TEST_P(TurnedTag, SaysWithSixNumbersWhatEightSay) {
+TEST_P(TurnedTag, SixNumbersMatchEight) {
   const ImageMeasurement image = turned();
   for (const TagMeasurement& m : image.tags) ASSERT_TRUE(m.relative);
   const Outcome six = update(state_, image, {});
@@ -128,7 +128,7 @@ TEST_P(TurnedTag, SaysWithSixNumbersWhatEightSay) {
   expect_same(six, update(state_, whole(), {}));
 }
 
-TEST_P(TurnedTag, SaysTheSameWhenItsNoiseIsUneven) {
+TEST_P(TurnedTag, MatchesWithUnevenNoise) {
   const Outcome even = update(state_, turned(), {});
   smear();
   const ImageMeasurement image = turned();
@@ -138,7 +138,7 @@ TEST_P(TurnedTag, SaysTheSameWhenItsNoiseIsUneven) {
   expect_same(six, update(state_, whole(), {}));
 }
 
-TEST_P(TurnedTag, SaysOfKnownTagsWhatTheirNoiseAllows) {
+TEST_P(TurnedTag, MatchesForKnownTagsWithNoise) {
   smear();
   const ImageMeasurement image = turned();
   StackedUpdate update;
@@ -154,7 +154,7 @@ TEST_P(TurnedTag, SaysOfKnownTagsWhatTheirNoiseAllows) {
   EXPECT_LT((got - information).norm(), kSame * information.norm());
 }
 
-TEST_P(TurnedTag, SaysTheSameToHeldTags) {
+TEST_P(TurnedTag, MatchesForHeldTags) {
   const std::array<int, 2> held{state_.tag_at(0), state_.tag_at(2)};
   const Outcome six = update(state_, turned(), held);
   for (const int a : held) {

@@ -51,7 +51,7 @@ TEST_P(SteadyLoop, AllocatesNothingAfterWarmUp) {
   EXPECT_EQ(allocations.count(), 0u);
 }
 
-TEST_P(SteadyLoop, StandsStillWhenTheBodyDoes) {
+TEST_P(SteadyLoop, EstimateIsConstantForABodyAtRest) {
   for (int i = 0; i < 60; ++i) run_image();
   const BodyEstimate before = filter_->estimate();
   for (int i = 0; i < 20; ++i) run_image();
@@ -72,7 +72,7 @@ TEST_P(SteadyLoop, ReadingsThatNeverEndInAnImageDoNotGrowMemory) {
   EXPECT_EQ(allocations.count(), 0u);
 }
 
-TEST_P(SteadyLoop, BadReadingsAreLeftOut) {
+TEST_P(SteadyLoop, BadReadingsAreIgnored) {
   for (int i = 0; i < 60; ++i) run_image();
   const BodyEstimate before = filter_->estimate();
   filter_->propagate({now_ - std::chrono::seconds(1), {1, 1, 1}, {0, 0, 0}});

@@ -1,12 +1,11 @@
 // What holds for the maps of all other programs: nothing moves on the way out and in again, units
 // and conventions that cannot be right are named.
-#include "mapping/formats/foreign_map.hpp"
+#include "mapping/formats/map_format.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "mapping/formats/map_doubts.hpp"
-#include "mapping/formats/map_format.hpp"
+#include "mapping/formats/map_exchange.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
 namespace fiducap {
@@ -139,26 +138,27 @@ const Eigen::Quaterniond kOnWall(std::sqrt(0.5), std::sqrt(0.5), 0, 0);
 const Eigen::Quaterniond kHalfTurnAboutX(0, 1, 0, 0);
 
 TEST(MapDoubts, AUsualRoomRaisesNone) {
-  EXPECT_THAT(doubts_about(two_tags(kOnWall, 1.5)), IsEmpty());
-  EXPECT_THAT(doubts_about(two_tags(Eigen::Quaterniond::Identity(), 0)), IsEmpty());
-  EXPECT_THAT(doubts_about(two_tags(kHalfTurnAboutX, 2.5)), IsEmpty());  // on the ceiling
-  EXPECT_THAT(doubts_about(TagMap{}), IsEmpty());
+  EXPECT_THAT(plausibility_remarks(two_tags(kOnWall, 1.5)), IsEmpty());
+  EXPECT_THAT(plausibility_remarks(two_tags(Eigen::Quaterniond::Identity(), 0)), IsEmpty());
+  EXPECT_THAT(plausibility_remarks(two_tags(kHalfTurnAboutX, 2.5)), IsEmpty());  // on the ceiling
+  EXPECT_THAT(plausibility_remarks(TagMap{}), IsEmpty());
 }
 
 TEST(MapDoubts, NamesTagsBelowTheFloor) {
-  EXPECT_THAT(doubts_about(two_tags(kOnWall, -1.5)), Contains(HasSubstr("lie below z = 0")));
+  EXPECT_THAT(plausibility_remarks(two_tags(kOnWall, -1.5)),
+              Contains(HasSubstr("are below z = 0")));
 }
 
 TEST(MapDoubts, NamesTheAxesOfLibapriltag) {
-  EXPECT_THAT(doubts_about(two_tags(kOnWall * kHalfTurnAboutX, 1.5)),
-              Contains(HasSubstr("stand on their heads")));
-  EXPECT_THAT(doubts_about(two_tags(kHalfTurnAboutX, 0)), Contains(HasSubstr("look down")));
+  EXPECT_THAT(plausibility_remarks(two_tags(kOnWall * kHalfTurnAboutX, 1.5)),
+              Contains(HasSubstr("upside down")));
+  EXPECT_THAT(plausibility_remarks(two_tags(kHalfTurnAboutX, 0)), Contains(HasSubstr("face down")));
 }
 
 TEST(MapDoubts, NamesPositionsThatAreTooFarForMetres) {
   TagMap map = two_tags(kOnWall, 1.5);
   map.tags[1].tag.X_WT.p.x() = 2500;
-  EXPECT_THAT(doubts_about(map), Contains(HasSubstr("tag 1 is 2500 m from the origin")));
+  EXPECT_THAT(plausibility_remarks(map), Contains(HasSubstr("tag 1 is 2500 m from the origin")));
 }
 
 TEST(MapDoubts, CountsWhatIsTooManyToName) {
@@ -194,7 +194,7 @@ TEST(MapFormats, TheContentDecidesBeforeTheName) {
   EXPECT_EQ(is("a.csv", "nothing"), "csv");
   EXPECT_EQ(is("a.json", "nothing"), "wpilib");
   EXPECT_THAT(is("a.yaml", "  bodies: 3\ntags: 4\n"),
-              HasSubstr("a.yaml: is none of the maps known by what stands in them; say which with "
+              HasSubstr("a.yaml: is a map of no known format, by its content; name the format with "
                         "--format: fiducap, csv, tagslam"));
 }
 

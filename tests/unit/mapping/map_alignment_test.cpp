@@ -1,9 +1,9 @@
-#include "mapping/map_alignment.hpp"
+#include "mapping/map_edit.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap {
 namespace {
@@ -103,14 +103,14 @@ TEST_F(MapAlignmentTest, ADistanceHasTheSigmaOfBothLessWhatTheyShare) {
   ASSERT_TRUE(alone);
   EXPECT_NEAR(alone->distance_m, std::hypot(4, 0.5), kRounding_m);
   EXPECT_NEAR(alone->sigma_m, std::sqrt(8e-6), kRounding_m);
-  EXPECT_FALSE(alone->is_tied);
+  EXPECT_FALSE(alone->is_correlated);
   auto known = std::make_shared<KnownMap>();
   known->pairs.push_back({10, 11, 3e-6 * Matrix6d::Identity()});
   map_.known = known;
   const auto tied = distance_between(map_, 11, 10);
   ASSERT_TRUE(tied);
   EXPECT_NEAR(tied->sigma_m, std::sqrt(2e-6), kRounding_m);
-  EXPECT_TRUE(tied->is_tied);
+  EXPECT_TRUE(tied->is_correlated);
   EXPECT_FALSE(distance_between(map_, 10, 10));
   EXPECT_FALSE(distance_between(map_, 10, 99));
 }

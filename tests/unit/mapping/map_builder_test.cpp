@@ -33,7 +33,7 @@ TEST_F(MapBuilderTest, StartsWithTheMapItWasGiven) {
 TEST_F(MapBuilderTest, ABeliefBelowTheLimitsJoins) {
   const auto before = builder_.snapshot();
   absorb(1, belief(3));
-  EXPECT_EQ(before->find(3), nullptr);  // a snapshot in somebody's hands stays as it is
+  EXPECT_EQ(before->find(3), nullptr);  // a snapshot never changes
   const auto after = builder_.snapshot();
   const MapTag* joined = after->find(3);
   ASSERT_NE(joined, nullptr);

@@ -69,7 +69,7 @@ TagMap other_map() {
 
 TEST_P(MapByHandTest, BeginsAnewWithAnotherMapAsIfItHadBegunWithIt) {
   const auto revision = builder_.published().revision;
-  ASSERT_TRUE(builder_.begin_anew(other_map(), kNow_utc_ns));
+  ASSERT_TRUE(builder_.replace_map(other_map(), kNow_utc_ns));
   const auto view = builder_.published();
   EXPECT_EQ(view.map->version, 9);
   EXPECT_EQ(view.map->tags.size(), 2U);
@@ -79,20 +79,20 @@ TEST_P(MapByHandTest, BeginsAnewWithAnotherMapAsIfItHadBegunWithIt) {
 }
 
 TEST_P(MapByHandTest, EachBodyTakesTheNewMapOverWithAllThatItKnows) {
-  ASSERT_TRUE(builder_.begin_anew(other_map(), kNow_utc_ns));
+  ASSERT_TRUE(builder_.replace_map(other_map(), kNow_utc_ns));
   const auto known = builder_.view(kBody).map->known;
   ASSERT_NE(known, nullptr) << "by this its own tags move along";
   EXPECT_EQ(known->tags.size(), 2U);
   let_hear();
   EXPECT_EQ(builder_.view(kBody).map->known != nullptr, has_graph());
   EXPECT_NE(builder_.view(kBody + 1).map->known, nullptr) << "another one has not heard of it";
-  ASSERT_TRUE(builder_.begin_anew(stored_map(), kNow_utc_ns));
+  ASSERT_TRUE(builder_.replace_map(stored_map(), kNow_utc_ns));
   EXPECT_GT(builder_.view(kBody).map->known->revision, known->revision);
 }
 
 TEST_P(MapByHandTest, WhatABodySaysOfTheMapOfBeforeDoesNotCount) {
   (void)builder_.view(kBody);
-  ASSERT_TRUE(builder_.begin_anew(other_map(), kNow_utc_ns));
+  ASSERT_TRUE(builder_.replace_map(other_map(), kNow_utc_ns));
   const TagBelief seen = belief(11);
   MapContribution late = from(kBody, seen);
   late.segment = std::make_shared<const MotionSegment>();
@@ -108,8 +108,8 @@ TEST_P(MapByHandTest, WhatABodySaysOfTheMapOfBeforeDoesNotCount) {
 TEST_P(MapByHandTest, AFrozenMapIsNotReplacedAndForgetsNothing) {
   builder_.set_mode(MapMode::kFrozen);
   const auto before = builder_.snapshot();
-  EXPECT_THAT(builder_.may_begin_anew(other_map()).error().what, HasSubstr("the map is frozen"));
-  EXPECT_FALSE(builder_.begin_anew(other_map(), kNow_utc_ns));
+  EXPECT_THAT(builder_.check_replacement(other_map()).error().what, HasSubstr("the map is frozen"));
+  EXPECT_FALSE(builder_.replace_map(other_map(), kNow_utc_ns));
   EXPECT_THAT(builder_.forget(5, kNow_utc_ns).error().what, HasSubstr("the map is frozen"));
   EXPECT_EQ(builder_.snapshot(), before);
 }
@@ -117,11 +117,11 @@ TEST_P(MapByHandTest, AFrozenMapIsNotReplacedAndForgetsNothing) {
 TEST_P(MapByHandTest, IsNotReplacedByAMapWithoutPlacesOrOfOtherTags) {
   TagMap none = other_map();
   for (MapTag& entry : none.tags) entry.state = TagState::kQuarantined;
-  EXPECT_THAT(builder_.begin_anew(none, kNow_utc_ns).error().what,
-              HasSubstr("version 9 has no tag that says where the workspace is"));
+  EXPECT_THAT(builder_.replace_map(none, kNow_utc_ns).error().what,
+              HasSubstr("version 9 has no tag that defines the workspace"));
   TagMap foreign = other_map();
   foreign.family = "tag25h9";
-  EXPECT_THAT(builder_.begin_anew(foreign, kNow_utc_ns).error().what,
+  EXPECT_THAT(builder_.replace_map(foreign, kNow_utc_ns).error().what,
               HasSubstr("holds tag25h9 tags"));
 }
 
@@ -202,7 +202,7 @@ TEST(MapByHand, ASolutionOfTheMapOfBeforeIsNotAdopted) {
   MapRefiner refiner(builder);
   builder.adopt(solution_with(5, 3.0), kNow_utc_ns);
   EXPECT_EQ(builder.snapshot()->find(5)->tag.X_WT.p.x(), 3.0);
-  ASSERT_TRUE(builder.begin_anew(other_map(), kNow_utc_ns));
+  ASSERT_TRUE(builder.replace_map(other_map(), kNow_utc_ns));
   const auto before = builder.snapshot();
   builder.adopt(solution_with(5, 4.0), kNow_utc_ns);
   EXPECT_EQ(builder.snapshot(), before) << "the refiner was at work meanwhile";
@@ -219,11 +219,11 @@ TEST(MapByHand, TheRefinerBeginsAnewWithTheMapThatWasPutInPlace) {
   EXPECT_EQ(refiner.graph().state().tags.size(), 3U);
   TagMap next = other_map();
   for (MapTag& entry : next.tags) entry.state = TagState::kSurveyed;
-  ASSERT_TRUE(builder.begin_anew(next, kNow_utc_ns));
+  ASSERT_TRUE(builder.replace_map(next, kNow_utc_ns));
   EXPECT_FALSE(refiner.solve()) << "nothing was seen since";
   ASSERT_EQ(refiner.graph().state().tags.size(), 2U);
   EXPECT_EQ(refiner.graph().state().tags[0].X_WT.p, next.tags[0].tag.X_WT.p);
-  EXPECT_EQ(builder.take_segments().begin_anew, nullptr) << "once";
+  EXPECT_EQ(builder.take_segments().replacement, nullptr) << "once";
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "mapping/tag_map.hpp"
 
 namespace fiducap {
@@ -51,7 +51,7 @@ inline TagMap with_ties(TagMap map) {
   return map;
 }
 
-/// Tags anywhere, turned anyhow, of 5 cm and more; exact.
+/// Tags with random poses, of 5 cm and more; exact.
 inline TagMap random_map(unsigned seed, int tags = 50) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;

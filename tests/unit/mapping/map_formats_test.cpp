@@ -1,11 +1,12 @@
-#include "mapping/formats/map_yaml.hpp"
+#include "mapping/formats/map_format.hpp"
 
 #include <gtest/gtest.h>
 
 #include <fstream>
 #include <sstream>
 
-#include "mapping/formats/text_number.hpp"
+#include "base/text.hpp"
+#include "mapping/formats/map_exchange.hpp"
 #include "support/replaced.hpp"
 #include "support/shared_data.hpp"
 #include "unit/mapping/map_fixture.hpp"
@@ -15,7 +16,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Placed one by one where they belong, so many tags took minutes: the time limit would end it.
+// Sorted insertion of single tags would take minutes and exceed the time limit.
 TEST(MapCsv, TagsInDescendingOrderAreSortedAtOnce) {
   constexpr int kTags = 150'000;
   std::string text = "id,size,px,py,pz,qw,qx,qy,qz\n";
@@ -254,8 +255,8 @@ const std::string kField =
     field_tag(1, R"({"x": 16, "y": 5, "z": 1.5})", R"({"W": 0, "X": 0, "Y": 0, "Z": 1})") +
     R"(], "field": {"length": 16.5, "width": 8.2}})";
 
-// Tag 2 hangs on the wall x = 0 and looks along +x into the field. Who stands in the field and
-// looks at it has +y on the right hand and z overhead.
+// Tag 2 is on the wall x = 0 and faces +x, into the field. For a viewer in the field +y is to the
+// right and z up.
 TEST(MapWpilib, PutsThePrintedCornersWhereAViewerSeesThem) {
   constexpr double kEdge_m = 0.2;
   constexpr double kRounding_m = 1e-12;
@@ -326,7 +327,7 @@ TEST(TextNumber, ReadsWholeNumbersOnly) {
   EXPECT_EQ(number_from<double>("inf"), std::nullopt);
   EXPECT_EQ(number_from<double>("1,5"), std::nullopt);
   EXPECT_EQ(number_from<int>("1.0"), std::nullopt);
-  EXPECT_EQ(number_from<double>(to_text(0.1)), 0.1);
+  EXPECT_EQ(number_from<double>(shortest(0.1)), 0.1);
 }
 
 }  // namespace

@@ -2,7 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "mapping/map_builder.hpp"
 #include "unit/mapping/belief_fixture.hpp"
 
@@ -37,7 +37,7 @@ class MapMovesTest : public testing::Test {
     (void)builder_.take_events();
   }
 
-  /// The tags that nobody moves, and these.
+  /// The tags that are not moved, and these.
   void adopt(const std::vector<GraphTagEstimate>& tags) {
     GraphSolution solution;
     for (const int tag_id : kOthers) solution.tags.push_back(estimate(tag_id, tag_id));
@@ -129,7 +129,7 @@ TEST_F(MapMovesTest, ATagThatIsFoundWhereItWasIsDisputedAndItsSightingsAreUnited
   const auto events = builder_.take_events();
   ASSERT_EQ(events.size(), 1U);
   EXPECT_EQ(events[0].kind, MapEvent::Kind::kTagDisputed);
-  EXPECT_THAT(events[0].text, HasSubstr("is where it was"));
+  EXPECT_THAT(events[0].text, HasSubstr("is in its old place"));
   const auto moves = builder_.take_segments().moves;
   ASSERT_EQ(moves.size(), 1U);
   EXPECT_FALSE(moves[0].opens);
@@ -153,7 +153,8 @@ TEST_F(MapMovesTest, ATagThatIsFoundAtTwoPlacesInTurnIsGivenUp) {
   EXPECT_EQ(builder_.take_segments().moves.at(0).opens->back, Instant::max());
   const std::string text = builder_.take_events().back().text;
   EXPECT_THAT(text, HasSubstr("is not used any more"));
-  EXPECT_THAT(text, HasSubstr("(1.00 0.00 0.00) and (1.50 0.00 0.00), 0.50 m apart: two prints"));
+  EXPECT_THAT(text,
+              HasSubstr("(1.00 0.00 0.00) and (1.50 0.00 0.00), 0.50 m apart: two printed tags"));
   move(62, 1.5, 3);
   EXPECT_EQ(state(), TagState::kQuarantined) << "for good";
   EXPECT_TRUE(builder_.take_events().empty());
@@ -165,7 +166,7 @@ TEST_F(MapMovesTest, ATagThatComesBackIsSaidToAndKeepsTheSightingsOfItsOtherPlac
   open.last_seen = at(31);
   adopt({estimate(kMoved, 1), open});
   (void)builder_.take_segments();
-  notice(32);  // nobody has found it there since
+  notice(32);  // it was not found there since
   EXPECT_EQ(builder_.take_segments().moves.at(0).opens->gone, at(31));
   adopt({estimate(kMoved, 1), open, estimate(kMoved, 1, 2)});
   EXPECT_THAT(builder_.take_events().back().text, HasSubstr(", back to a place it had left"));

@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "mapping/formats/foreign_map.hpp"
+#include "mapping/formats/map_format.hpp"
 #include "support/replaced.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
@@ -15,8 +15,8 @@ using testing::Not;
 
 constexpr double kPlaceRounding_m = 1e-9;
 
-// A wall that stands 2 m away in x and is turned by a quarter about z, one tag in its middle and
-// one half a metre up; a robot that carries a tag.
+// A wall 2 m away in x, turned by a quarter about z, with one tag in its middle and one half a
+// metre up; a robot that carries a tag.
 constexpr const char* kRoom = R"(tagslam_parameters: {optimizer_mode: fast}
 body_defaults: {position_noise: 0.05, rotation_noise: 0.01}
 default_body: wall
@@ -261,13 +261,13 @@ INSTANTIATE_TEST_SUITE_P(
                        "tagslam.yaml:24: bodies[0].wall.tags[1].pose.position_noise: must be "
                        "between 0 and 1000000"},
         TagslamMistake{"  - wall:\n      type", "  - wall: here\n    other:\n      type",
-                       "tagslam.yaml:5: bodies[0].wall: must be a map: what a body has stands one "
+                       "tagslam.yaml:5: bodies[0].wall: must be a map: the keys of a body are one "
                        "level deeper than its name"},
         TagslamMistake{"bodies:", "body:", "tagslam.yaml:1: bodies: is missing"},
         TagslamMistake{"default_body: wall", "body_defaults: wall",
                        "tagslam.yaml:3: body_defaults: is there twice, first in line 2"}));
 
-// The example of somebody's first evening: one tag, at a body whose pose TagSLAM was to find.
+// A typical first file: one tag, at a body whose pose TagSLAM was to find.
 TEST(MapTagslam, ARoomWithoutAnyPlaceSaysWhy) {
   const auto room = read(
       "bodies:\n  - lab:\n      type: simple\n      is_static: true\n"

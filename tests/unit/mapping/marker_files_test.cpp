@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "mapping/formats/foreign_map.hpp"
+#include "mapping/formats/map_format.hpp"
 #include "support/replaced.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
@@ -77,10 +77,9 @@ TEST(MapBundles, MistakesAreNamed) {
   EXPECT_EQ(refused("{id: 5, size: 0.1}", "{id: 2, size: 0.1}"),
             "tags.yaml:4: standalone_tags[1]: tag id 2 is there twice among the standalone tags");
   EXPECT_EQ(refused("y: 2.5", "Y: 2.5"), "tags.yaml:13: tag_bundles[0].layout[1].Y: unknown key");
-  EXPECT_EQ(
-      refused("\n    }\n", "\n    }, {name: bag, layout: [{id: 9, size: 0.1}]}\n"),
-      "tags.yaml:15: tag_bundles[1]: bundle 'bag' has an origin of its own, and the file does "
-      "not say where it is in bundle 'box'; keep one bundle in the file");
+  EXPECT_EQ(refused("\n    }\n", "\n    }, {name: bag, layout: [{id: 9, size: 0.1}]}\n"),
+            "tags.yaml:15: tag_bundles[1]: bundle 'bag' has an origin of its own, whose "
+            "place in bundle 'box' is not in the file; keep one bundle in the file");
 }
 
 // PyYAML, which ROS reads with, takes 1 for a whole number and 1e-07 for a word.
@@ -120,7 +119,7 @@ Expected<ImportedMap> read_workspace(const std::string& text) {
 }
 
 // qTI takes inertial coordinates to the tag's. With a quarter about x in its numbers, the tag's up
-// is the inertial z: what hangs on a wall.
+// is the inertial z: a tag on a wall.
 TEST(MapRcars, ThePassiveQuaternionStandsTheTagUp) {
   const auto room = read_workspace(kWorkspace);
   ASSERT_TRUE(room) << room.error().text();
@@ -149,7 +148,7 @@ TEST(MapRcars, MistakesAreNamed) {
     return refusal(read_workspace(replaced(kWorkspace, from, to)));
   };
   EXPECT_EQ(refusal(map_from_rcars_yaml(kWorkspace, {}, "ws.yaml")),
-            "ws.yaml: RCARS workspaces do not say how large the tags are; add --tag-size METRES");
+            "ws.yaml: RCARS workspaces do not contain the size of the tags; add --tag-size METRES");
   // The example that RCARS ships has such a one.
   EXPECT_EQ(refused("orientation: {w: 0.7071067811865476", "orientation: {w: 1"),
             "ws.yaml:8: tags.tag0: quaternion has length 1.22474: must be 1");
@@ -175,7 +174,7 @@ TEST(MapRcars, IdsBeyondItsBytesAreNamed) {
 // --- ArUco ---
 
 // As OpenCV 3 writes it, no blank after `id:` and `corners:`. Marker 7 is flat, its up is y; marker
-// 9 stands on the wall x = 1 and looks along +x.
+// 9 is on the wall x = 1 and faces +x.
 constexpr const char* kMarkers = R"(%YAML:1.0
 ---
 aruco_bc_dict: TAG36h11
@@ -224,8 +223,8 @@ aruco_bc_markers:
    - { id:2, corners:[ [ 1000, 800, 0 ], [ 1800, 800, 0 ], [ 1800, 0, 0 ], [ 1000, 0, 0 ] ] }
 )";
   EXPECT_EQ(refusal(read_markers(kPixels)),
-            "map.yml:3: aruco_bc_mInfoType: is 0: the corners are in pixels, which says nothing of "
-            "their size; add --tag-size METRES");
+            "map.yml:3: aruco_bc_mInfoType: is 0: the corners are in pixels, so their size "
+            "is unknown; add --tag-size METRES");
   const auto map = read_markers(kPixels, {.edge_m = 0.16});
   ASSERT_TRUE(map) << map.error().text();
   EXPECT_LT((map->map.find(2)->tag.X_WT.p - Vector3d(0.28, 0.08, 0)).norm(), kRounding_m);
@@ -262,7 +261,7 @@ TEST(MapAruco, MistakesAreNamed) {
 TEST(MapAruco, OtherDictionariesAreRemarked) {
   const auto map = read_markers(replaced(kMarkers, "TAG36h11", "ARUCO_MIP_36h12"));
   ASSERT_TRUE(map);
-  EXPECT_THAT(map->remarks, Contains(HasSubstr("ARUCO_MIP_36h12 is no family that is read here")));
+  EXPECT_THAT(map->remarks, Contains(HasSubstr("ARUCO_MIP_36h12 is of no supported family")));
   EXPECT_THAT(map->remarks, Contains(HasSubstr("tag36h11 is assumed")));
 }
 
@@ -273,7 +272,7 @@ TEST(MapWpilibWriter, WritesWhatWpilibReads) {
   map.tags.resize(1);
   map.tags[0].tag.tag_id = 2;
   map.tags[0].tag.edge_m = 0.1651;
-  // Hangs on the wall x = 0 and looks into the field: WPILib's identity.
+  // On the wall x = 0, facing into the field: WPILib's identity.
   map.tags[0].tag.X_WT = {{0.5, 0.5, 0.5, 0.5}, {0, 5, 1.5}};
   const auto exported = map_to_wpilib_json(map, FieldSize{16.5, 8.2});
   const auto layout = nlohmann::json::parse(exported.text);
@@ -293,9 +292,9 @@ TEST(MapWpilibWriter, WithoutAFieldItIsAsLargeAsTheTagsReach) {
   double reach_m = 0;
   for (const MapTag& entry : map.tags) reach_m = std::max(reach_m, entry.tag.X_WT.p.x());
   EXPECT_EQ(nlohmann::json::parse(exported.text)["field"]["length"], reach_m);
-  EXPECT_THAT(exported.remarks, Contains(HasSubstr("--field says better")));
+  EXPECT_THAT(exported.remarks, Contains(HasSubstr("add --field to set them")));
   EXPECT_THAT(exported.remarks, Contains(HasSubstr("negative x or y")));
-  EXPECT_THAT(exported.remarks, Contains(HasSubstr("which knows one for all")));
+  EXPECT_THAT(exported.remarks, Contains(HasSubstr("which has one for all")));
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Who defines the workspace, and when.
+// Which body defines the workspace, and when.
 #include <gtest/gtest.h>
 
 #include "mapping/map_builder.hpp"

@@ -6,8 +6,8 @@
 #include <numbers>
 #include <random>
 
-#include "base/so3.hpp"
-#include "detection/corner_projection.hpp"
+#include "base/pose.hpp"
+#include "detection/tag_geometry.hpp"
 #include "pipeline/agreement/rotation_agreement.hpp"
 
 namespace fiducap {
@@ -177,7 +177,7 @@ TEST_F(CauseTest, AQuarterOfWrongTurnsChangesNothing) {
   EXPECT_EQ(found->kind, Kind::kShifted);
 }
 
-/// A camera with an IMU that turns before tags, and what is told of both.
+/// A camera with an IMU that turns in front of tags, with the calibration of both.
 class RotationAgreementTest : public testing::Test {
  protected:
   RotationAgreementTest() {
@@ -215,10 +215,10 @@ class RotationAgreementTest : public testing::Test {
     return seen;
   }
 
-  /// @return all that was said from one time to another
-  std::vector<AgreementNews> run(RotationAgreement& agreement, double from_s, double to_s,
-                                 double stamp_error_s = 0) {
-    std::vector<AgreementNews> said;
+  /// @return all reports from one time to another
+  std::vector<AgreementReport> run(RotationAgreement& agreement, double from_s, double to_s,
+                                   double stamp_error_s = 0) {
+    std::vector<AgreementReport> said;
     for (int tick = static_cast<int>(from_s * 200); tick < static_cast<int>(to_s * 200); ++tick) {
       const double t_s = tick * 0.005;
       constexpr double kStep_s = 1e-4;
@@ -226,7 +226,7 @@ class RotationAgreementTest : public testing::Test {
           log_so3(attitude(t_s - kStep_s).conjugate() * attitude(t_s + kStep_s)) / (2 * kStep_s);
       agreement.add(ImuSample{at_s(t_s), gyro_axes_ * rate, {0, 0, 9.81}});
       if (tick % 10 == 0) agreement.add(image(t_s, t_s + stamp_error_s));
-      while (auto news = agreement.take_news()) said.push_back(*std::move(news));
+      while (auto news = agreement.take_report()) said.push_back(*std::move(news));
     }
     return said;
   }

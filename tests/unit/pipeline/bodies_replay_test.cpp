@@ -141,7 +141,7 @@ TEST(BodiesReplay, AMovedTagDoesNotTearTheMapAndIsLearnedAnew) {
 
 TEST(MapTurns, ReadBackInTheOrderInWhichTheBodiesToldTheMap) {
   TemporaryFolder folder;
-  auto writer = MapTurnWriter::create(folder.file("turns.csv"));
+  auto writer = TurnWriter<MapTurn>::create(folder.file("turns.csv"));
   ASSERT_TRUE(writer);
   const Pose pose{Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5), {1. / 3, -2. / 7, 1e-17}};
   ASSERT_TRUE(writer->write({1, 0, 50'000'000, 0, 3, true, pose}));
@@ -159,7 +159,7 @@ TEST(MapTurns, ReadBackInTheOrderInWhichTheBodiesToldTheMap) {
 
 TEST(MapTurns, RefinementsReadBackWithThoseThatCameToNothingWithoutALineThatWasCut) {
   TemporaryFolder folder;
-  auto writer = RefinementTurnWriter::create(folder.file("refinements.csv"));
+  auto writer = TurnWriter<RefinementTurn>::create(folder.file("refinements.csv"));
   ASSERT_TRUE(writer);
   for (const RefinementTurn& turn : {RefinementTurn{10, 12}, {20, {}}, {30, 30}})
     ASSERT_TRUE(writer->write(turn));

@@ -171,7 +171,7 @@ TEST_F(BodyPipelineTest, ReadingsThatComeInBurstsAreNotLost) {
   EXPECT_EQ(pipeline.statistics().imu_samples, 600u);
 }
 
-/// Says what it is told to say of tag 4.
+/// Returns preset results for tag 4.
 class ScriptedFilter final : public BodyFilter {
  public:
   struct Script {

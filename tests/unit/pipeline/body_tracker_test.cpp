@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap {
 namespace {

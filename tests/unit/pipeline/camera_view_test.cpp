@@ -12,7 +12,7 @@ namespace {
 
 constexpr Instant ms(int n) { return instant_from_ns(std::int64_t{n} * 1'000'000); }
 
-/// Says what it is told to say.
+/// Returns preset results.
 class TalkingFilter final : public BodyFilter {
  public:
   struct Words {

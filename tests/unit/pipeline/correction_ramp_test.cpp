@@ -8,7 +8,7 @@
 #include <optional>
 #include <random>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap {
 namespace {
@@ -81,7 +81,7 @@ class Draw {
   std::normal_distribution<double> normal_;
 };
 
-/// Where the body was said to be, before it was corrected by so many sigmas.
+/// Published pose of the body before a correction by this number of sigmas.
 Pose before_correction(const Pose& now, double sigmas, Draw& draw) {
   return {(exp_so3(sigmas * kSigma_rad * draw.direction()) * now.q).normalized(),
           now.p + sigmas * kSigma_m * draw.direction()};
@@ -172,7 +172,7 @@ TEST(CorrectionRamp, CorrectionsThatOverlapDoNotAddUpToAStep) {
         if (t_s >= next_s) {
           BodyEstimate shown = filter;
           ramp.apply(after(t_s), shown);
-          // Both what the image says and what it was before move.
+          // Both the estimate of the image and the one before move.
           filter.X_WB = before_correction(filter.X_WB, draw.uniform(0, 30), draw);
           ramp.correct(shown.X_WB, filter, after(t_s));
           next_s = t_s + draw.uniform(0.05, 2.5);

@@ -4,8 +4,8 @@
 
 #include <random>
 
-#include "base/so3.hpp"
-#include "detection/corner_projection.hpp"
+#include "base/pose.hpp"
+#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
 namespace {

@@ -1,4 +1,4 @@
-#include "pipeline/imu_flow.hpp"
+#include "pipeline/imu_plausibility.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

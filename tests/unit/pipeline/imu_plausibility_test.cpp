@@ -7,8 +7,8 @@
 #include <numbers>
 #include <random>
 
-#include "base/so3.hpp"
-#include "detection/corner_projection.hpp"
+#include "base/pose.hpp"
+#include "detection/tag_geometry.hpp"
 #include "support/allocation_counter.hpp"
 
 namespace fiducap {
@@ -24,14 +24,14 @@ const CameraModel kCameraModel{752, 480, 460, 460, 375.5, 239.5, Distortion::kNo
 /// A camera that turns to and fro in front of a tag, with an IMU in it.
 class ImuPlausibilityTest : public testing::Test {
  protected:
-  /// @return what was found in so many seconds
+  /// @return the faults found within this time
   std::vector<ImuFault> run(double seconds) {
     std::vector<ImuFault> found;
     const int samples = static_cast<int>(seconds * 200);
     for (int i = 0; i < samples; ++i, ++tick_) {
       plausibility_.add(reading());
       if (tick_ % 10 == 0) plausibility_.add(image(), kCameraModel);
-      if (const auto fault = plausibility_.take_news()) found.push_back(*fault);
+      if (const auto fault = plausibility_.take_fault()) found.push_back(*fault);
       all_clears_ += plausibility_.take_all_clear() ? 1 : 0;
     }
     return found;

@@ -1,8 +1,8 @@
-#include "pipeline/map_corrections.hpp"
+#include "pipeline/correction_ramp.hpp"
 
 #include <gtest/gtest.h>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap {
 namespace {
@@ -28,7 +28,7 @@ TEST(MapCorrections, SaysHowFarTheBodyWasMovedNotTheOrigin) {
   MapCorrections corrections;
   const Pose turned{exp_so3({0, 0, 2e-4}), {0, 0, 0}};
   EXPECT_EQ(corrections.add(shifted(turned), estimate()),
-            "the map has learned that it stands elsewhere, by 20 mm and 0.01 degrees");
+            "a correction of the map has moved it by 20 mm and 0.01 degrees");
   EXPECT_EQ(corrections.add(UpdateReport{}, estimate()), "");
 }
 

@@ -11,7 +11,8 @@
 #include "simulation/simulation.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/command_line.hpp"
-#include "tools/replay/replay_command.hpp"
+#include "tools/replay/replay_inputs.hpp"
+#include "tools/replay/replay_verbs.hpp"
 
 namespace fiducap {
 namespace {

@@ -1,10 +1,10 @@
-#include "pipeline/pivot.hpp"
+#include "pipeline/body_pose.hpp"
 
 #include <gtest/gtest.h>
 
 #include <random>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "support/jacobian_check.hpp"
 
 namespace fiducap {

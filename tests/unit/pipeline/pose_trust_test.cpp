@@ -1,4 +1,4 @@
-#include "pipeline/agreement/pose_trust.hpp"
+#include "pipeline/pose_trust.hpp"
 
 #include <gtest/gtest.h>
 
@@ -23,7 +23,7 @@ struct Body {
       report.exposed_at = now += kPeriod;
       report.generation = generation;
       report.relocalised = is_relocalised;
-      report.returned_alone = is_alone;
+      report.relocalised_by_one_tag = is_alone;
       report.tags_used = used;
       report.tags_rejected = rejected;
       trust.add(report, is_established, is_room_known);
@@ -37,7 +37,7 @@ TEST(PoseTrust, ANewRoomIsShownWhenImagesHaveFittedForTwoSeconds) {
   EXPECT_TRUE(body.trust.withholds());
   body.images(12, true);
   EXPECT_FALSE(body.trust.withholds());
-  EXPECT_FALSE(body.trust.take_news());
+  EXPECT_FALSE(body.trust.take_report());
 }
 
 TEST(PoseTrust, InANewRoomOneContradictionCostsTwoSecondsAndForTenSecondsOnly) {
@@ -75,10 +75,10 @@ TEST(PoseTrust, ContradictionsAreWithheldAtOnceAndSaidAfterAWhile) {
   body.images(60, true);
   body.images(3, false);
   EXPECT_TRUE(body.trust.withholds());
-  EXPECT_FALSE(body.trust.take_news());
+  EXPECT_FALSE(body.trust.take_report());
   body.images(80, false);
-  EXPECT_TRUE(body.trust.take_news());
-  EXPECT_FALSE(body.trust.take_news());
+  EXPECT_TRUE(body.trust.take_report());
+  EXPECT_FALSE(body.trust.take_report());
   body.images(41, true);
   EXPECT_TRUE(body.trust.withholds());
   body.images(12, true);
@@ -124,7 +124,7 @@ TEST(PoseTrust, ANewRoomsStartMayBeTriedAgainButFitsCountAnew) {
   body.generation = 2;
   body.images(30, true);
   EXPECT_TRUE(body.trust.is_untested());
-  EXPECT_FALSE(body.trust.take_news());
+  EXPECT_FALSE(body.trust.take_report());
   body.images(12, true);
   EXPECT_FALSE(body.trust.withholds());
 }
@@ -138,8 +138,8 @@ TEST(PoseTrust, AFilterThatForgetsEverythingIsDoubtedAlsoInAKnownRoom) {
   EXPECT_TRUE(body.trust.withholds());
 }
 
-/// Cameras and gyro agree, poses were shown; then one tag alone said where the body is.
-Body returned_alone() {
+/// Cameras and gyro agree, poses were published; then a single tag relocalised the body.
+Body relocalised_by_one_tag() {
   Body body;
   body.is_established = true;
   body.images(60, true);
@@ -151,7 +151,7 @@ Body returned_alone() {
 }
 
 TEST(PoseTrust, OneTagThatBringsALostBodyBackHasToFitForHalfASecond) {
-  Body body = returned_alone();
+  Body body = relocalised_by_one_tag();
   body.images(9, true);
   EXPECT_TRUE(body.trust.withholds());
   EXPECT_TRUE(body.trust.is_untested());
@@ -160,7 +160,7 @@ TEST(PoseTrust, OneTagThatBringsALostBodyBackHasToFitForHalfASecond) {
 }
 
 TEST(PoseTrust, OneTagThatBroughtABodyBackAndIsContradictedCostsTwoSeconds) {
-  Body body = returned_alone();
+  Body body = relocalised_by_one_tag();
   body.images(5, true);
   body.images(3, false);
   EXPECT_TRUE(body.trust.withholds());
@@ -192,7 +192,7 @@ TEST(PoseTrust, AfterAClockHasJumpedImagesHaveToFitAnewWithoutASecondWord) {
   body.images(35, true);
   EXPECT_TRUE(body.trust.withholds());
   body.images(100, false);
-  EXPECT_FALSE(body.trust.take_news());
+  EXPECT_FALSE(body.trust.take_report());
   body.images(60, true);
   EXPECT_FALSE(body.trust.withholds());
 }

@@ -4,7 +4,7 @@
 #include <functional>
 #include <vector>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "pipeline/body_tracker.hpp"
 #include "support/allocation_counter.hpp"
 

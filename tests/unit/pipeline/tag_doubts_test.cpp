@@ -1,4 +1,4 @@
-#include "pipeline/tag_doubts.hpp"
+#include "pipeline/doubts.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -28,7 +28,7 @@ TEST(TagDoubts, NameTheCausesOfRejectionsInOrderWithoutTheImuWhereThereIsNone) {
   EXPECT_THAT(with, HasSubstr("41 %"));
   EXPECT_LT(with.find("sizes_m"), with.find("calibration"));
   EXPECT_LT(with.find("calibration"), with.find("IMU"));
-  EXPECT_LT(with.find("IMU"), with.find("are there twice"));
+  EXPECT_LT(with.find("IMU"), with.find("exist twice"));
   EXPECT_THAT(rejection_text(0.41, false), Not(HasSubstr("IMU")));
 }
 
@@ -44,7 +44,7 @@ TEST(TagDoubts, KeepWhatWasSaid) {
   }
   ASSERT_EQ(said.size(), 1u);
   EXPECT_EQ(said.front(), rejection_text(0.5, false));
-  EXPECT_EQ(doubts.said(), said);
+  EXPECT_EQ(doubts.texts(), said);
 }
 
 TEST(TagDoubts, SayOnceWhyThereIsNoPoseWhileATagsBranchIsOpen) {
@@ -67,26 +67,26 @@ TEST(TagDoubts, SayOnceWhyThereIsNoPoseWhileATagsBranchIsOpen) {
 TEST(TagDoubts, SayOnceEachTimeThatATagWantsTheBodyElsewhere) {
   TagDoubts doubts(BodySensors{.cameras = {CameraMount{}}, .imu = ImuNoise{}}, EstimatorConfig{});
   int image = 0;
-  const auto sentences = [&](int images, std::optional<UpdateReport::Elsewhere> elsewhere) {
+  const auto sentences = [&](int images, std::optional<UpdateReport::AmbiguousPlace> elsewhere) {
     std::vector<std::string> said;
     for (int i = 0; i < images; ++i) {
       UpdateReport report;
       report.exposed_at = instant_from_ns(50'000'000LL * ++image);
       report.tags_seen = report.tags_used = 1;
-      report.elsewhere = elsewhere;
+      report.ambiguous_place = elsewhere;
       const std::string news = doubts.add({}, report, std::nullopt, {}, {});
       if (!news.empty()) said.push_back(news);
     }
     return said;
   };
-  using Elsewhere = UpdateReport::Elsewhere;
-  EXPECT_TRUE(sentences(19, Elsewhere{4, 0.3}).empty()) << "a clock may have jumped";
+  using AmbiguousPlace = UpdateReport::AmbiguousPlace;
+  EXPECT_TRUE(sentences(19, AmbiguousPlace{4, 0.3}).empty()) << "a clock may have jumped";
   EXPECT_TRUE(sentences(20, std::nullopt).empty());
-  const auto said = sentences(60, Elsewhere{4, 0.3});
+  const auto said = sentences(60, AmbiguousPlace{4, 0.3});
   ASSERT_EQ(said.size(), 1u);
-  EXPECT_THAT(said.front(), HasSubstr("tag 4 says that the body is 0.30 m from"));
+  EXPECT_THAT(said.front(), HasSubstr("by tag 4 the body is 0.30 m from"));
   EXPECT_TRUE(sentences(60, std::nullopt).empty());
-  EXPECT_TRUE(sentences(60, Elsewhere{4, 0.02}).empty()) << "a breath of air";
+  EXPECT_TRUE(sentences(60, AmbiguousPlace{4, 0.02}).empty()) << "a breath of air";
 }
 
 }  // namespace

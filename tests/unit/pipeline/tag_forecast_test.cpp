@@ -1,8 +1,8 @@
-#include "pipeline/tag_forecast.hpp"
+#include "pipeline/guided_search.hpp"
 
 #include <gtest/gtest.h>
 
-#include "detection/corner_projection.hpp"
+#include "detection/tag_geometry.hpp"
 #include "support/allocation_counter.hpp"
 #include "unit/estimation/known_motion.hpp"
 
@@ -194,7 +194,7 @@ TEST_F(TagForecastTest, FollowsTagsThatNobodyKnowsAsTheCameraTurns) {
   forecast_->learn({}, frame);
   ASSERT_TRUE(forecast_->aim(0, at_s(1.05)));
   std::vector<ExpectedTag> strangers;
-  forecast_->expect_strangers(strangers);
+  forecast_->expect_unforecast(strangers);
   ASSERT_EQ(strangers.size(), 1u);
   EXPECT_EQ(strangers[0].tag_id, 9);
   EXPECT_FALSE(strangers[0].known);
@@ -210,7 +210,7 @@ TEST_F(TagForecastTest, FollowsTagsThatNobodyKnowsAsTheCameraTurns) {
   forecast_->learn(then, frame);
   strangers.clear();
   ASSERT_TRUE(forecast_->aim(0, at_s(1.1)));
-  forecast_->expect_strangers(strangers);
+  forecast_->expect_unforecast(strangers);
   EXPECT_TRUE(strangers.empty());
 }
 

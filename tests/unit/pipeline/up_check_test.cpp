@@ -1,9 +1,9 @@
-#include "pipeline/up_check.hpp"
+#include "pipeline/doubts.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap {
 namespace {
@@ -22,7 +22,7 @@ class UpCheckTest : public testing::Test {
     belief.sightings = sightings;
     tags_.push_back(belief);
   }
-  /// Upright on a wall that looks this way, hung crooked by so much.
+  /// Upright on a wall that faces this way, inclined by an angle.
   void hang(double heading, double crooked_rad = 0) {
     add(exp_so3({0, 0, heading}) * exp_so3({kQuarter, 0, 0}) * exp_so3({0, 0, crooked_rad}));
   }
@@ -77,13 +77,13 @@ TEST_F(UpCheckTest, AWorkspaceThatLiesOnItsSideIsSaidOnceWithARemedy) {
   hang(0);
   UpCheck check(false, {}, false);
   EXPECT_EQ(look(check, false), "");
-  EXPECT_THAT(look(check), testing::AllOf(HasSubstr("without an IMU nothing says what is up"),
+  EXPECT_THAT(look(check), testing::AllOf(HasSubstr("without an IMU the vertical is unknown"),
                                           HasSubstr("map.floor_tags")));
   EXPECT_EQ(look(check), "") << "one tag tells no more";
   hang(kQuarter);
   hang(-kQuarter);
   EXPECT_THAT(look(check),
-              testing::AllOf(HasSubstr("seems to lie on its side: by how 3 of 3 tags hang, up is "
+              testing::AllOf(HasSubstr("seems to lie on its side: by 3 of 3 tags, up is "
                                        "90 deg from its z axis, about along +y"),
                              HasSubstr("map.floor_tags")));
   EXPECT_EQ(look(check), "");

@@ -1,10 +1,10 @@
-#include "scene/room_axes.hpp"
+#include "scene/scene_frame.hpp"
 
 #include <gtest/gtest.h>
 
 #include <random>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "scene/scene.hpp"
 
 namespace fiducap {
@@ -39,37 +39,37 @@ TagMap map_with_tags(const Pose& X_RW) {
 TEST(RoomAxes, AreThoseOfTheWorkspaceUntilTheMapIsAligned) {
   RoomAxes room;
   const auto map = std::make_shared<const TagMap>(map_with_tags({}));
-  EXPECT_EQ(room.of(map), map);
+  EXPECT_EQ(room.set_map(map), map);
   BodyPose pose;
   pose.X_WP.p = {1, 2, 3};
-  room.bring(pose);
+  room.transform(pose);
   EXPECT_EQ(pose.X_WP.p, Eigen::Vector3d(1, 2, 3));
-  EXPECT_EQ(room.of(nullptr), nullptr);
+  EXPECT_EQ(room.set_map(nullptr), nullptr);
   EXPECT_EQ(room.number(), 0u);
 }
 
 TEST(RoomAxes, AreOtherOnesAfterAnAlignmentNotAfterAnotherMap) {
   RoomAxes room;
   const Pose X_RW = drawn_alignment();
-  (void)room.of(std::make_shared<const TagMap>(map_with_tags({})));
-  (void)room.of(std::make_shared<const TagMap>(map_with_tags(X_RW)));
+  (void)room.set_map(std::make_shared<const TagMap>(map_with_tags({})));
+  (void)room.set_map(std::make_shared<const TagMap>(map_with_tags(X_RW)));
   EXPECT_EQ(room.number(), 1u);
-  (void)room.of(std::make_shared<const TagMap>(map_with_tags(X_RW)));
+  (void)room.set_map(std::make_shared<const TagMap>(map_with_tags(X_RW)));
   EXPECT_EQ(room.number(), 1u);
-  (void)room.of(std::make_shared<const TagMap>(map_with_tags({})));
+  (void)room.set_map(std::make_shared<const TagMap>(map_with_tags({})));
   EXPECT_EQ(room.number(), 2u) << "rolled back";
 }
 
-TEST(RoomAxes, TellWhereABodyStandsBeforeATagAsBefore) {
+TEST(RoomAxes, PreserveThePoseOfABodyRelativeToATag) {
   RoomAxes room;
   for (int k = 0; k < 50; ++k) {
     const auto map = std::make_shared<const TagMap>(map_with_tags(drawn_alignment()));
-    const auto moved = room.of(map);
-    EXPECT_EQ(room.of(map), moved) << "a map is copied once";
+    const auto moved = room.set_map(map);
+    EXPECT_EQ(room.set_map(map), moved) << "a map is copied once";
     BodyPose pose;
     pose.X_WP = {exp_so3(draw(1)), draw(2)};
     const Pose X_PT = pose.X_WP.inverse() * map->tags[1].tag.X_WT;
-    room.bring(pose);
+    room.transform(pose);
     const Pose now = pose.X_WP.inverse() * moved->tags[1].tag.X_WT;
     EXPECT_LT((now.p - X_PT.p).norm(), 1e-12);
     EXPECT_LT(angle_between(now.q, X_PT.q), 1e-12);
@@ -81,20 +81,20 @@ TEST(RoomAxes, TellWhereABodyStandsBeforeATagAsBefore) {
 TEST(RoomAxes, NeverTiltWhatIsStreamed) {
   RoomAxes room;
   const Pose tilted{exp_so3({0, 0, 0.7}) * exp_so3({0.4, 0, 0}), {1, 2, 3}};
-  const auto moved = room.of(std::make_shared<const TagMap>(map_with_tags(tilted)));
+  const auto moved = room.set_map(std::make_shared<const TagMap>(map_with_tags(tilted)));
   BodyPose pose;
-  room.bring(pose);
+  room.transform(pose);
   EXPECT_LT((pose.X_WP.q * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitZ()).norm(), 1e-12);
   EXPECT_LT(angle_between(pose.X_WP.q, exp_so3({0, 0, 0.7})), 1e-12);
   EXPECT_EQ(pose.X_WP.p, Eigen::Vector3d(1, 2, 3));
 }
 
-/// What is drawn in W and turned has the covariance that is told in R.
+/// Errors drawn in W and transformed have the covariance in R.
 TEST(RoomAxes, TurnVelocitiesAndUncertaintiesAlong) {
   constexpr double kTiny = 1e-6;
   RoomAxes room;
   const auto map = std::make_shared<const TagMap>(map_with_tags(drawn_alignment()));
-  (void)room.of(map);
+  (void)room.set_map(map);
   BodyPose pose;
   pose.X_WP = {exp_so3(draw(1)), draw(2)};
   pose.v_WP = draw(1);
@@ -103,7 +103,7 @@ TEST(RoomAxes, TurnVelocitiesAndUncertaintiesAlong) {
   for (int k = 0; k < 48; ++k) root.block<3, 1>(3 * (k % 4), k / 4) = draw(kTiny);
   pose.covariance = root * root.transpose();
   BodyPose in_room = pose;
-  room.bring(in_room);
+  room.transform(in_room);
   EXPECT_LT((in_room.v_WP - map->X_RW.q * pose.v_WP).norm(), 1e-12);
   EXPECT_EQ(in_room.w_WP_P, pose.w_WP_P) << "is in the body's own axes";
   // Each column of the root is an error; moved with the body it must be a column of the new root.
@@ -113,7 +113,7 @@ TEST(RoomAxes, TurnVelocitiesAndUncertaintiesAlong) {
     off.X_WP.p += root.block<3, 1>(0, k);
     off.X_WP.q = exp_so3(root.block<3, 1>(3, k)) * off.X_WP.q;
     off.v_WP += root.block<3, 1>(6, k);
-    room.bring(off);
+    room.transform(off);
     moved.block<3, 1>(0, k) = off.X_WP.p - in_room.X_WP.p;
     moved.block<3, 1>(3, k) = log_so3(off.X_WP.q * in_room.X_WP.q.conjugate());
     moved.block<3, 1>(6, k) = off.v_WP - in_room.v_WP;
@@ -122,7 +122,7 @@ TEST(RoomAxes, TurnVelocitiesAndUncertaintiesAlong) {
   EXPECT_LT((moved * moved.transpose() - in_room.covariance).norm(), 1e-4 * kTiny * kTiny);
 }
 
-TEST(Scene, SpeaksOfTheRoomOnceTheMapIsAligned) {
+TEST(Scene, IsInTheRoomsAxesOnceTheMapIsAligned) {
   SceneBody body;
   body.description = {1, "alpha"};
   body.sensors.imu = ImuNoise{};

@@ -81,7 +81,7 @@ TEST(Scene, ADisabledBodyIsFollowedButNotShown) {
   EXPECT_EQ(scene.model()->generation, 3u) << "nothing changed";
 }
 
-TEST(Scene, ANewNameIsANewGenerationAndOldFramesKeepTheirs) {
+TEST(Scene, RenamingMakesAnotherGenerationAndOldFramesKeepTheirs) {
   Scene scene(two_bodies());
   const auto before = scene.sample(at_ms(110), at_ms(110), {}, 200.0, nullptr);
   scene.rename(1, "gamma");

@@ -1,4 +1,4 @@
-#include "scene/tag_fits.hpp"
+#include "scene/scene_frame.hpp"
 
 #include <gtest/gtest.h>
 
@@ -18,8 +18,8 @@ UpdateReport image(int at_ms, std::initializer_list<UpdateReport::CornerFit> fit
 
 TEST(TagFits, AreTheRootMeanSquareOfTheFirstSightings) {
   TagFits fits;
-  fits.note(image(10, {{7, 3.0}, {2, 0.5}}));
-  fits.note(image(20, {{7, 4.0}}));
+  fits.add(image(10, {{7, 3.0}, {2, 0.5}}));
+  fits.add(image(20, {{7, 4.0}}));
   const auto all = fits.list();
   ASSERT_EQ(all.size(), 2u);
   EXPECT_EQ(all[0].tag_id, 2) << "sorted";
@@ -28,35 +28,35 @@ TEST(TagFits, AreTheRootMeanSquareOfTheFirstSightings) {
   EXPECT_EQ(all[1].seen_at, instant_from_ns(20'000'000));
 }
 
-TEST(TagFits, ForgetWhatWasLongAgo) {
+TEST(TagFits, ForgetOldSightings) {
   TagFits fits;
-  fits.note(image(0, {{7, 100.0}}));
-  for (int i = 1; i < 1000; ++i) fits.note(image(i, {{7, 0.3}}));
+  fits.add(image(0, {{7, 100.0}}));
+  for (int i = 1; i < 1000; ++i) fits.add(image(i, {{7, 0.3}}));
   EXPECT_NEAR(fits.list()[0].rms_px, 0.3, 1e-3);
 }
 
-TEST(TagFits, HearNothingOfAStartThatMayBeTakenBack) {
+TEST(TagFits, IgnoreAStartThatMayBeRevoked) {
   TagFits fits;
   auto open = image(0, {{7, 1.0}});
   open.start_is_open = true;
-  fits.note(open);
-  fits.note(image(0, {{8, std::numeric_limits<double>::quiet_NaN()}}));
+  fits.add(open);
+  fits.add(image(0, {{8, std::numeric_limits<double>::quiet_NaN()}}));
   EXPECT_TRUE(fits.list().empty());
 }
 
 TEST(TagFits, AreBounded) {
   TagFits fits;
   for (int id = 0; id < 2 * static_cast<int>(TagFits::kMostTags); ++id)
-    fits.note(image(0, {{id, 1.0}}));
+    fits.add(image(0, {{id, 1.0}}));
   EXPECT_EQ(fits.list().size(), TagFits::kMostTags);
 }
 
 TEST(TagFits, AllocateNothingPerImage) {
   TagFits fits;
   const auto report = image(0, {{7, 1.0}, {8, 1.0}});
-  fits.note(report);
+  fits.add(report);
   const AllocationCounter counter;
-  for (int i = 0; i < 10; ++i) fits.note(report);
+  for (int i = 0; i < 10; ++i) fits.add(report);
   EXPECT_EQ(counter.count(), 0u);
 }
 

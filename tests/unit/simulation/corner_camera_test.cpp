@@ -1,8 +1,8 @@
-#include "simulation/corner_camera.hpp"
+#include "simulation/sensor_models.hpp"
 
 #include <gtest/gtest.h>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "robot.hpp"
 
 namespace fiducap::simulation {

@@ -32,7 +32,7 @@ TEST(ImageCamera, PrintsTheBitsOfTheTagTheRightWayUp) {
   const double distance = 230.0 * 0.4 / 160;
   StillCamera camera(small_camera(), clean_settings());
   const auto image = camera.photograph(EvenMotion(facing_camera(distance)), {tag_at(3, 0.4)});
-  const auto modules = TagFamily::named("tag36h11")->modules(3);
+  const auto modules = TagFamily::named("tag36h11")->cells(3);
   for (int row = 0; row < 10; ++row) {
     for (int column = 0; column < 10; ++column) {
       const int u = 88 + 20 * column + 10;

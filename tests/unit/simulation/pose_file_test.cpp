@@ -1,4 +1,4 @@
-#include "simulation/motion/pose_file.hpp"
+#include "simulation/motion/motion.hpp"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "robot.hpp"
 #include "simulation/random.hpp"
 

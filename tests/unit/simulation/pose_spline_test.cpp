@@ -1,8 +1,8 @@
-#include "simulation/motion/pose_spline.hpp"
+#include "simulation/motion/motion.hpp"
 
 #include <gtest/gtest.h>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "simulation/random.hpp"
 
 namespace fiducap::simulation {

@@ -1,4 +1,4 @@
-#include "simulation/random_walk.hpp"
+#include "simulation/sensor_models.hpp"
 
 #include <gtest/gtest.h>
 

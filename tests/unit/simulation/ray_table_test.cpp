@@ -1,4 +1,4 @@
-#include "simulation/images/ray_table.hpp"
+#include "simulation/images/optics.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
-// Faults of single sensors: covered corners, wrong stamps, saturation. Each changes what it says
-// and nothing else.
+// Faults of single sensors: covered corners, wrong stamps, saturation. Each changes what it is
+// about and nothing else.
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "robot.hpp"
 #include "simulation/images/image_camera.hpp"
 

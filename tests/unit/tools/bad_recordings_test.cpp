@@ -149,13 +149,14 @@ INSTANTIATE_TEST_SUITE_P(
             stamps([](auto ns) { return ns - 1'599'999'000'000'000'000; }), false,
             "IMU and images have no instant in common"},
         Bad{"ImuThreeSecondsLate", kImu, stamps([](auto ns) { return ns + 3'000'000'000; }), true,
-            "begins 3.0 s after the images, and is as much too long at the other end: its clock"},
+            "begins 3.0 s after the images, and is too long by as much at the other end: its "
+            "clock"},
         Bad{"ImuEndsHalfWay", kImu, [](Rows& rows) { rows.resize(rows.size() / 2); }, true,
             "ends 6.0 s before the images"},
         Bad{"GyroInDegrees", kImu, scaled(1, 57.29578), false,
-            "the gyro seems to give degrees per second"},
+            "the gyro seems to be in degrees per second"},
         Bad{"AccelerometerInG", kImu, scaled(4, 1 / 9.80665), false,
-            "the accelerometer seems to give g"},
+            "the accelerometer seems to be in g"},
         Bad{"CornersOfMirroredImages", kCorners, each([](Fields& f) {
               for (std::size_t i = 3; i < 11; i += 2) f[i] = std::to_string(751 - std::stod(f[i]));
             }),
@@ -185,7 +186,7 @@ class SoundRecordings : public BadRecordings {};
 
 TEST_F(SoundRecordings, AreNotObjectedTo) {
   EXPECT_EQ(say({"check", sound()}), kExitOk);
-  EXPECT_THAT(out_, HasSubstr("nothing to object to"));
+  EXPECT_THAT(out_, HasSubstr("no findings"));
   EXPECT_EQ(say({"replay", sound(), "--out", own_.file("out")}), kExitOk);
   EXPECT_THAT(err_, IsEmpty());
 }
@@ -222,7 +223,7 @@ TEST_F(SoundRecordings, ARunIsNotHeldAgainstAnotherRecording) {
   ASSERT_EQ(say({"replay", sound(), "--out", own_.file("out")}), kExitOk);
   EXPECT_EQ(say({"evaluate", own_.file("out/sound1.tum"), sound()}), kExitOk) << err_;
   EXPECT_EQ(say({"evaluate", own_.file("out/sound1.tum"), folder_->file("sound5")}), kExitFailed);
-  EXPECT_THAT(err_, HasSubstr("it is the run of another recording, or it went wrong"));
+  EXPECT_THAT(err_, HasSubstr("it is the run of another recording, or it has failed"));
 }
 
 TEST_F(SoundRecordings, TruthOfAnotherRecordingIsNoticed) {
@@ -240,7 +241,7 @@ TEST_F(SoundRecordings, CalibrationRefusesWhatIsUnusable) {
   spoil(recording + "/" + kImu, scaled(4, 1 / 9.80665));
   for (const char* what : {"imu", "extrinsics"}) {
     EXPECT_EQ(say({"calibrate", what, recording, "--out", own_.file("out")}), kExitFailed);
-    EXPECT_THAT(err_, HasSubstr("the accelerometer seems to give g")) << what;
+    EXPECT_THAT(err_, HasSubstr("the accelerometer seems to be in g")) << what;
   }
 }
 

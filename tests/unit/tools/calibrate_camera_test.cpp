@@ -1,4 +1,4 @@
-#include "tools/calibrate/calibrate_camera_command.hpp"
+#include "tools/calibrate/calibrate.hpp"
 
 #include <filesystem>
 #include <fstream>
@@ -9,8 +9,8 @@
 #include <nlohmann/json.hpp>
 
 #include "base/whole_file.hpp"
-#include "capture/lens/camera_calibration_file.hpp"
-#include "capture/recording/gray_file.hpp"
+#include "capture/gray_image.hpp"
+#include "capture/lens/calibration_files.hpp"
 #include "capture/recording/recording_writer.hpp"
 #include "support/temporary_folder.hpp"
 #include "unit/calibration/calibration_scene.hpp"
@@ -111,7 +111,7 @@ TEST_P(CalibrateCamera, FindsTheLensOfRenderedPicturesWithinItsOwnUncertainty) {
   EXPECT_LT(report["numbers"]["fu"]["sigma"], 0.5);  // and that is not by being modest
 }
 
-TEST_P(CalibrateCamera, WritesTheFileThatTheConfigurationReadsAndAPicture) {
+TEST_P(CalibrateCamera, WritesTheFileThatTheConfigurationReadsAndAPage) {
   photograph(truth(), 40, 0.95, 0.8);
   ASSERT_EQ(calibrate(), kExitOk) << err_.str();
   const auto read = read_camera_calibration(folder_.file("out") + "/camera.yaml");
@@ -123,10 +123,10 @@ TEST_P(CalibrateCamera, WritesTheFileThatTheConfigurationReadsAndAPicture) {
   EXPECT_NEAR(read->fu, report["numbers"]["fu"]["value"], kText_px);
   EXPECT_NEAR(read->cv, report["numbers"]["cv"]["value"], kText_px);
   EXPECT_NEAR(read->coefficients[1], report["numbers"]["k2"]["value"], 1e-8);
-  const auto picture = read_whole_file(folder_.file("out") + "/camera.svg");
-  ASSERT_TRUE(picture);
-  EXPECT_THAT(*picture, HasSubstr("Coverage"));
-  EXPECT_THAT(*picture, HasSubstr("</svg>"));
+  const auto page = read_whole_file(folder_.file("out") + "/camera.html");
+  ASSERT_TRUE(page);
+  EXPECT_THAT(*page, HasSubstr("Coverage"));
+  EXPECT_THAT(*page, HasSubstr("Reprojection"));
 }
 
 TEST_P(CalibrateCamera, ABoardInTheMiddleThatIsNeverTiltedIsNotCalledGood) {
@@ -149,7 +149,7 @@ INSTANTIATE_TEST_SUITE_P(Input, CalibrateCameraInput,
 TEST_P(CalibrateCameraInput, ThreePicturesAreTooFew) {
   photograph(truth(), 3, 0.5, 0.8);
   EXPECT_EQ(calibrate(), kExitFailed);
-  EXPECT_THAT(err_.str(), HasSubstr("too little"));
+  EXPECT_THAT(err_.str(), HasSubstr("too few data"));
 }
 
 TEST_P(CalibrateCameraInput, AFolderWithoutPicturesSaysWhatWasExpected) {

@@ -5,13 +5,13 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "calibration/extrinsics/camera_imu_calibration.hpp"
-#include "capture/lens/kalibr_file.hpp"
+#include "capture/lens/calibration_files.hpp"
 #include "capture/recording/recording_writer.hpp"
 #include "simulation/simulation.hpp"
 #include "support/temporary_folder.hpp"
-#include "tools/calibrate/calibrate_extrinsics_command.hpp"
+#include "tools/calibrate/calibrate.hpp"
 
 namespace fiducap {
 namespace {
@@ -107,7 +107,7 @@ TEST_F(CalibrateExtrinsics, SaysWhatCannotBeKnownFromARobotThatHardlyMoves) {
   EXPECT_EQ(report["verdict"], "weak");
   ASSERT_GE(report["cameras"][0]["not_observed"].size(), 3U);
   EXPECT_THAT(report["cameras"][0]["not_observed"][0]["motion"].get<std::string>(),
-              HasSubstr("turn quickly"));
+              HasSubstr("rotate quickly"));
 }
 
 TEST_F(CalibrateExtrinsics, NeedsAnImu) {

@@ -8,10 +8,10 @@
 #include <nlohmann/json.hpp>
 
 #include "base/whole_file.hpp"
-#include "capture/lens/kalibr_file.hpp"
+#include "capture/lens/calibration_files.hpp"
 #include "capture/recording/recording_writer.hpp"
 #include "support/temporary_folder.hpp"
-#include "tools/calibrate/calibrate_imu_command.hpp"
+#include "tools/calibrate/calibrate.hpp"
 
 namespace fiducap {
 namespace {
@@ -79,7 +79,7 @@ TEST_F(CalibrateImu, WritesAFileThatTheConfigurationReads) {
   EXPECT_NEAR(noise->rate_hz, 200, 1e-6);
   EXPECT_THAT(out_.str(), HasSubstr("gyro: no bias walk to be seen"));
   EXPECT_THAT(*read_whole_file(folder_.file("out/imu.yaml")), HasSubstr("upper bound"));
-  EXPECT_THAT(*read_whole_file(folder_.file("out/allan.svg")), HasSubstr("gyroscope, rad/s"));
+  EXPECT_THAT(*read_whole_file(folder_.file("out/allan.html")), HasSubstr("Allan deviation"));
 }
 
 TEST_F(CalibrateImu, GivesNumbersForScripts) {

@@ -13,7 +13,7 @@
 
 #include "base/whole_file.hpp"
 #include "support/temporary_folder.hpp"
-#include "tools/live/watch_command.hpp"
+#include "tools/live/live_verbs.hpp"
 
 namespace fiducap {
 namespace {
@@ -136,6 +136,8 @@ TEST(CommandLine, FailuresEndWithOneAndNameWhatIsWrong) {
   };
   expect_failure({"replay", folder.file("none"), "--out", folder.file("out")}, "none");
   expect_failure({"evaluate", folder.file("none.tum"), folder.file("none")}, "none");
+  expect_failure({"evaluate", folder.file("none.tum"), folder.file("none"), "--plot", "a.svg"},
+                 "must end in .html");
   expect_failure({"map", "log", "--store", folder.file("none.map")}, "no such map store");
   expect_failure({"map", "import", "--store", folder.file("new.map"), folder.file("none.csv")},
                  "no such file");

@@ -1,4 +1,4 @@
-#include "tools/calibrate/corner_file.hpp"
+#include "tools/calibrate/calibrate.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

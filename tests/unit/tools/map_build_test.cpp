@@ -7,14 +7,14 @@
 #include <memory>
 #include <sstream>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "base/whole_file.hpp"
 #include "capture/recording/recording.hpp"
 #include "mapping/store/map_store.hpp"
 #include "pipeline/replay/map_build.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/command_line.hpp"
-#include "tools/tags/map_file.hpp"
+#include "tools/tags/map_files.hpp"
 #include "tools/terminal.hpp"
 
 namespace fiducap {
@@ -174,7 +174,7 @@ TEST_F(MapBuildTest, WithoutItsReferenceTagTheMapIsWhereTheRobotBegan) {
           [](auto& f) { f[1] = std::to_string(std::stoi(f[1]) + 100); });
   ASSERT_EQ(build({elsewhere}), kExitOk);
   EXPECT_LT(worst_error_m(), kMap_m);
-  EXPECT_THAT(err_.str(), HasSubstr("nobody saw the reference tag 0"));
+  EXPECT_THAT(err_.str(), HasSubstr("no recording shows the reference tag 0"));
 }
 
 TEST_F(MapBuildTest, WithoutTagsNothingIsWritten) {
@@ -194,7 +194,7 @@ TEST_F(MapBuildTest, WithoutAnImuUpIsSaidToBeAGuess) {
             kExitOk);
   ASSERT_EQ(build({folder_.file("slow")}), kExitOk) << err_.str();
   EXPECT_LT(worst_error_m(), kMap_m);
-  EXPECT_THAT(err_.str(), HasSubstr("what is up is a guess"));
+  EXPECT_THAT(err_.str(), HasSubstr("the vertical is a guess"));
   EXPECT_EQ(build({robot(1), folder_.file("slow")}), kExitOk) << err_.str();
   EXPECT_THAT(err_.str(), testing::Not(HasSubstr("guess"))) << "the other has felt it";
 }

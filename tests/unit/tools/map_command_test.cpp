@@ -1,4 +1,4 @@
-#include "tools/tags/map_command.hpp"
+#include "tools/tags/tag_verbs.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "tools/tags/map_edit_command.hpp"
+#include "tools/tags/tag_verbs.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -98,7 +98,7 @@ TEST_F(MapEditCommandTest, AnAlignmentThatContradictsItselfChangesNothing) {
   arguments_.measured = folder_.file("wrong.csv");
   ASSERT_TRUE(write_whole_file(arguments_.measured, "id,x,y,z\n2,0,0\n"));
   EXPECT_THAT(said_by(run_map_align, kExitFailed),
-              testing::AllOf(HasSubstr("wrong.csv:2"), HasSubstr("came '2,0,0'")));
+              testing::AllOf(HasSubstr("wrong.csv:2"), HasSubstr("got '2,0,0'")));
   ASSERT_TRUE(write_whole_file(arguments_.measured, "tag,x,y,z\n"));
   EXPECT_THAT(said_by(run_map_align, kExitFailed), HasSubstr("expected the header id,x,y,z"));
   arguments_.measured.clear();
@@ -152,7 +152,7 @@ TEST_F(MapEditCommandTest, ASurveyedTagStandsWhereItWasMeasured) {
   arguments_.survey = {6, 1, 2, 3, 1, 1, 0, 0};
   EXPECT_THAT(said_by(run_map_edit, kExitFailed), HasSubstr("quaternion of length 1"));
   arguments_.survey = {6, 1, 2, 3, 1};
-  EXPECT_THAT(said_by(run_map_edit, kExitFailed), HasSubstr("came 5 numbers"));
+  EXPECT_THAT(said_by(run_map_edit, kExitFailed), HasSubstr("got 5 numbers"));
   arguments_.survey = {6, 1, 2, 3};
   arguments_.sigma_m = 0;
   EXPECT_THAT(said_by(run_map_edit, kExitFailed), HasSubstr("needs its sigma"));

@@ -1,11 +1,11 @@
-#include "tools/replay/pose_errors.hpp"
+#include "tools/replay/run_errors.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap {
 namespace {

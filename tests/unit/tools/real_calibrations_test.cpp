@@ -9,7 +9,7 @@
 
 #include "support/shared_data.hpp"
 #include "support/temporary_folder.hpp"
-#include "tools/calibrate/calibrate_camera_command.hpp"
+#include "tools/calibrate/calibrate.hpp"
 
 namespace fiducap {
 namespace {
@@ -129,7 +129,7 @@ std::vector<RealRow> real_rows() {
   for (int k = 0; k < 3; ++k)
     rows.push_back({"fairo camera " + std::to_string(k) + ", tags on an arm",
                     corners(fairo, "jpeg", k, "tags:40", "640x480"), g[k][0], g[k][1],
-                    k == 0 ? "useless" : "error", k == 0 ? "known to" : "too little"});
+                    k == 0 ? "useless" : "error", k == 0 ? "known to" : "too few data"});
   return rows;
 }
 

@@ -1,11 +1,11 @@
-#include "tools/replay/reprojection.hpp"
+#include "tools/replay/run_errors.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "base/so3.hpp"
-#include "detection/tag_pose.hpp"
+#include "base/pose.hpp"
+#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "base/whole_file.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/replay/evaluation.hpp"

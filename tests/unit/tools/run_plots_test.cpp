@@ -6,22 +6,23 @@
 #include <chrono>
 #include <filesystem>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "base/whole_file.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/well_formed.hpp"
-#include "tools/replay/evaluation_plots.hpp"
-#include "tools/replay/pose_plots.hpp"
 
 namespace fiducap {
 namespace {
 
 using std::chrono::milliseconds;
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
 using ::testing::Pair;
+
+const Expected<std::string> kPlotScript{"draw()"};
 
 Instant at_image(int k) { return instant_from_ns(1'000'000'000'000) + k * milliseconds(50); }
 
@@ -78,7 +79,7 @@ class RunPlots : public ::testing::Test {
   [[nodiscard]] std::string page() const {
     const std::vector<RunBody> bodies{{"rover<1>", "", &setup_, &result_},
                                       {"arm", "", &setup_, &result_}};
-    return to_html(run_plots(bodies, session_));
+    return to_html(run_plots(bodies, session_), kPlotScript);
   }
   OfflineSetup setup_;
   OfflineResult result_{result()};
@@ -87,23 +88,21 @@ class RunPlots : public ::testing::Test {
 
 TEST_F(RunPlots, ShowAllBodiesWithWhatHappened) {
   const std::string html = page();
-  EXPECT_EQ(test::xml_fault(html), "");
   for (const char* there :
-       {"Map from above: 2 tags", "way of rover&lt;1&gt;", "arm over time", "no pose", "begun anew",
-        "tags in the image", ">17<", "tags seem &lt;larger&gt; &amp; wider", "position σ, mm"})
+       {"Map from above: 2 tags", "path of rover\\u003c1>", "arm over time", "no pose", "restarted",
+        "tags in the image", "\"17\"", "tags seem &lt;larger&gt; &amp; wider", "position σ, mm"})
     EXPECT_THAT(html, HasSubstr(there));
 }
 
 TEST_F(RunPlots, WithoutAnyImageThereIsAPageAllTheSame) {
   result_ = {};
-  EXPECT_EQ(test::xml_fault(page()), "");
-  EXPECT_THAT(page(), Not(HasSubstr("nan")));
+  EXPECT_THAT(page(), HasSubstr("Map from above"));
 }
 
 TEST_F(RunPlots, NumbersThatAreNoneAreNotDrawn) {
   result_.trajectory[3].X_WB.p.x() = std::numeric_limits<double>::quiet_NaN();
   result_.covariances[5].covariance(0, 0) = -1;
-  EXPECT_THAT(page(), Not(HasSubstr("nan")));
+  EXPECT_THAT(page(), AllOf(HasSubstr("null"), Not(HasSubstr("nan"))));
 }
 
 TEST_F(RunPlots, BelongToTheRun) {
@@ -116,10 +115,10 @@ TEST_F(RunPlots, BelongToTheRun) {
   EXPECT_FALSE(std::filesystem::exists(folder.file("out/plots.html")))
       << "those of an earlier run would be mixed with this one";
   ASSERT_TRUE(write_whole_file(folder.file("other/plots.html"), "<html/>"));
-  EXPECT_FALSE(check_run_folder(folder.file("other"))) << "nobody knows whose it is";
+  EXPECT_FALSE(check_run_folder(folder.file("other"))) << "it may be of another run";
 }
 
-TEST_F(RunPlots, AnHourOfTwentyHertzIsDrawnInNoTimeAndSmall) {
+TEST_F(RunPlots, AnHourOfTwentyHertzIsWrittenInNoTimeAndSmall) {
   result_ = {};
   for (int k = 0; k < 72'000; ++k) {
     result_.images.push_back({at_image(k), k % 7});
@@ -128,7 +127,7 @@ TEST_F(RunPlots, AnHourOfTwentyHertzIsDrawnInNoTimeAndSmall) {
         {at_image(k), {{1, 0, 0, 0}, {3 * std::cos(turn), 3 * std::sin(1.1 * turn), 1}}});
     result_.covariances.push_back({at_image(k), Matrix6d::Identity() * (1e-6 + 1e-7 * (k % 13))});
   }
-  constexpr std::size_t kSmall = 2'500'000;  // bytes, two bodies
+  constexpr std::size_t kSmall = 5'000'000;  // bytes, two bodies
   EXPECT_LT(page().size(), kSmall);
 }
 
@@ -166,9 +165,8 @@ std::vector<StampedCovariance> sure_along(int axis) {
 }
 
 std::string text_of(const PlotPage& page) {
-  EXPECT_EQ(test::xml_fault(to_html(page)), "");
-  EXPECT_EQ(test::xml_fault(to_svg(page)), "");
-  return to_svg(page);
+  EXPECT_EQ(test::xml_fault(to_html(page, fail(ErrorCode::kNotFound, "none"))), "");
+  return to_html(page, kPlotScript);
 }
 
 TEST(EvaluationPlots, TheBandIsTurnedIntoTheAxesOfTheErrors) {
@@ -181,10 +179,10 @@ TEST(EvaluationPlots, TheBandIsTurnedIntoTheAxesOfTheErrors) {
 }
 
 TEST(EvaluationPlots, SayTheNumbersAndWhatIsLeftOut) {
-  const std::string svg = text_of(evaluation_plots("e", run_of_evaluation(), {}, evaluation()));
-  EXPECT_THAT(svg, HasSubstr("Position error against truth: 1.00 mm RMSE, worst 2.00 mm"));
-  EXPECT_THAT(svg, HasSubstr("left out"));
-  EXPECT_THAT(svg, Not(HasSubstr("3 sigma"))) << "there is no covariance";
+  const std::string html = text_of(evaluation_plots("e", run_of_evaluation(), {}, evaluation()));
+  EXPECT_THAT(html, HasSubstr("Position error against truth: 1.00 mm RMSE, worst 2.00 mm"));
+  EXPECT_THAT(html, HasSubstr("left out"));
+  EXPECT_THAT(html, Not(HasSubstr("3 sigma"))) << "there is no covariance";
 }
 
 TEST(EvaluationPlots, WithoutTruthShowWhatThereIs) {
@@ -193,19 +191,11 @@ TEST(EvaluationPlots, WithoutTruthShowWhatThereIs) {
   e.pose.reset();
   e.traces.differences.clear();
   e.traces.settled_at.reset();
-  const std::string svg = text_of(evaluation_plots("e", run_of_evaluation(), sure_along(0), e));
-  EXPECT_THAT(svg, HasSubstr("How sure the filter was"));
-  EXPECT_THAT(svg, HasSubstr("Map from above"));
-  EXPECT_THAT(svg, HasSubstr("Reprojection error"));
+  const std::string html = text_of(evaluation_plots("e", run_of_evaluation(), sure_along(0), e));
+  EXPECT_THAT(html, HasSubstr("Sigmas of the filter"));
+  EXPECT_THAT(html, HasSubstr("Map from above"));
+  EXPECT_THAT(html, HasSubstr("Reprojection error"));
   EXPECT_THAT(text_of(evaluation_plots("e", {}, {}, Evaluation{})), HasSubstr("Map from above"));
-}
-
-TEST(EvaluationPlots, OtherEndingsAreRefusedBeforeTheWork) {
-  EXPECT_TRUE(check_plot_path("a.svg"));
-  EXPECT_TRUE(check_plot_path("a.html"));
-  const auto refused = check_plot_path("a.png");
-  ASSERT_FALSE(refused);
-  EXPECT_THAT(refused.error().text(), HasSubstr(".html"));
 }
 
 }  // namespace

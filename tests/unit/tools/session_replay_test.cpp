@@ -14,7 +14,7 @@
 #include "simulation/simulation.hpp"
 #include "support/fake_clock.hpp"
 #include "support/temporary_folder.hpp"
-#include "tools/replay/replay_command.hpp"
+#include "tools/replay/replay_verbs.hpp"
 
 namespace fiducap {
 namespace {

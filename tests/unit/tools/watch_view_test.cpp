@@ -1,4 +1,4 @@
-#include "tools/live/watch_view.hpp"
+#include "tools/live/live_verbs.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -8,16 +8,16 @@ import { forget, remember, type SecondHalf } from './memory';
 import { tokenFile } from './words';
 import './guide.css';
 
-const MOST_LINES = 50; // a new socket tells them again
+const MOST_LINES = 50; // a new socket repeats them
 
-/** What the page has and the guide needs. */
+/** Parts of the page that the guide needs. */
 export interface GuidedPage {
   commands: MapCommands;
-  /** Where the token is typed, and what became of a command is said. */
+  /** The field of the token, and the results of commands. */
   showMap(): void;
 }
 
-/** The second half of the set-up: a bar over the normal page, until the map stands. */
+/** The second half of the set-up: a bar over the normal page, until the map is complete. */
 export class Guide {
   private readonly root = element('section', 'guide');
   private readonly progress = element('p', 'guide-progress');
@@ -28,7 +28,7 @@ export class Guide {
   private readonly back = button('Back', 'To the step before', () => this.goTo(this.at - 1));
   private readonly keep = button('Keep it', 'Leave it as it is', () => this.goTo(this.at + 1));
   private readonly go = button('', '', () => this.press());
-  private readonly end = button('End the set-up', 'Take this bar away', () => this.close());
+  private readonly end = button('End the set-up', 'Close this bar', () => this.close());
   private lines: LogLine[] = [];
   private at: number;
   private hello: Hello | null = null;
@@ -59,7 +59,7 @@ export class Guide {
 
   onHello(hello: Hello): void {
     this.hello = hello;
-    // Whoever froze it, here or elsewhere: that step is done.
+    // Frozen here or elsewhere: that step is done.
     if (this.step() === 'freeze' && hello.mapMode === 'frozen') return this.goTo(this.at + 1);
     this.show();
   }
@@ -77,12 +77,12 @@ export class Guide {
   }
 
   onLog(lines: LogLine[]): void {
-    const telling = lines.filter((line) => servedBy([line], '').length > 0);
-    this.lines = [...this.lines, ...telling].slice(-MOST_LINES);
+    const addresses = lines.filter((line) => servedBy([line], '').length > 0);
+    this.lines = [...this.lines, ...addresses].slice(-MOST_LINES);
     this.show();
   }
 
-  /** Aligned: that step is done. What was told before this page came does not count. */
+  /** Aligned: that step is done. Events before this page was opened do not count. */
   onEvents(events: ServerEvent[]): void {
     const newest = events.reduce((most, event) => Math.max(most, event.n), this.lastEvent ?? 0);
     const before = this.lastEvent ?? newest;
@@ -119,7 +119,7 @@ export class Guide {
     document.body.classList.remove('guided');
   }
 
-  /** What the token was asked for is done as soon as it is there. */
+  /** Continues with the command as soon as the token is there. */
   private goOnUnlocked(): void {
     if (this.needsToken && this.page.commands.isUnlocked) this.press();
   }
@@ -154,7 +154,7 @@ export class Guide {
     }
     if (step === 'done' || !this.needsToken) return '';
     const file = tokenFile(this.half.file);
-    return `Type the operator’s token into the field on this page. It stands in ${file}.`;
+    return `Type the operator’s token into the field on this page. It is in ${file}.`;
   }
 
   private showServed(shown: boolean): void {

@@ -1,4 +1,4 @@
-// The second half of the set-up, in words: the robot flies, the map grows.
+// Texts of the second half of the set-up: the robot moves, the map grows.
 import { plural } from '../format';
 import type { BodyFrame, LogLine } from '../protocol';
 import { STATE_WORD } from '../theme';
@@ -20,8 +20,8 @@ export const GUIDE_WORDS: Record<GuideStep, { title: string; todo: string; prima
   align: {
     title: 'Where is up, where is the origin?',
     todo:
-      'Up is known by gravity. The origin is at the first tag, until you drag it elsewhere, pick ' +
-      'it by three tags or tell measured places: what is streamed follows, and stays so.',
+      'The vertical is known by gravity. The origin is at the first tag, until you drag it, set ' +
+      'it by three tags or enter measured places: streamed poses follow.',
     primary: 'Choose the origin…',
   },
   done: {
@@ -31,7 +31,7 @@ export const GUIDE_WORDS: Record<GuideStep, { title: string; todo: string; prima
   },
 };
 
-const QUIET_S = 10; // no tag joined for so long: there may be no more
+const QUIET_S = 10; // without a new tag: the map may be complete
 
 /** `12 tags in the map, no new one for 14 s · robot: tracking` @param quietS  since one joined */
 export function movingWords(
@@ -60,8 +60,8 @@ export interface Served {
 }
 
 /**
- * Where clients connect, as the server's log says when it starts. The newest word counts.
- * @param host  of this page: stands for "every address of the server", which nobody can connect to
+ * Addresses for clients, from the server's log at its start. The newest line counts.
+ * @param host  of this page: replaces "every address of the server", to which no client can connect
  */
 export function servedBy(
   lines: readonly Pick<LogLine, 'room' | 'text'>[],

@@ -1,4 +1,4 @@
-// The section of the configuration that says where the IMU's samples come from.
+// The configuration of the source of the IMU's samples.
 import { typedNumber } from './words';
 
 export interface ImuField {
@@ -35,7 +35,7 @@ export const IMU_TYPES: Record<string, ImuType> = {
   },
   iio: {
     words: 'Chip on this computer (Linux IIO)',
-    explained: 'A driver of the kernel reads it; nothing is to be named.',
+    explained: 'A driver of the kernel reads it; no settings are needed.',
     fields: [],
     hasAxes: true,
   },
@@ -53,18 +53,18 @@ export const IMU_TYPES: Record<string, ImuType> = {
   },
 };
 
-/** Of a newer server: nothing is known of it but its name. */
+/** Of a newer server: only its name is known. */
 export function imuType(name: string): ImuType {
   return IMU_TYPES[name] ?? { words: name, explained: '', fields: [], hasAxes: true };
 }
 
-/** A text that is YAML as it stands, or in quotation marks. */
+/** A text as YAML, quoted where needed. */
 export function yamlText(text: string): string {
   const isPlain = /^[A-Za-z0-9/._][A-Za-z0-9/._@%+-]*$/.test(text);
   return isPlain && Number.isNaN(Number(text)) ? text : JSON.stringify(text);
 }
 
-/** The section as YAML. @param axes  empty: as the robot's. Throws a sentence. */
+/** The section as YAML. @param axes  empty: as the robot's. Throws a message. */
 export function imuSource(name: string, typed: Record<string, string>, axes: string): string {
   const type = imuType(name);
   const lines = [`type: ${name}`];

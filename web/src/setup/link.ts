@@ -2,9 +2,9 @@ import { setupHeaders } from './memory';
 import { parseSetup, type SetupState } from './protocol';
 
 const LOOK_MS = 250;
-// With pictures: six a second at most, whatever the network does.
+// With pictures: at most six a second.
 const PICTURE_MS = 170;
-const PATIENCE_MS = 8000;
+const TIMEOUT_MS = 8000;
 
 /** In a row: `next` is sent once `settings` was taken. */
 export interface SetupCommand {
@@ -29,7 +29,7 @@ export function commandPath({ name, values }: SetupCommand): string {
   return query === '' ? name : `${name}?${query}`;
 }
 
-/** Asks the server how the set-up goes, for its pictures, and hands it what a person wants. */
+/** Polls the state and the pictures of the set-up, and sends the user's commands. */
 export class SetupLink {
   private answeredAt = performance.now();
   private isStopped = false;
@@ -53,9 +53,9 @@ export class SetupLink {
     this.isStopped = true;
   }
 
-  /** Pictures cost something: only while one is shown. */
-  wishPictures(wished: boolean): void {
-    this.wantsPictures = wished;
+  /** Pictures are expensive: only while one is shown. */
+  requestPictures(wanted: boolean): void {
+    this.wantsPictures = wanted;
   }
 
   /** One after the other; ends with the first that is refused. @returns whether all were taken */
@@ -67,7 +67,7 @@ export class SetupLink {
         this.listener.refused(why);
         return false;
       }
-      // What became of it stands in a state that was asked for after it.
+      // Its result is in a state that was requested after it.
       await this.nextState();
       if (this.newest?.error) return false;
     }
@@ -86,7 +86,7 @@ export class SetupLink {
   }
 
   private nextState(): Promise<void> {
-    const after = this.states + 1; // one may be on its way that knows nothing of the command
+    const after = this.states + 1; // one that is on its way does not contain the command
     return new Promise((resolve) => {
       const look = (): void => {
         if (this.states > after || this.isStopped) resolve();
@@ -112,7 +112,7 @@ export class SetupLink {
     const picture = await coming;
     if (this.isStopped) return;
     if (picture) this.listener.picture(picture);
-    // With 403 it is another start of the server, and has another secret.
+    // 403: the server was restarted and has another secret.
     if (answer?.status === 404 || answer?.status === 403) return this.listener.over();
     const json = answer?.ok ? await answer.text().catch(() => null) : null;
     if (json === null) return this.listener.silent(performance.now() - this.answeredAt);
@@ -145,7 +145,7 @@ export class SetupLink {
 
   private async ask(path: string, options: RequestInit = {}): Promise<Response | null> {
     const hurry = new AbortController();
-    const timer = setTimeout(() => hurry.abort(), PATIENCE_MS);
+    const timer = setTimeout(() => hurry.abort(), TIMEOUT_MS);
     const common = { cache: 'no-store' as const, signal: hurry.signal, headers: setupHeaders() };
     const wanted = { ...common, ...options };
     const answer = await fetch(new URL(path, this.page), wanted).catch(() => null);

@@ -1,4 +1,4 @@
-// Whether a person is in the second half of the set-up, which goes on on the normal page.
+// Whether the second half of the set-up, on the normal page, is in progress.
 import { fields, number, text } from '../fields';
 
 const KEY = 'fiducap.setup';
@@ -13,7 +13,7 @@ export interface SecondHalf {
   at: number;
 }
 
-/** null: nobody is in it, or what was remembered is not understood. */
+/** null: it is not, or the stored text is invalid. */
 export function remembered(): SecondHalf | null {
   const kept = sessionStorage.getItem(KEY);
   if (kept === null) return null;
@@ -34,7 +34,7 @@ export function forget(): void {
   sessionStorage.removeItem(KEY);
 }
 
-/** What stands after # in the address that `fiducapd --setup` prints; null: no secret. */
+/** The text after # in the address that `fiducapd --setup` prints; null: no secret. */
 export function secretIn(hash: string): string | null {
   return /^#([0-9a-f]{32})$/.exec(hash)?.[1] ?? null;
 }
@@ -48,7 +48,7 @@ export function keepSecret(): boolean {
   return true;
 }
 
-/** Proves to the set-up that the page was opened by its printed address. */
+/** Proves to the server that the page was opened by the printed address. */
 export function setupHeaders(): Record<string, string> {
   return { 'X-Fiducap-Setup': sessionStorage.getItem(SECRET) ?? '' };
 }

@@ -47,7 +47,7 @@ function drawCoverage(context: CanvasRenderingContext2D, lens: Lens, ratio: numb
   });
 }
 
-/** For who does not see colours. */
+/** For people who do not see colours. */
 function tick(context: CanvasRenderingContext2D, x: number, y: number, ratio: number): void {
   context.beginPath();
   context.moveTo(x - 5 * ratio, y);
@@ -93,7 +93,7 @@ function label(
   context.fillText(words, x, y + ratio);
 }
 
-/** What the canvas shows, for who does not see it. */
+/** Text of the canvas for screen readers. */
 export function pictureWords({ picture, lens }: Pick<Drawn, 'picture' | 'lens'>): string {
   if (!picture) return 'No picture yet.';
   const ids = picture.outlines.map((outline) => outline.id).sort((a, b) => a - b);

@@ -3,7 +3,7 @@ import { button } from '../map_commands';
 import { SetupLink, type SetupCommand } from './link';
 import { remember } from './memory';
 import { drawPicture, pictureWords } from './overlay';
-import { AGAIN, judge, type Desk, type Primary, type StepView } from './parts';
+import { AGAIN, judge, type StepContext, type Primary, type StepView } from './parts';
 import type { SetupState, StepName } from './protocol';
 import { CameraView, PictureView } from './view_camera';
 import { FinishView } from './view_finish';
@@ -15,12 +15,12 @@ import {
 } from './words';
 import './setup.css';
 
-const VIEWS: Record<StepName, (desk: Desk) => StepView> = {
-  camera: (desk) => new CameraView(desk),
-  picture: (desk) => new PictureView(desk),
-  sheet: (desk) => new SheetView(desk),
-  lens: (desk) => new LensView(desk),
-  imu: (desk) => new ImuView(desk),
+const VIEWS: Record<StepName, (context: StepContext) => StepView> = {
+  camera: (context) => new CameraView(context),
+  picture: (context) => new PictureView(context),
+  sheet: (context) => new SheetView(context),
+  lens: (context) => new LensView(context),
+  imu: (context) => new ImuView(context),
   rest: () => new RestView(),
   mount: () => new MountView(),
   wave: () => new WaveView(),
@@ -28,14 +28,14 @@ const VIEWS: Record<StepName, (desk: Desk) => StepView> = {
 };
 const WITHOUT_PICTURE: readonly StepName[] = ['imu', 'rest', 'finish'];
 const REPEATED: readonly StepName[] = ['lens', 'rest', 'wave'];
-// A screen reader needs time to say a hint that changes with every image.
+// A screen reader needs time for a hint that changes with every image.
 const SPEAK_MS = 4000;
 const RESTARTING = 'It is written. The server starts with it …';
-const SILENT = 'The server does not answer. Look at what it says where it was started.';
+const SILENT = 'The server does not answer. Read its messages where it was started.';
 const SILENT_MS = 2000;
 const LATE_MS = 30_000;
 
-/** The set-up, over the whole page: steps, picture, what is asked, and one large button. */
+/** The set-up, over the whole page: steps, picture, questions, and one large button. */
 export class SetupPanel {
   private readonly root = element('div', 'setup');
   private readonly progress = element('span');
@@ -53,11 +53,11 @@ export class SetupPanel {
   private readonly error = element('p', 'setup-error');
   private readonly why = element('p', 'setup-why');
   private readonly back = button('Back', 'To the step before', () => this.run([{ name: 'back' }]));
-  private readonly again = button('Again', 'Do this step anew', () => this.doAgain());
+  private readonly again = button('Again', 'Repeat this step', () => this.doAgain());
   private readonly go = button('Next', '', () => this.press());
   private readonly link: SetupLink;
   private readonly summaries = new Map<StepName, string>();
-  /** Of all steps that were reached: who comes back finds what was typed. */
+  /** Of all steps that were reached: they keep the typed values. */
   private readonly views = new Map<StepName, StepView>();
   private view: StepView | null = null;
   private shownStep: StepName | null = null;
@@ -70,9 +70,9 @@ export class SetupPanel {
   private isWritten = false;
   private refusal = '';
   private spokenAt = 0;
-  private readonly desk: Desk = {
+  private readonly context: StepContext = {
     run: (commands) => this.run(commands),
-    changed: () => this.refuse(''), // of what was written before
+    changed: () => this.refuse(''), // of the former input
   };
 
   constructor(page: string) {
@@ -91,7 +91,7 @@ export class SetupPanel {
     this.link.start();
   }
 
-  /** This page may not lead the set-up. @param words  what to do instead */
+  /** This page may not lead the set-up. @param words  the remedy */
   refuseAll(words: string): void {
     this.appear();
     setText(this.title, 'This page cannot lead the set-up');
@@ -124,7 +124,7 @@ export class SetupPanel {
     main.append(this.title, this.todo, this.hint, this.spoken, work);
     const bar = element('div', 'setup-bar');
     bar.setAttribute('role', 'group');
-    bar.setAttribute('aria-label', 'Go on or back');
+    bar.setAttribute('aria-label', 'Continue or go back');
     bar.append(this.back, this.again, this.error, this.why, this.go);
     this.root.append(nav, main, bar);
     setText(this.todo, 'Connecting to the server …');
@@ -141,7 +141,7 @@ export class SetupPanel {
     if (state.step !== this.shownStep) this.changeStep(state);
     const hasPicture = !WITHOUT_PICTURE.includes(state.step) && state.camera !== null;
     this.figure.hidden = !hasPicture;
-    this.link.wishPictures(hasPicture);
+    this.link.requestPictures(hasPicture);
     this.again.hidden = !REPEATED.includes(state.step) || state.verdict?.refused === true;
     this.showSteps(state);
     this.view?.update(state);
@@ -164,7 +164,7 @@ export class SetupPanel {
   private changeStep(state: SetupState): void {
     const isFirst = this.shownStep === null;
     this.shownStep = state.step;
-    this.view = this.views.get(state.step) ?? VIEWS[state.step](this.desk);
+    this.view = this.views.get(state.step) ?? VIEWS[state.step](this.context);
     this.views.set(state.step, this.view);
     this.place.replaceChildren(this.view.root);
     this.root.dataset.step = state.step;
@@ -172,7 +172,7 @@ export class SetupPanel {
     setText(this.title, title);
     setText(this.todo, todo);
     this.back.hidden = state.step === state.steps[0]?.name;
-    // Where reading begins, and for who uses a keyboard: the buttons before it may be gone.
+    // The start for screen readers and keyboards: the buttons before it may be gone.
     if (!isFirst) this.title.focus();
     window.scrollTo(0, 0);
   }
@@ -230,7 +230,7 @@ export class SetupPanel {
   }
 
   private run(commands: SetupCommand[]): void {
-    // In their order: what is pressed while the server is asked comes after that.
+    // In order: buttons pressed during a request are handled after it.
     this.running += 1;
     this.showButtons();
     this.last = this.last.then(async () => {

@@ -6,20 +6,20 @@ import type { SetupState, StepVerdict } from './protocol';
 /** The one large button. */
 export interface Primary {
   words: string;
-  /** Nothing is left to be done before it. */
+  /** All conditions for it are met. */
   ready: boolean;
   /** Why it cannot be pressed; empty: it can. */
   blocked: string;
-  /** What it sends, or in a sentence what is wrong with what was typed. */
+  /** The commands it sends, or the fault of the input. */
   commands(): SetupCommand[] | string;
 }
 
 export type Tone = 'good' | 'warn' | 'bad';
 
-/** What is asked and shown beside the picture in one step. */
+/** Questions and values beside the picture in one step. */
 export interface StepView {
   readonly root: HTMLElement;
-  /** What a person shall do now, in large type; empty: what the step is for says it. */
+  /** Instruction for the user, in large type; empty: that of the step. */
   hint(state: SetupState): string;
   /** Of the hint; without it that of the verdict. */
   tone?(state: SetupState): Tone;
@@ -27,9 +27,9 @@ export interface StepView {
   primary(state: SetupState): Primary;
 }
 
-export interface Desk {
+export interface StepContext {
   run(commands: SetupCommand[]): void;
-  /** Something else is wanted of the primary button now. */
+  /** The primary button has changed. */
   changed(): void;
 }
 
@@ -106,7 +106,7 @@ export interface JudgedStep {
   words: string;
 }
 
-/** By colour and in words. */
+/** By colour and as text. */
 export function judge(verdict: StepVerdict): JudgedStep {
   if (verdict.refused) return { tone: 'bad', words: 'Not usable' };
   if (verdict.good) return { tone: 'good', words: 'Good' };
@@ -117,11 +117,11 @@ export function judge(verdict: StepVerdict): JudgedStep {
 export function verdictHint(verdict: StepVerdict | null): string {
   if (!verdict) return '';
   const { tone, words } = judge(verdict);
-  const then = { good: ' Go on.', warn: '', bad: ' Read why.' }[tone];
+  const then = { good: ' Continue.', warn: '', bad: ' Read why.' }[tone];
   return `${words}.${then}`;
 }
 
-/** What came out of a step, and what to do about it. */
+/** Result of a step, with advice. */
 export class VerdictBox {
   readonly root = element('section', 'setup-verdict');
   private readonly title = element('h3');
@@ -150,12 +150,12 @@ export class VerdictBox {
   }
 }
 
-/** Of a step that ends with a verdict. @param before  it: what going on is called */
+/** Of a step that ends with a verdict. @param before  label of the button before there is one */
 export function afterVerdict({ verdict, solving }: SetupState, before = 'Next'): Primary {
-  if (solving) return next('Working it out …', false, 'The server is working it out.');
-  // It may not be used: going on is not offered.
+  if (solving) return next('Computing …', false, 'The server is computing the result.');
+  // It may not be used: there is no way to continue.
   if (verdict?.refused)
     return { words: 'Do it again', ready: true, blocked: '', commands: () => [AGAIN] };
   if (!verdict) return next(before, false);
-  return verdict.good ? next() : next('Take it and go on');
+  return verdict.good ? next() : next('Accept and continue');
 }

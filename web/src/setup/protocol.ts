@@ -1,4 +1,4 @@
-// What the server says while it is set up (GET /api/v1/setup), checked.
+// State of the server in set-up (GET /api/v1/setup), checked.
 import { fields, list, number, numberOrNull, oneOf, text, tuple, type Fields } from '../fields';
 
 export const STEPS = [
@@ -63,7 +63,7 @@ export interface Wave {
   hint: string;
 }
 
-/** What came out of a step. */
+/** Result of a step. */
 export interface StepVerdict {
   good: boolean;
   /** It may not be used. */
@@ -193,7 +193,7 @@ function parseCamera(value: unknown): CameraFound {
   };
 }
 
-/** Throws a sentence when it is not what the server promised. */
+/** Throws a message when the state is malformed. */
 export function parseSetup(json: string): SetupState {
   const state = fields(JSON.parse(json), 'setup');
   const step = oneOf(state.step, STEPS, 'step');

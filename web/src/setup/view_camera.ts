@@ -3,7 +3,7 @@ import { element, setText } from '../dom';
 import { fixed } from '../format';
 import { button } from '../map_commands';
 import { drawHistogram } from '../view_canvas';
-import { column, labelled, next, numberInput, textInput, type Desk, type Primary } from './parts';
+import { column, labelled, next, numberInput, textInput, type StepContext, type Primary } from './parts';
 import type { StepView, Tone } from './parts';
 import type { CameraFound, SetupState } from './protocol';
 import { plainNumber, typedNumber } from './words';
@@ -13,7 +13,7 @@ const OTHER_EXAMPLE = 'rtsp://192.168.1.7/live, or v4l2src ! videoconvert ! apps
 export class CameraView implements StepView {
   readonly root: HTMLElement;
   private readonly found = element('div', 'choices');
-  private readonly nobody = element('p', 'empty');
+  private readonly empty = element('p', 'empty');
   private readonly open = textInput('', OTHER_EXAMPLE);
   private readonly width = numberInput('');
   private readonly height = numberInput('');
@@ -21,17 +21,17 @@ export class CameraView implements StepView {
   private readonly fault = element('p', 'fault');
   private shown = '';
 
-  constructor(private readonly desk: Desk) {
+  constructor(private readonly context: StepContext) {
     this.found.setAttribute('role', 'group');
     this.found.setAttribute('aria-label', 'Cameras');
-    setText(this.nobody, 'No camera is found. Plug one in, then look again.');
+    setText(this.empty, 'No camera is found. Plug one in, then look again.');
     this.fault.setAttribute('role', 'alert');
-    const look = button('Look again', 'List the cameras anew', () => desk.run([{ name: 'look' }]));
-    this.root = column(this.found, this.nobody, look, this.other());
+    const look = button('Look again', 'List the cameras again', () => context.run([{ name: 'look' }]));
+    this.root = column(this.found, this.empty, look, this.other());
   }
 
   hint(state: SetupState): string {
-    if (!state.camera) return ''; // the title says it
+    if (!state.camera) return ''; // the title is enough
     return state.picture ? 'Is this the picture of the robot’s camera?' : 'Opening the camera …';
   }
 
@@ -45,7 +45,7 @@ export class CameraView implements StepView {
     const rows = state.cameras.map((one) => this.row(one, one.open === state.camera?.open));
     this.found.replaceChildren(...rows);
     rows.find((row) => row.dataset.open === focused)?.focus();
-    this.nobody.hidden = state.cameras.length > 0;
+    this.empty.hidden = state.cameras.length > 0;
   }
 
   primary({ camera, picture }: SetupState): Primary {
@@ -54,7 +54,7 @@ export class CameraView implements StepView {
   }
 
   private row(camera: CameraFound, isChosen: boolean): HTMLButtonElement {
-    const choose = (): void => this.desk.run([{ name: 'camera', values: { open: camera.open } }]);
+    const choose = (): void => this.context.run([{ name: 'camera', values: { open: camera.open } }]);
     const made = button('', `Use ${camera.open}`, choose);
     made.className = 'choice';
     made.dataset.open = camera.open;
@@ -73,13 +73,13 @@ export class CameraView implements StepView {
       labelled('Height', this.height),
       labelled('Images/s', this.rate),
     );
-    const use = button('Use this', 'Open what is written above', () => this.useOther());
+    const use = button('Use this', 'Open this source', () => this.useOther());
     const made = element('details', 'other');
     made.append(
       element('summary', '', 'Another source, or another size'),
       labelled('Device, address or pipeline', this.open),
       size,
-      element('p', 'field-why', 'Empty: what the camera offers.'),
+      element('p', 'field-why', 'Empty: the default of the camera.'),
       this.fault,
       use,
     );
@@ -93,7 +93,7 @@ export class CameraView implements StepView {
       ['height', 'Height', this.height],
       ['rate_hz', 'Images/s', this.rate],
     ];
-    let fault = values.open === '' ? 'Write what is to be opened, for example /dev/video0.' : '';
+    let fault = values.open === '' ? 'Enter the source, for example /dev/video0.' : '';
     for (const [key, words, input] of numbers) {
       if (input.value.trim() === '') continue;
       const value = typedNumber(input.value);
@@ -102,7 +102,7 @@ export class CameraView implements StepView {
       values[key] = String(value);
     }
     setText(this.fault, fault);
-    if (fault === '') this.desk.run([{ name: 'camera', values }]);
+    if (fault === '') this.context.run([{ name: 'camera', values }]);
   }
 }
 
@@ -115,7 +115,7 @@ export class PictureView implements StepView {
   private readonly measures = element('dl', 'facts-list');
   private readonly histogram = element('canvas', 'histogram');
 
-  constructor(private readonly desk: Desk) {
+  constructor(private readonly context: StepContext) {
     this.fault.setAttribute('role', 'alert');
     this.histogram.width = 256;
     this.histogram.height = 64;
@@ -165,7 +165,7 @@ export class PictureView implements StepView {
 
   primary({ picture }: SetupState): Primary {
     if (!picture) return next('Next', false, 'No picture has come yet.');
-    return picture.good ? next() : next('Go on with this picture', false);
+    return picture.good ? next() : next('Continue with this picture', false);
   }
 
   private showMeasures(rows: [string, string][]): void {
@@ -186,6 +186,6 @@ export class PictureView implements StepView {
     if (!isTime) return;
     this.exposure.value = plainNumber(ms);
     this.exposure.blur();
-    this.desk.run([{ name: 'settings', values: { exposure_ms: plainNumber(ms) } }]);
+    this.context.run([{ name: 'settings', values: { exposure_ms: plainNumber(ms) } }]);
   }
 }

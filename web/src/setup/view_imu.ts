@@ -3,7 +3,7 @@ import { fixed } from '../format';
 import { button } from '../map_commands';
 import { imuSource, imuType } from './imu_source';
 import {
-  choice, column, labelled, NEXT, next, textInput, type Desk, type Primary, type StepView,
+  choice, column, labelled, NEXT, next, textInput, type StepContext, type Primary, type StepView,
 } from './parts';
 import type { Imu, SetupState } from './protocol';
 
@@ -25,14 +25,14 @@ export class ImuView implements StepView {
   private readonly simulated = element('p', 'note-box');
   private imu: Imu | null = null;
   private chosen = '';
-  /** What was sent last: what is written now may be something else. */
+  /** The last sent values; the input may differ. */
   private sent: string | null = null;
 
-  constructor(private readonly desk: Desk) {
+  constructor(private readonly context: StepContext) {
     this.kinds.setAttribute('role', 'group');
     this.kinds.setAttribute('aria-label', 'Where the IMU’s samples come from');
-    setText(this.simulated, 'The simulated robot has an IMU: nothing is to be connected.');
-    this.form.addEventListener('input', () => desk.changed());
+    setText(this.simulated, 'The simulated robot has an IMU: there is nothing to connect.');
+    this.form.addEventListener('input', () => context.changed());
     this.root = column(this.simulated, this.kinds, this.form);
   }
 
@@ -57,7 +57,7 @@ export class ImuView implements StepView {
     if (imu.simulated || this.isConnected()) return next('Next', !imu.used || imu.rateHz > 0);
     if (this.chosen === NONE) {
       const commands = [{ name: 'imu', values: { source: '' } }, NEXT];
-      return { words: 'Go on without IMU', ready: true, blocked: '', commands: () => commands };
+      return { words: 'Continue without IMU', ready: true, blocked: '', commands: () => commands };
     }
     const blocked = this.chosen === '' ? 'Choose where the samples come from.' : '';
     return { words: 'Connect', ready: true, blocked, commands: () => this.connect() };
@@ -67,7 +67,7 @@ export class ImuView implements StepView {
     return this.imu?.used === true && this.sent === this.written();
   }
 
-  /** What would be sent now; what is wrong with it does not matter here. */
+  /** The values of the input, without checks. */
   private written(): string {
     const typed = [...this.inputs].map(([key, input]) => `${key}=${input.value}`);
     return [this.chosen, ...typed, this.part.value, this.axes.value].join('|');
@@ -89,7 +89,7 @@ export class ImuView implements StepView {
       if (explained) made.append(element('span', 'choice-detail', explained));
       this.kinds.append(made);
     }
-    // Somebody comes back to this step: what is connected stays so until something else is written.
+    // When the user returns to this step, the source stays connected until the input changes.
     if (imu.used) this.sent = this.written();
   }
 
@@ -100,7 +100,7 @@ export class ImuView implements StepView {
     this.inputs.clear();
     this.form.replaceChildren();
     if (name !== NONE) this.layForm(name);
-    this.desk.changed();
+    this.context.changed();
   }
 
   private layForm(name: string): void {

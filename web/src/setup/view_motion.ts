@@ -4,26 +4,26 @@ import { element, setText } from '../dom';
 import { plural } from '../format';
 import { button } from '../map_commands';
 import {
-  afterVerdict, column, Progress, VerdictBox, verdictHint, type Desk, type Primary, type StepView,
+  afterVerdict, column, Progress, VerdictBox, verdictHint, type StepContext, type Primary, type StepView,
 } from './parts';
 import type { Lens, SetupState } from './protocol';
 
 const GUESS =
-  'A usual lens is taken for yours, and the rest is learned while the robot moves. Until then ' +
-  'poses can be wrong by centimetres and more, and a lens that bends much may never be learned. ' +
-  'Take it for a first try; calibrate before you rely on a pose.';
+  'A typical lens is assumed, and the rest is estimated while the robot moves. Until then ' +
+  'poses can be wrong by centimetres and more, and strong distortion may never be estimated. ' +
+  'Use it for a first try; calibrate before you rely on a pose.';
 
 export class LensView implements StepView {
   readonly root: HTMLElement;
   private readonly covered = new Progress('Image covered');
   private readonly counts = element('p', 'counts');
   private readonly legend = element('p', 'field-why');
-  private readonly skip = button('Go on without calibrating…', 'Take a usual lens', () => {
+  private readonly skip = button('Continue without calibrating…', 'Assume a typical lens', () => {
     void this.guess();
   });
   private readonly verdict = new VerdictBox();
 
-  constructor(private readonly desk: Desk) {
+  constructor(private readonly context: StepContext) {
     setText(this.legend, 'Green with a tick: covered. Amber: show it there once more.');
     this.root = column(
       this.verdict.root, this.covered.root, this.counts, this.legend, this.skip,
@@ -31,7 +31,7 @@ export class LensView implements StepView {
   }
 
   hint(state: SetupState): string {
-    if (state.solving) return 'Enough is seen. Working out the lens …';
+    if (state.solving) return 'Enough is seen. Computing the lens …';
     return verdictHint(state.verdict) || (state.lens?.hint ?? '');
   }
 
@@ -41,7 +41,7 @@ export class LensView implements StepView {
     setText(this.counts, `${plural(views, 'view', 'views')} taken, ${tilted} of them tilted`);
     this.verdict.show(verdict);
     this.legend.hidden = verdict?.good === true;
-    // A lens that was measured is better than any guess.
+    // A measured lens is better than an assumed one.
     this.skip.hidden = verdict !== null && !verdict.refused;
   }
 
@@ -50,12 +50,12 @@ export class LensView implements StepView {
   }
 
   private async guess(): Promise<void> {
-    const question = { title: 'Go on without calibrating?', text: GUESS, yes: 'Take a usual lens' };
-    if ((await ask(question)) !== null) this.desk.run([{ name: 'guess' }]);
+    const question = { title: 'Continue without calibrating?', text: GUESS, yes: 'Assume a typical lens' };
+    if ((await ask(question)) !== null) this.context.run([{ name: 'guess' }]);
   }
 }
 
-/** `43 %`, however many cells that are. */
+/** `43 %`, for any number of cells. */
 function coveredWords(lens: Lens): string {
   return `${Math.floor(100 * lens.covered)} %`;
 }
@@ -70,7 +70,7 @@ export class RestView implements StepView {
   }
 
   hint({ rest, solving, verdict }: SetupState): string {
-    if (solving) return 'Long enough. Working out the noise …';
+    if (solving) return 'Long enough. Computing the noise …';
     return verdictHint(verdict) || (rest?.hint ?? '');
   }
 
@@ -80,7 +80,7 @@ export class RestView implements StepView {
   }
 
   primary(state: SetupState): Primary {
-    return afterVerdict(state, 'Go on without measuring');
+    return afterVerdict(state, 'Continue without measuring');
   }
 }
 
@@ -101,7 +101,7 @@ export class WaveView implements StepView {
   }
 
   hint({ wave, solving, verdict }: SetupState): string {
-    if (solving) return 'Enough. Working out how camera and IMU sit, for up to a minute …';
+    if (solving) return 'Enough. Computing the poses of camera and IMU, for up to a minute …';
     return verdictHint(verdict) || (wave?.hint ?? '');
   }
 
@@ -113,6 +113,6 @@ export class WaveView implements StepView {
   }
 
   primary(state: SetupState): Primary {
-    return afterVerdict(state, 'Go on without waving');
+    return afterVerdict(state, 'Continue without waving');
   }
 }

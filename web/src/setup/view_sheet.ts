@@ -1,16 +1,16 @@
-// What is measured with a ruler: tags, and where the camera sits.
+// Measured with a ruler: tags, and the place of the camera.
 import { element, setText } from '../dom';
 import { button } from '../map_commands';
 import { keptWords, setupHeaders, TYPED_MOUNT } from './memory';
 import {
-  choice, column, labelled, NEXT, numberInput, type Desk, type Primary, type StepView,
+  choice, column, labelled, NEXT, numberInput, type StepContext, type Primary, type StepView,
 } from './parts';
 import type { SetupState } from './protocol';
 import { isSimulated, plainNumber, printCommand, typedNumber } from './words';
 
 const SIMULATED_MM = 400;
 const RULER_MM = 100;
-// Where its camera sits, as somebody with a ruler would say: the rest is for waving to find out.
+// The place of its camera by a ruler; waving measures the rest.
 const SIMULATED_MOUNT_M = ['0.1', '0', '-0.02'] as const;
 const DIRECTIONS = ['forward', 'back', 'left', 'right', 'up', 'down'] as const;
 
@@ -26,7 +26,7 @@ export class SheetView implements StepView {
   /** Which robot the fields were filled for; null: for none yet. */
   private filledFor: 'simulated' | 'real' | null = null;
 
-  constructor(desk: Desk) {
+  constructor(context: StepContext) {
     this.fault.setAttribute('role', 'alert');
     const row = element('div', 'field-row sheet-order');
     const get = button('Download the sheets', 'Twelve tags, PDF', () => void this.download());
@@ -37,11 +37,11 @@ export class SheetView implements StepView {
     for (const input of [this.family, this.size, this.paper])
       input.addEventListener('input', () => {
         this.showCommand();
-        desk.changed();
+        context.changed();
       });
     this.root = column(
-      labelled('Family of the tags', this.family, 'Other prints exist already? Choose theirs.'),
-      labelled('Edge of the black square, mm', this.size, 'As the sheet says, not as measured.'),
+      labelled('Family of the tags', this.family, 'You have printed tags already? Choose their family.'),
+      labelled('Edge of the black square, mm', this.size, 'As printed on the sheet, not as measured.'),
       this.print,
       labelled('The printed ruler of 100 mm measures, mm', this.ruler,
         'Printers scale. Measure the ruler at the border of the sheet; leave 100 without one.'),
@@ -128,7 +128,7 @@ export class MountView implements StepView {
 
   hint(state: SetupState): string {
     if (!isSimulated(state)) return '';
-    return 'The simulated robot is measured already. Go on.';
+    return 'The simulated robot is measured already. Continue.';
   }
 
   update(state: SetupState): void {
@@ -146,7 +146,7 @@ export class MountView implements StepView {
     return { words: 'It sits there', ready: true, blocked: '', commands: () => this.commands() };
   }
 
-  /** What was typed for another robot is void. */
+  /** The input for another robot is void. */
   private fill(simulated: boolean): void {
     this.isOfSimulated = simulated;
     this.looks.value = 'forward';
@@ -154,7 +154,7 @@ export class MountView implements StepView {
     this.places.forEach((input, i) => (input.value = values[i] ?? '0'));
   }
 
-  /** What was measured must survive a page that is loaded again. */
+  /** Measured values must survive a reload of the page. */
   private keep(): void {
     const typed = [this.looks.value, ...this.places.map((input) => input.value)];
     sessionStorage.setItem(TYPED_MOUNT, JSON.stringify(typed));

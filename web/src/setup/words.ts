@@ -5,7 +5,7 @@ export interface StepWords {
   /** In the list. */
   short: string;
   title: string;
-  /** What to do, in a sentence or two. */
+  /** Instruction, in a sentence or two. */
   todo: string;
 }
 
@@ -48,12 +48,12 @@ export const STEP_WORDS: Record<StepName, StepWords> = {
   wave: {
     short: 'Wave',
     title: 'Wave the robot',
-    todo: 'Turn and shake it before the tags, so that camera and IMU find out how they sit.',
+    todo: 'Turn and shake it before the tags: that calibrates camera and IMU against each other.',
   },
   finish: {
     short: 'Write it down',
     title: 'Write the configuration',
-    todo: 'Read it once. The server then starts with it, without being started again.',
+    todo: 'Read it once. The server then starts with it by itself.',
   },
 };
 
@@ -80,7 +80,7 @@ export function progressWords(state: SetupState): string {
   return `Step ${at + 1} of ${taken.length}`;
 }
 
-/** What a step that is done came to, as far as the state tells; else what was remembered. */
+/** Result of a finished step, from the state; else the remembered one. */
 export function doneWords(state: SetupState, name: StepName, remembered: string): string {
   switch (name) {
     case 'camera':
@@ -90,7 +90,7 @@ export function doneWords(state: SetupState, name: StepName, remembered: string)
     case 'imu':
       if (!state.imu) return remembered;
       return state.imu.used ? `${fixed(state.imu.rateHz, 0)} samples a second` : 'None';
-    // Their figures are long, and stand in the configuration.
+    // Their figures are long, and are in the configuration.
     case 'rest':
     case 'wave':
       return remembered === '' ? 'passed' : 'measured';
@@ -99,7 +99,7 @@ export function doneWords(state: SetupState, name: StepName, remembered: string)
   }
 }
 
-/** What is worth remembering of the step that goes on. */
+/** Result of the present step to be remembered. */
 export function summaryNow(state: SetupState): string {
   if (state.step === 'picture') return state.picture?.verdict ?? '';
   return state.verdict?.summary ?? '';
@@ -133,7 +133,7 @@ export function plainNumber(value: number): string {
   return String(Math.round(value * 1000) / 1000);
 }
 
-/** What prints the sheets. */
+/** The command that prints the sheets. */
 export function printCommand(family: string, sizeMm: string, paper: string): string {
   const other = family === 'tag36h11' ? '' : ` --family ${family}`;
   const on = paper === 'a4' ? '' : ` --paper ${paper}`;

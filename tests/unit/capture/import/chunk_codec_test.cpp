@@ -1,10 +1,10 @@
-#include "capture/import/chunk_codec.hpp"
+#include "capture/import/message_log.hpp"
 
 #include <gmock/gmock.h>
 #include <lz4frame.h>
 #include <zstd.h>
 
-#include "base/byte_reader.hpp"
+#include "base/bytes.hpp"
 
 namespace fiducap {
 namespace {

@@ -1,4 +1,4 @@
-#include "capture/import/log_import.hpp"
+#include "capture/import/import_parts.hpp"
 
 #include <gmock/gmock.h>
 

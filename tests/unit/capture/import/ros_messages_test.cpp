@@ -2,7 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include "capture/import/ros_fields.hpp"
 #include "support/ros_bytes.hpp"
 
 namespace fiducap::ros {

@@ -1,4 +1,4 @@
-#include "capture/import/zip_archive.hpp"
+#include "capture/import/input_file.hpp"
 
 #include <gmock/gmock.h>
 
@@ -69,7 +69,7 @@ TEST_F(ZipArchiveTest, MoreThanTheDirectorySaysIsNotUnpacked) {
   ASSERT_TRUE(zip);
   const auto unpacked = zip->unpack(zip->entries()[0], folder_.file("out"));
   ASSERT_FALSE(unpacked);
-  EXPECT_THAT(unpacked.error().what, HasSubstr("unpacks to more than it says"));
+  EXPECT_THAT(unpacked.error().what, HasSubstr("unpacks to more than its stated size"));
 }
 
 TEST_F(ZipArchiveTest, AnArchiveThatUnpacksToFarMoreThanItIsLongIsRefused) {
@@ -79,7 +79,7 @@ TEST_F(ZipArchiveTest, AnArchiveThatUnpacksToFarMoreThanItIsLongIsRefused) {
   ASSERT_TRUE(zip);
   const auto unpacked = zip->unpack(zip->entries()[0], folder_.file("out"));
   ASSERT_FALSE(unpacked);
-  EXPECT_THAT(unpacked.error().what, HasSubstr("far more than it is long"));
+  EXPECT_THAT(unpacked.error().what, HasSubstr("far more than its own size"));
 }
 
 TEST_F(ZipArchiveTest, DamageIsSeen) {

@@ -1,4 +1,4 @@
-#include "capture/imu/device_clock.hpp"
+#include "capture/stamp_mapper.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-// Frames out of streams; single frames: tests/unit/streaming/mavlink/codec_test.cpp.
+// Frames out of streams; single frames: tests/unit/streaming/mavlink/vehicle_link_test.cpp.
 #include <gtest/gtest.h>
 
 #include <random>

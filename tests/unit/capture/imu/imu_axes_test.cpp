@@ -1,4 +1,4 @@
-#include "capture/imu/imu_axes.hpp"
+#include "capture/imu/imu_source_config.hpp"
 
 #include <gtest/gtest.h>
 #include <yaml-cpp/yaml.h>

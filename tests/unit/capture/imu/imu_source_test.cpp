@@ -123,7 +123,7 @@ TEST_F(ImuSourceTest, ALineIsForOneAlone) {
   ASSERT_TRUE(first) << first.error().text();
   const auto second = open();
   ASSERT_FALSE(second);
-  EXPECT_THAT(second.error().text(), HasSubstr("another program has the serial device"));
+  EXPECT_THAT(second.error().text(), HasSubstr("another program uses the serial device"));
 }
 
 TEST_F(ImuSourceTest, WhatIsNoSerialDeviceIsSaid) {
@@ -151,7 +151,7 @@ TEST_F(ImuSourceTest, DatagramsOfTheProtocolAreRead) {
   EXPECT_TRUE((*source)->next({}));
   const auto taken = open();
   ASSERT_FALSE(taken);
-  EXPECT_THAT(taken.error().text(), HasSubstr("another program has the UDP port"));
+  EXPECT_THAT(taken.error().text(), HasSubstr("another program uses the UDP port"));
 }
 
 TEST_F(ImuSourceTest, AnAutopilotIsReadAndAskedBySerialLine) {

@@ -1,4 +1,4 @@
-#include "capture/imu/link_watch.hpp"
+#include "capture/imu/byte_link.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ class LinkWatchTest : public testing::Test {
                   std::uint64_t broken = 0) {
     now_ += 100ms;
     watch_.add(bytes, printable, units, broken, now_);
-    return watch_.take_news().value_or("");
+    return watch_.take_event().value_or("");
   }
   LinkWatch watch_{"line of the IMU protocol", true, 115200};
   Instant now_{};
@@ -36,22 +36,22 @@ TEST_F(LinkWatchTest, GarbageIsTakenForAWrongBaudRate) {
 }
 
 TEST_F(LinkWatchTest, AnotherTextIsToldApart) {
-  EXPECT_THAT(add(5000, 5000, 0), HasSubstr("it is a text, but another one"));
+  EXPECT_THAT(add(5000, 5000, 0), HasSubstr("but another text: is it the right device?"));
 }
 
 TEST_F(LinkWatchTest, ChecksumsThatAreAllWrongAreToldApart) {
-  EXPECT_THAT(add(5000, 5000, 0, 100), HasSubstr("another checksum"));
+  EXPECT_THAT(add(5000, 5000, 0, 100), HasSubstr("with a wrong checksum"));
 }
 
 TEST_F(LinkWatchTest, GarbageByUdpIsNoMatterOfABaudRate) {
   watch_ = LinkWatch("MAVLink frame", false, 115200);
-  EXPECT_THAT(add(5000, 1000, 0), HasSubstr("something else is sent to this port"));
+  EXPECT_THAT(add(5000, 1000, 0), HasSubstr("another protocol is sent to this port"));
 }
 
 TEST_F(LinkWatchTest, SilenceIsSaidOnceAndItsEndToo) {
   std::string said;
   for (int i = 0; i < 200; ++i) said += add(0, 0, 0);
-  EXPECT_THAT(said, HasSubstr("nothing has come for 5 s"));
+  EXPECT_THAT(said, HasSubstr("nothing received for 5 s"));
   EXPECT_EQ(said.find("nothing", said.find("nothing") + 1), std::string::npos);
   EXPECT_EQ(add(50, 50, 1), "it sends again");
 }

@@ -1,4 +1,4 @@
-#include "capture/imu/mavlink_messages.hpp"
+#include "capture/imu/mavlink_vehicle.hpp"
 
 #include <gtest/gtest.h>
 

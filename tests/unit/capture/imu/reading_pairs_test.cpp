@@ -4,8 +4,6 @@
 
 #include <cmath>
 
-#include "capture/imu/mount_matrix.hpp"
-
 namespace fiducap {
 namespace {
 

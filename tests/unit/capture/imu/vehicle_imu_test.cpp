@@ -6,8 +6,8 @@
 #include <chrono>
 #include <random>
 
-#include "base/byte_reader.hpp"
-#include "middleware/mavlink/messages.hpp"
+#include "base/bytes.hpp"
+#include "middleware/mavlink/frame.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/hex.hpp"
 #include "unit/capture/imu/mavlink_bytes.hpp"
@@ -112,7 +112,7 @@ class VehicleImuTest : public testing::Test {
   }
   void give(const std::vector<std::byte>& bytes, Instant arrived, LinkPeer from = kPx4Address) {
     imu_.receive(bytes, from, arrived);
-    while (const auto news = imu_.take_news()) news_ += news->text + "\n";
+    while (const auto event = imu_.take_event()) events_ += event->text + "\n";
   }
   void collect(Instant measured) {
     while (const auto sample = imu_.take()) {
@@ -127,8 +127,8 @@ class VehicleImuTest : public testing::Test {
   }
   void speak() {
     out_.clear();
-    imu_.speak(now_, out_);
-    while (const auto news = imu_.take_news()) news_ += news->text + "\n";
+    imu_.append_due(now_, out_);
+    while (const auto event = imu_.take_event()) events_ += event->text + "\n";
     const Duration there = 300us + delay();
     const auto answer = vehicle_.hear(out_, now_ + there);
     if (!answer.empty()) imu_.receive(answer, kPx4Address, now_ + there + 300us + delay());
@@ -141,7 +141,7 @@ class VehicleImuTest : public testing::Test {
   Instant now_{kBegin};
   int tick_{0};
   bool uses_raw_{false};
-  std::string news_;
+  std::string events_;
   std::optional<Instant> last_;
   ImuSample newest_;
   Duration error_{};
@@ -191,7 +191,7 @@ TEST_F(VehicleImuTest, AnAutopilotThatRestartsIsFollowedWithinASecond) {
   run(2s);
   EXPECT_LT(error_, 1500us);
   EXPECT_GT(error_, -1500us);
-  EXPECT_THAT(news_, HasSubstr("restarted"));
+  EXPECT_THAT(events_, HasSubstr("restarted"));
 }
 
 TEST_F(VehicleImuTest, ItsClockQuestionsAreAnsweredWithOurs) {
@@ -210,7 +210,7 @@ TEST_F(VehicleImuTest, AVehicleThatSendsNothingIsAskedUntilItDoes) {
   EXPECT_GE(vehicle_.heartbeats, 1);
   run(10s, false);
   EXPECT_GT(vehicle_.streams_asked, 0) << "in the way of older autopilots, in turn";
-  EXPECT_THAT(news_, HasSubstr("sends no IMU readings although it was asked"));
+  EXPECT_THAT(events_, HasSubstr("sends no IMU readings on request"));
 }
 
 TEST_F(VehicleImuTest, AVehicleThatSendsEnoughIsLeftAlone) {
@@ -219,7 +219,7 @@ TEST_F(VehicleImuTest, AVehicleThatSendsEnoughIsLeftAlone) {
   run(30s);
   EXPECT_EQ(vehicle_.asked_for, -1);
   EXPECT_NEAR(imu_.measured_hz(), 200, 2);
-  EXPECT_THAT(news_, testing::Not(HasSubstr("asked for")));
+  EXPECT_THAT(events_, testing::Not(HasSubstr("requested")));
 }
 
 TEST_F(VehicleImuTest, ArduPilotIsAskedForRawReadingsInTurn) {
@@ -268,7 +268,7 @@ TEST_F(VehicleImuTest, ASecondVehicleIsLeftOutCountedAndNamed) {
   collect(now_);
   EXPECT_EQ(samples_, before);
   EXPECT_EQ(imu_.choice().foreign(), 200u);
-  EXPECT_THAT(news_, HasSubstr("another vehicle, system 9 at 10.0.0.3:14580"));
+  EXPECT_THAT(events_, HasSubstr("another vehicle, system 9 at 10.0.0.3:14580"));
   EXPECT_EQ(imu_.address(now_), kPx4Address) << "nobody else is spoken to";
 }
 
@@ -279,7 +279,7 @@ TEST_F(VehicleImuTest, TwoVehiclesWithOneIdAreToldApartByTheirAddress) {
   for (int i = 0; i < 100; ++i) give(twin.highres(now_), now_, kOtherAddress);
   collect(now_);
   EXPECT_EQ(samples_, before);
-  EXPECT_THAT(news_, HasSubstr("same id"));
+  EXPECT_THAT(events_, HasSubstr("same id"));
 }
 
 TEST_F(VehicleImuTest, TheOtherOneIsTakenWhenTheFirstIsSilent) {
@@ -290,13 +290,13 @@ TEST_F(VehicleImuTest, TheOtherOneIsTakenWhenTheFirstIsSilent) {
   give(other.highres(now_), now_, kOtherAddress);
   collect(now_);
   EXPECT_EQ(imu_.address(now_), kOtherAddress);
-  EXPECT_THAT(news_, HasSubstr("takes the IMU of system 9 at 10.0.0.3:14580"));
+  EXPECT_THAT(events_, HasSubstr("uses the IMU of system 9 at 10.0.0.3:14580"));
 }
 
 TEST_F(VehicleImuTest, AnAddressIsProvenByAnAnswerToAQuestionOfOursOnly) {
   give(vehicle_.heartbeat(), now_);
   std::vector<std::byte> asked;
-  imu_.speak(now_, asked);
+  imu_.append_due(now_, asked);
   EXPECT_FALSE(imu_.is_proven(now_)) << "it has spoken, as anybody may in its name";
   std::vector<std::byte> guess;
   encode_timesync({3, 1, 0}, {1, to_ns(now_)}, guess);
@@ -349,7 +349,7 @@ TEST_F(VehicleImuTest, TheConfiguredVehicleIsWaitedFor) {
   imu_ = VehicleImu(config_);
   run(2s);
   EXPECT_EQ(samples_, 0);
-  EXPECT_THAT(news_, HasSubstr("another vehicle, system 3"));
+  EXPECT_THAT(events_, HasSubstr("another vehicle, system 3"));
   FakeVehicle wanted;
   wanted.system = 9;
   give(wanted.highres(now_), now_, kOtherAddress);
@@ -363,7 +363,7 @@ TEST_F(VehicleImuTest, GroundStationsAndCompanionsAreNoVehicles) {
   give(out, now_);
   EXPECT_EQ(imu_.address(now_), std::nullopt);
   out.clear();
-  imu_.speak(now_, out);
+  imu_.append_due(now_, out);
   EXPECT_EQ(out.size(), 21u) << "a heartbeat and nothing else";
 }
 
@@ -376,7 +376,7 @@ TEST_F(VehicleImuTest, AFloodOfQuestionsGetsNoFloodOfAnswers) {
   }
   give(flood, now_);
   std::vector<std::byte> out;
-  imu_.speak(now_, out);
+  imu_.append_due(now_, out);
   EXPECT_LT(out.size(), 700u);
 }
 

@@ -1,11 +1,10 @@
-#include "capture/v4l2/settings.hpp"
+#include "capture/v4l2/controls.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <linux/videodev2.h>
 
-#include "capture/v4l2/control.hpp"
 #include "support/simulated_camera.hpp"
 
 namespace fiducap::v4l2 {
@@ -72,8 +71,8 @@ TEST_F(SettingsTest, WhatTheDeviceMadeOfItIsSaid) {
   config_.gain = "13";
   const SettingsReport report = apply();
   EXPECT_THAT(report.undone,
-              ElementsAre("exposure_s is 0.2, not 0.5 as asked: it can do 0.0001 to 0.2",
-                          "gain is 12, not 13 as asked: its control \"Gain\" takes 0 to 64"));
+              ElementsAre("exposure_s is 0.2, not 0.5 as requested: the range is 0.0001 to 0.2",
+                          "gain is 12, not 13 as requested: its control \"Gain\" accepts 0 to 64"));
 }
 
 TEST_F(SettingsTest, AutomaticsAreSwitchedOn) {
@@ -97,7 +96,7 @@ TEST_F(SettingsTest, WhatADeviceDoesNotHaveIsSaid) {
   ASSERT_EQ(undone.size(), 3u);
   EXPECT_THAT(undone[0], HasSubstr("none of its controls has \"trigger\" in its name"));
   EXPECT_THAT(undone[1], HasSubstr("in lines of the sensor, not in time"));
-  EXPECT_THAT(undone[2], HasSubstr("gain auto was asked, but it has no automatic for it"));
+  EXPECT_THAT(undone[2], HasSubstr("gain auto was requested, but it has no automatic mode for it"));
 }
 
 TEST_F(SettingsTest, ATriggerIsFoundByItsName) {

@@ -1,4 +1,4 @@
-#include "estimation/checks/rejection_watch.hpp"
+#include "estimation/checks/size_check.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@ constexpr int kImagesPerSecond = 20;
 
 class RejectionWatchTest : public testing::Test {
  protected:
-  /// @return how often something was said within so many seconds
+  /// @return number of reports within the seconds
   int run(double seconds, int used, int rejected) {
     int said = 0;
     for (int k = 0; k < static_cast<int>(seconds * kImagesPerSecond); ++k, ++image_) {
@@ -30,27 +30,27 @@ class RejectionWatchTest : public testing::Test {
   double share_{0};
 };
 
-TEST_F(RejectionWatchTest, SaysOnceThatHalfOfTheTagsContradictForTenSeconds) {
+TEST_F(RejectionWatchTest, ReportsOnceThatHalfOfTheTagsContradictForTenSeconds) {
   EXPECT_EQ(run(9, 2, 2), 0);
   EXPECT_EQ(run(60, 2, 2), 1);
   EXPECT_DOUBLE_EQ(share_, 0.5);
 }
 
-TEST_F(RejectionWatchTest, SaysItAgainWhenItHadBecomeBetter) {
+TEST_F(RejectionWatchTest, ReportsAgainAfterAnImprovement) {
   EXPECT_EQ(run(20, 2, 2), 1);
   EXPECT_EQ(run(20, 4, 0), 0);
   EXPECT_EQ(run(20, 2, 2), 1);
 }
 
-TEST_F(RejectionWatchTest, IsSilentAboutOneTagInTen) { EXPECT_EQ(run(60, 9, 1), 0); }
+TEST_F(RejectionWatchTest, DoesNotReportOneTagInTen) { EXPECT_EQ(run(60, 9, 1), 0); }
 
-TEST_F(RejectionWatchTest, IsSilentAboutAFewBadSeconds) {
+TEST_F(RejectionWatchTest, DoesNotReportAFewBadSeconds) {
   EXPECT_EQ(run(20, 4, 0), 0);
   EXPECT_EQ(run(4, 0, 4), 0);
   EXPECT_EQ(run(20, 4, 0), 0);
 }
 
-TEST_F(RejectionWatchTest, IsSilentWhenThereIsNothingToReject) { EXPECT_EQ(run(60, 0, 0), 0); }
+TEST_F(RejectionWatchTest, ReportsNothingWithoutTags) { EXPECT_EQ(run(60, 0, 0), 0); }
 
 }  // namespace
 }  // namespace fiducap

@@ -2,10 +2,8 @@
 
 #include <random>
 
-#include "base/so3.hpp"
-#include "estimation/checks/motion_window.hpp"
+#include "base/pose.hpp"
 #include "estimation/checks/scale_fit.hpp"
-#include "estimation/checks/scale_score.hpp"
 #include "known_motion.hpp"
 
 namespace fiducap {
@@ -37,7 +35,7 @@ Fit sightings(double scale, double noise_m, std::uint64_t seed, double path_m = 
 
 const Fit::Vector kNoPrior = Fit::Vector::Constant(1e-9);
 
-TEST(ScaleFit, FindsByWhatTheSizeIsOff) {
+TEST(ScaleFit, FindsTheErrorOfTheSize) {
   for (const double scale : {0.8, 1.0, 1.25}) {
     const auto found = sightings(scale, 0, 1).solve(kNoPrior, kWorstCost);
     ASSERT_TRUE(found);
@@ -45,7 +43,7 @@ TEST(ScaleFit, FindsByWhatTheSizeIsOff) {
   }
 }
 
-TEST(ScaleFit, KnowsHowSureItIs) {
+TEST(ScaleFit, HasAConsistentSigma) {
   double squares = 0;
   double sum = 0;
   constexpr int kSeeds = 200;
@@ -64,15 +62,15 @@ TEST(ScaleFit, KnowsHowSureItIs) {
   EXPECT_LT(std::abs(sum / kSeeds), 0.25);
 }
 
-TEST(ScaleFit, SaysNothingWithoutMotion) {
+TEST(ScaleFit, GivesNothingWithoutMotion) {
   EXPECT_FALSE(sightings(1.25, kSigma_m, 1, 1e-3).solve(kNoPrior, kWorstCost));
 }
 
-TEST(ScaleFit, SaysNothingWhenNoScaleExplainsWhatWasSeen) {
+TEST(ScaleFit, GivesNothingWhenNoScaleFits) {
   EXPECT_FALSE(sightings(1.0, 10 * kSigma_m, 1).solve(kNoPrior, kWorstCost));
 }
 
-TEST(ScaleFit, SaysNothingAfterAFewSightings) {
+TEST(ScaleFit, GivesNothingAfterAFewSightings) {
   Fit fit;
   for (int k = 0; k < 7; ++k) {
     Fit::Columns J = Fit::Columns::Zero();
@@ -83,14 +81,14 @@ TEST(ScaleFit, SaysNothingAfterAFewSightings) {
   EXPECT_FALSE(fit.solve(kNoPrior, kWorstCost));
 }
 
-TEST(ScaleScore, IsTheMedianWhichAFewWrongLooksDoNotMove) {
+TEST(ScaleScore, IsTheMedianAndRobustToAFewWrongLooks) {
   ScaleScore score({4, 0.03});
   for (const double value : {0.10, 0.09, 0.11, 0.10, 0.10, -2.0, 1.5}) score.add({value, 0.02});
   ASSERT_TRUE(score.result());
   EXPECT_NEAR(score.result()->value, 0.10, 1e-9);
 }
 
-TEST(ScaleScore, SaysNothingBeforeItHasEnoughLooks) {
+TEST(ScaleScore, GivesNothingBeforeEnoughLooks) {
   ScaleScore score({4, 0.03});
   EXPECT_FALSE(score.guess());
   for (int k = 0; k < 3; ++k) score.add({0.2, 0.01});
@@ -100,7 +98,7 @@ TEST(ScaleScore, SaysNothingBeforeItHasEnoughLooks) {
   EXPECT_TRUE(score.result());
 }
 
-TEST(ScaleScore, IsLessSureWhenLooksDisagree) {
+TEST(ScaleScore, HasALargerSigmaWhenLooksDisagree) {
   ScaleScore agreed({4, 0.03});
   ScaleScore torn({4, 0.03});
   for (int k = 0; k < 10; ++k) {
@@ -112,7 +110,7 @@ TEST(ScaleScore, IsLessSureWhenLooksDisagree) {
   EXPECT_NEAR(torn.agreement(0.1), 0.5, 1e-9);
 }
 
-TEST(ScaleScore, ForgetsWhatWasLongAgo) {
+TEST(ScaleScore, ForgetsOldLooks) {
   ScaleScore score({4, 0.03});
   for (int k = 0; k < 32; ++k) score.add({0.3, 0.01});
   for (int k = 0; k < 32; ++k) score.add({0.0, 0.01});
@@ -145,7 +143,7 @@ TEST(MotionWindow, FollowsTheBodyUpToItsFirstVelocity) {
   EXPECT_LT(angle_between(window.q_WB(), Motion::q(2)), kIntegration_m);
 }
 
-TEST(MotionWindow, KnowsHowABiasBendsTheWay) {
+TEST(MotionWindow, IncludesTheEffectOfABias) {
   constexpr double kStep = 1e-3;
   const MotionWindow window = moved();
   for (int axis = 0; axis < 3; ++axis) {
@@ -155,7 +153,7 @@ TEST(MotionWindow, KnowsHowABiasBendsTheWay) {
   }
 }
 
-TEST(MotionWindow, DoesNotBelieveAHoleInTheReadings) {
+TEST(MotionWindow, IsNotUsedWithAGapInTheReadings) {
   MotionWindow window((ImuNoise()));
   window.push(Motion::imu(0));
   window.restart(at_s(0), Motion::q(0), Eigen::Vector3d::Zero(), {0, 0, -kGravity});
@@ -167,7 +165,7 @@ TEST(MotionWindow, DoesNotBelieveAHoleInTheReadings) {
   EXPECT_FALSE(window.move_to(at_s(0.105)));
 }
 
-TEST(MotionWindow, DoesNotBelieveAReadingAtTheEndOfTheRange) {
+TEST(MotionWindow, IsNotUsedWithASaturatedReading) {
   ImuNoise noise;
   noise.gyro_range_rad_s = 0.5;
   MotionWindow window(noise);

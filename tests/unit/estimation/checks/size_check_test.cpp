@@ -4,9 +4,9 @@
 
 #include <map>
 
-#include "base/so3.hpp"
-#include "capture/lens/lens_offset.hpp"
-#include "detection/corner_projection.hpp"
+#include "base/pose.hpp"
+#include "capture/lens/camera_model.hpp"
+#include "detection/tag_geometry.hpp"
 #include "known_motion.hpp"
 #include "support/allocation_counter.hpp"
 
@@ -26,9 +26,9 @@ class SizeCheckTest : public testing::Test {
     CameraMount mount;
     mount.model = {752, 480, 460, 460, 375.5, 239.5, Distortion::kNone, {}};
     mount.X_BV = {exp_so3({0.02, -0.03, 0.1}), {0.05, -0.02, 0.03}};
-    told_.cameras = {mount};
-    told_.imu = ImuNoise{};
-    told_.gravity_m_s2 = kGravity;
+    configured_.cameras = {mount};
+    configured_.imu = ImuNoise{};
+    configured_.gravity_m_s2 = kGravity;
     const std::array<Eigen::Vector3d, 3> at{{{0, 0, 4}, {1, 0.4, 3.5}, {-0.8, 0.6, 4.5}}};
     for (int i = 0; i < 3; ++i) {
       const Eigen::Quaterniond down = exp_so3({3.1, 0.2 * i, 0.1});
@@ -52,7 +52,7 @@ class SizeCheckTest : public testing::Test {
   [[nodiscard]] TagObservations image(double t, const Pose& X_BV) const {
     TagObservations seen;
     seen.exposed_at = at_s(t);
-    const CameraModel& model = told_.cameras.front().model;
+    const CameraModel& model = configured_.cameras.front().model;
     for (const auto& [id, X_WT] : tags_) {
       TagObservation tag;
       tag.tag_id = id;
@@ -64,17 +64,17 @@ class SizeCheckTest : public testing::Test {
         const auto k = static_cast<std::size_t>(i);
         tag.raw_px[k] =
             *lens.project((X_WB(t + late_s_) * X_BV).inverse() * (X_WT * tag_corner(i, kEdge_m)));
-        tag.corners_px[k] = tag.raw_px[k];  // told as a lens without distortion
+        tag.corners_px[k] = tag.raw_px[k];  // configured as a lens without distortion
       }
       seen.tags.push_back(tag);
     }
     return seen;
   }
 
-  /// Runs for so many seconds. @return all news
+  /// Runs for the seconds. @return all findings
   std::vector<SizeFinding> run(SizeCheck& check, double seconds, double from = 0) {
-    std::vector<SizeFinding> news;
-    const Pose X_BV = true_X_BV_.value_or(told_.cameras.front().X_BV);
+    std::vector<SizeFinding> findings;
+    const Pose X_BV = true_X_BV_.value_or(configured_.cameras.front().X_BV);
     std::vector<TagBelief> own;
     for (const auto& [id, X_WT] : tags_) {
       TagBelief belief;
@@ -97,29 +97,29 @@ class SizeCheckTest : public testing::Test {
       before_ = g_allocations;
       check.add({seen, estimate, report, own, {}});
       allocated_ += g_allocations - before_;
-      if (const auto found = check.take_news()) news.push_back(*found);
+      if (const auto found = check.take_event()) findings.push_back(*found);
     }
-    return news;
+    return findings;
   }
   std::vector<SizeFinding> run(double seconds) {
-    SizeCheck check(told_, kCornerNoise_px);
+    SizeCheck check(configured_, kCornerNoise_px);
     return run(check, seconds);
   }
 
-  BodySensors told_;
+  BodySensors configured_;
   std::map<int, Pose> tags_;
-  std::map<int, double> printed_;  ///< printed / told
-  std::optional<Pose> true_X_BV_;  ///< nullopt: as told
-  LensOffset true_lens_{};         ///< Against what is told.
+  std::map<int, double> printed_;  ///< printed / configured
+  std::optional<Pose> true_X_BV_;  ///< nullopt: as configured
+  LensOffset true_lens_{};         ///< Against what is configured.
   double amplitude_{1};
-  double late_s_{0};        ///< Images show the body so much later than their stamps say.
-  double filter_scale_{1};  ///< Of the places the filter believes in.
+  double late_s_{0};        ///< Delay of the images against their stamps.
+  double filter_scale_{1};  ///< Of the positions in the filter.
   std::uint64_t before_{0};
   std::uint64_t allocated_{0};
 };
 
-TEST_F(SizeCheckTest, SaysNothingOfRightSizes) {
-  SizeCheck check(told_, kCornerNoise_px);
+TEST_F(SizeCheckTest, DoesNotReportRightSizes) {
+  SizeCheck check(configured_, kCornerNoise_px);
   EXPECT_TRUE(run(check, 60).empty());
   ASSERT_TRUE(check.common());
   EXPECT_NEAR(check.common()->value, 0, kExact);
@@ -127,106 +127,107 @@ TEST_F(SizeCheckTest, SaysNothingOfRightSizes) {
   EXPECT_NEAR(check.of_tag(1, false)->value, 0, kExact);
 }
 
-TEST_F(SizeCheckTest, SaysOnceThatAllTagsAreOff) {
+TEST_F(SizeCheckTest, ReportsOnceThatAllSizesAreWrong) {
   for (const double ratio : {0.8, 0.9, 1.1, 1.25}) {
     printed_ = {{0, ratio}, {1, ratio}, {2, ratio}};
-    filter_scale_ = 1 / ratio;  // it believes the tags
-    const auto news = run(40);
-    ASSERT_EQ(news.size(), 1u) << ratio;
-    EXPECT_FALSE(news.front().tag_id);
-    EXPECT_NEAR(news.front().ratio, ratio, kExact * ratio);
+    filter_scale_ = 1 / ratio;  // it follows the tags
+    const auto findings = run(40);
+    ASSERT_EQ(findings.size(), 1u) << ratio;
+    EXPECT_FALSE(findings.front().tag_id);
+    EXPECT_NEAR(findings.front().ratio, ratio, kExact * ratio);
   }
 }
 
-TEST_F(SizeCheckTest, NamesTheOneTagThatIsOff) {
+TEST_F(SizeCheckTest, ReportsTheOneTagWithWrongSize) {
   printed_ = {{1, 1.1}};
-  const auto news = run(40);
-  ASSERT_EQ(news.size(), 1u);
-  EXPECT_EQ(news.front().tag_id, 1);
-  EXPECT_NEAR(news.front().ratio, 1.1, kExact);
-  EXPECT_NEAR(news.front().edge_m, kEdge_m / 1.1, 1e-12);
+  const auto findings = run(40);
+  ASSERT_EQ(findings.size(), 1u);
+  EXPECT_EQ(findings.front().tag_id, 1);
+  EXPECT_NEAR(findings.front().ratio, 1.1, kExact);
+  EXPECT_NEAR(findings.front().edge_m, kEdge_m / 1.1, 1e-12);
 }
 
-TEST_F(SizeCheckTest, NamesEveryTagThatIsOffTheWorstFirst) {
+TEST_F(SizeCheckTest, ReportsEveryTagWithWrongSizeWorstFirst) {
   tags_[3] = {tags_[0].q, {0.5, -0.9, 4.2}};
   tags_[4] = {tags_[1].q, {-0.4, -0.5, 3.8}};
   printed_ = {{1, 1.1}, {3, 0.8}};
-  const auto news = run(40);
-  ASSERT_EQ(news.size(), 2u);
-  EXPECT_EQ(news[0].tag_id, 3);
-  EXPECT_NEAR(news[0].ratio, 0.8, kExact);
-  EXPECT_EQ(news[1].tag_id, 1);
-  EXPECT_NEAR(news[1].ratio, 1.1, kExact);
+  const auto findings = run(40);
+  ASSERT_EQ(findings.size(), 2u);
+  EXPECT_EQ(findings[0].tag_id, 3);
+  EXPECT_NEAR(findings[0].ratio, 0.8, kExact);
+  EXPECT_EQ(findings[1].tag_id, 1);
+  EXPECT_NEAR(findings[1].ratio, 1.1, kExact);
 }
 
-TEST_F(SizeCheckTest, NamesItWithoutImuByTheOtherTags) {
-  told_.imu.reset();
+TEST_F(SizeCheckTest, ReportsItWithoutImuByTheOtherTags) {
+  configured_.imu.reset();
   printed_ = {{2, 0.9}};
-  const auto news = run(40);
-  ASSERT_EQ(news.size(), 1u);
-  EXPECT_EQ(news.front().tag_id, 2);
-  EXPECT_NEAR(news.front().ratio, 0.9, kExact);
+  const auto findings = run(40);
+  ASSERT_EQ(findings.size(), 1u);
+  EXPECT_EQ(findings.front().tag_id, 2);
+  EXPECT_NEAR(findings.front().ratio, 0.9, kExact);
 }
 
-TEST_F(SizeCheckTest, CannotKnowWithoutImuWhenAllTagsAreOff) {
-  told_.imu.reset();
+TEST_F(SizeCheckTest, ReportsNothingWithoutImuWhenAllSizesAreWrong) {
+  configured_.imu.reset();
   printed_ = {{0, 1.25}, {1, 1.25}, {2, 1.25}};
   filter_scale_ = 1 / 1.25;
   EXPECT_TRUE(run(40).empty());
 }
 
-TEST_F(SizeCheckTest, SaysNothingAboutATapeMeasuresError) {
+TEST_F(SizeCheckTest, DoesNotReportTheErrorOfATapeMeasure) {
   printed_ = {{0, 1.03}, {1, 1.03}};
   EXPECT_TRUE(run(40).empty());
 }
 
-TEST_F(SizeCheckTest, SaysNothingWhenTheBodyHardlyMoves) {
+TEST_F(SizeCheckTest, ReportsNothingWhenTheBodyHardlyMoves) {
   amplitude_ = 0.002;
   printed_ = {{0, 1.25}, {1, 1.25}, {2, 1.25}};
   filter_scale_ = 1 / 1.25;
   EXPECT_TRUE(run(40).empty());
 }
 
-TEST_F(SizeCheckTest, IsNotFooledByWrongExtrinsics) {
-  told_.cameras.front().position_sigma_m = 0.05;
-  told_.cameras.front().rotation_sigma_rad = 0.05;
-  true_X_BV_ = told_.cameras.front().X_BV * Pose{exp_so3({0.04, -0.05, 0.03}), {0.04, -0.03, 0.05}};
-  SizeCheck check(told_, kCornerNoise_px);
+TEST_F(SizeCheckTest, IsRobustToWrongExtrinsics) {
+  configured_.cameras.front().position_sigma_m = 0.05;
+  configured_.cameras.front().rotation_sigma_rad = 0.05;
+  true_X_BV_ =
+      configured_.cameras.front().X_BV * Pose{exp_so3({0.04, -0.05, 0.03}), {0.04, -0.03, 0.05}};
+  SizeCheck check(configured_, kCornerNoise_px);
   EXPECT_TRUE(run(check, 40).empty());
   EXPECT_NEAR(check.common()->value, 0, 2 * kExact);
 }
 
-TEST_F(SizeCheckTest, GoesByTheLensThatWasLearned) {
+TEST_F(SizeCheckTest, UsesTheLearnedLens) {
   true_lens_.k1 = -0.3;
-  SizeCheck told(told_, kCornerNoise_px);
-  run(told, 20);
-  ASSERT_TRUE(told.common());
-  SizeCheck learned(told_, kCornerNoise_px);
+  SizeCheck configured(configured_, kCornerNoise_px);
+  run(configured, 20);
+  ASSERT_TRUE(configured.common());
+  SizeCheck learned(configured_, kCornerNoise_px);
   learned.set_lens(0, true_lens_);
   EXPECT_TRUE(run(learned, 20).empty());
   ASSERT_TRUE(learned.common());
-  EXPECT_GT(std::abs(told.common()->value), kExact) << "the tags are near the axis";
+  EXPECT_GT(std::abs(configured.common()->value), kExact) << "the tags are near the axis";
   EXPECT_LT(std::abs(learned.common()->value), 0.1 * kExact);
 }
 
-TEST_F(SizeCheckTest, IsNotFooledByAClockThatIsOff) {
+TEST_F(SizeCheckTest, IsRobustToAClockError) {
   for (const double late_s : {-0.02, 0.02}) {
     late_s_ = late_s;
-    SizeCheck check(told_, kCornerNoise_px);
+    SizeCheck check(configured_, kCornerNoise_px);
     EXPECT_TRUE(run(check, 40).empty());
     EXPECT_NEAR(check.common()->value, 0, 2 * kExact);
   }
 }
 
-TEST_F(SizeCheckTest, IsNotFooledByATagThatWasMoved) {
-  SizeCheck check(told_, kCornerNoise_px);
+TEST_F(SizeCheckTest, IsRobustToAMovedTag) {
+  SizeCheck check(configured_, kCornerNoise_px);
   EXPECT_TRUE(run(check, 21).empty());
   tags_[1].p += Eigen::Vector3d(0.2, 0.2, 0.1);
   EXPECT_TRUE(run(check, 40, 21.05).empty());
 }
 
-TEST_F(SizeCheckTest, AllocatesNothingOnceItKnowsTheTags) {
-  SizeCheck check(told_, kCornerNoise_px);
+TEST_F(SizeCheckTest, AllocatesNothingAfterTheFirstLooks) {
+  SizeCheck check(configured_, kCornerNoise_px);
   run(check, 5);
   allocated_ = 0;
   run(check, 10, 5.05);

@@ -2,11 +2,8 @@
 // of the covariance against the Jacobian of the change of the mean.
 #include <gtest/gtest.h>
 
-#include "estimation/robocentric/corner_measurement.hpp"
-#include "estimation/robocentric/frame_transition.hpp"
-#include "estimation/robocentric/propagation.hpp"
-#include "estimation/robocentric/tag_augmentation.hpp"
-#include "estimation/robocentric/workspace_axes.hpp"
+#include "estimation/robocentric/filter_state.hpp"
+#include "estimation/robocentric/motion.hpp"
 #include "robocentric/example_state.hpp"
 #include "support/jacobian_check.hpp"
 
@@ -25,7 +22,7 @@ FilterState moved(const FilterState& state, const Eigen::VectorXd& error) {
   return out;
 }
 
-/// Checks that `change` transforms P as its own mean's Jacobian says (no noise).
+/// Checks that `change` transforms P with the Jacobian of its own mean (no noise).
 template <typename Change>
 void expect_covariance_follows_mean(const Change& change, const Eigen::MatrixXd& added_noise = {}) {
   const FilterState before = example_state();
@@ -98,7 +95,7 @@ TEST(FrameTransition, CovarianceFollowsTheMean) {
   });
 }
 
-TEST(FrameTransition, KeepsTagsWhereTheyAreInTheWorkspace) {
+TEST(FrameTransition, KeepsTagsInTheWorkspace) {
   FilterState state = example_state();
   std::vector<Pose> before;
   for (std::size_t i = 0; i < state.tags.size(); ++i)
@@ -141,7 +138,7 @@ TEST_P(MeasurementJacobian, MatchesDifferences) {
 INSTANTIATE_TEST_SUITE_P(CamerasAndKinds, MeasurementJacobian,
                          testing::Combine(testing::Values(0, 1), testing::Bool()));
 
-TEST(Measurement, CarriesTheUncertaintyOfAKnownPlace) {
+TEST(Measurement, IncludesTheUncertaintyOfAKnownPose) {
   const FilterState state = example_state();
   const CameraModel model = example_camera();
   KnownTag known{11, 0.2, tag_in_workspace(state, 1).X_WT, Matrix6d::Zero()};
@@ -175,7 +172,7 @@ TEST(WorkspaceAxes, TyingToTheReferenceTransformsTheCovariance) {
   }
 }
 
-TEST(WorkspaceAxes, TheReferenceTagStandsWhereItShould) {
+TEST(WorkspaceAxes, TheReferenceTagIsAtItsDefinedPose) {
   FilterState state = example_state();
   const double tilt_before = (state.q_WB.conjugate() * Eigen::Vector3d::UnitZ()).z();
   WorkspaceGauge gauge;
@@ -230,7 +227,7 @@ TEST(TagAugmentation, ASecondCamerasTagCarriesBothExtrinsics) {
             kCovarianceTolerance * expected.cwiseAbs().maxCoeff());
 }
 
-TEST(FilterState, RemovingATagLeavesTheOthersAsTheyWere) {
+TEST(FilterState, RemovingATagDoesNotChangeTheOthers) {
   FilterState state = example_state();
   const FilterState before = state;
   state.remove_tag(1);

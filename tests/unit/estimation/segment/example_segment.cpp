@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/so3.hpp"
-#include "estimation/segment/world_error.hpp"
+#include "base/pose.hpp"
+#include "estimation/segment/motion_segment.hpp"
 #include "estimation/world/propagation.hpp"
 #include "example_tags.hpp"
 #include "known_motion.hpp"
@@ -15,7 +15,7 @@ namespace {
 
 const Eigen::Vector3d kBiasF(0.05, -0.04, 0.06);
 const Eigen::Vector3d kBiasW(0.006, -0.004, 0.005);
-// Without IMU the rate, with its sign turned, stands in the gyro bias's place.
+// Without IMU the negative rate is stored as gyro bias.
 const Eigen::Vector3d kMinusRate(-0.1, 0.2, -0.4);
 
 }  // namespace
@@ -123,7 +123,7 @@ std::array<Pose, 3> ExampleSegment::rows(std::size_t instance, int camera) const
           Eigen::Vector3d(0, 0, segment.sensors->gravity_m_s2);
   std::array<Pose, 3> out;
   for (std::size_t i = 0; i < out.size(); ++i) {
-    // For milliseconds the body goes on as by the last reading, which nobody knows better.
+    // For milliseconds the last reading is extrapolated, for lack of a later one.
     const double s = setup_.shift_s + 0.5 * (static_cast<double>(i) - 1) * setup_.readout_s;
     const Pose X_WB{body.X_WB.q * exp_so3(s * (last.w_B - body.bias_w)),
                     body.X_WB.p + s * body.v_WB + 0.5 * s * s * a_W};
@@ -146,7 +146,7 @@ std::optional<SegmentSighting> ExampleSegment::sight(const KnownTag& tag,
   const double edge_m = (1 + setup_.scale) * tag.edge_m;
   for (int i = 0; i < 4; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    // Each corner is in one of the three rows, wherever it appears: it is the same to the sums.
+    // Each corner is in one of the three rows, at any position: the sums are the same.
     const std::size_t row = k % 3;
     const Eigen::Vector3d p_VP = X_WV[row].inverse() * (tag.X_WT * tag_corner(i, edge_m));
     const auto px = p_VP.z() > kClosest_m ? lens.project(p_VP) : std::nullopt;

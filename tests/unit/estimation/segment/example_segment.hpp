@@ -25,7 +25,7 @@ class ExampleSegment {
     double readout_s{0};
     double jitter_s{0};
     LensOffset lens{};
-    double scale{0};  ///< Of all prints, against what is told.
+    double scale{0};  ///< Of all prints, against the configuration.
     bool is_even{true};
     double gravity_more_m_s2{0};  ///< It is more than the sensors say.
   };

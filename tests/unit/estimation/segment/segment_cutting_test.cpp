@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap {
 namespace {
@@ -37,7 +37,7 @@ class SegmentCuttingTest : public testing::Test {
   PlacedPath path_;
 };
 
-TEST_F(SegmentCuttingTest, OneMeetsTheNextAfterASecondAndEveryImageIsInOne) {
+TEST_F(SegmentCuttingTest, CutsAfterASecondWithoutGapsAndEveryImageIsInOneSegment) {
   walk(0, 26);
   const auto segments = cut_segments(path_);
   ASSERT_EQ(segments.size(), 3U);
@@ -58,14 +58,14 @@ TEST_F(SegmentCuttingTest, OneMeetsTheNextAfterASecondAndEveryImageIsInOne) {
   EXPECT_EQ(segments[0].end().at - segments[0].begin().at, std::chrono::seconds(1));
 }
 
-TEST_F(SegmentCuttingTest, SpeedsAreThoseBetweenNeighbours) {
+TEST_F(SegmentCuttingTest, VelocitiesAreDifferencesOfNeighbours) {
   walk(0, 12);
   const BodyMoment body = cut_segments(path_).front().instances[4].body;
   EXPECT_LT((body.v_WB - Eigen::Vector3d(1, 0, 0)).norm(), 1e-9);
   EXPECT_LT((body.bias_w - Eigen::Vector3d(0, 0, -0.2)).norm(), 1e-9);
 }
 
-TEST_F(SegmentCuttingTest, AChainEndsWhereNoTagWasSeenForLong) {
+TEST_F(SegmentCuttingTest, AChainEndsAfterALongTimeWithoutTags) {
   walk(0, 5);
   walk(20'000, 5);
   const auto segments = cut_segments(path_);
@@ -73,7 +73,7 @@ TEST_F(SegmentCuttingTest, AChainEndsWhereNoTagWasSeenForLong) {
   EXPECT_NE(segments[0].chain, segments[1].chain);
 }
 
-/// Odometry that says that the body goes along a circle, in axes of its own.
+/// Odometry of a body on a circle, in its own axes.
 Odometry on_a_circle(double seconds) {
   Odometry out;
   for (double s = 0; s <= seconds; s += 0.5)
@@ -82,7 +82,7 @@ Odometry on_a_circle(double seconds) {
   return out;
 }
 
-TEST_F(SegmentCuttingTest, OdometryLeadsAcrossWhatIsLongWithoutTags) {
+TEST_F(SegmentCuttingTest, OdometryBridgesALongTimeWithoutTags) {
   walk(0, 5);
   walk(60'250, 5);
   const Odometry odometry = on_a_circle(70);
@@ -107,7 +107,7 @@ TEST_F(SegmentCuttingTest, OdometryLeadsAcrossWhatIsLongWithoutTags) {
   EXPECT_LT(angle_between(X_WB.q, expected.q), 1e-9);
 }
 
-TEST_F(SegmentCuttingTest, WhereOdometryIsMissingAChainEndsAsEver) {
+TEST_F(SegmentCuttingTest, WithoutOdometryAChainEnds) {
   walk(0, 5);
   walk(20'000, 5);
   const Odometry odometry = on_a_circle(10);
@@ -124,7 +124,7 @@ TEST_F(SegmentCuttingTest, AnInstantOnItsOwnIsASegmentWithAnEmptyEnd) {
   EXPECT_TRUE(segments[0].instances[1].images.empty());
 }
 
-TEST_F(SegmentCuttingTest, NothingGivesNothing) { EXPECT_TRUE(cut_segments(path_).empty()); }
+TEST_F(SegmentCuttingTest, NoPosesGiveNoSegments) { EXPECT_TRUE(cut_segments(path_).empty()); }
 
 }  // namespace
 }  // namespace fiducap

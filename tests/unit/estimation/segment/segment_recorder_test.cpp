@@ -9,7 +9,7 @@
 #include <map>
 #include <utility>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "known_motion.hpp"
 
 namespace fiducap {
@@ -18,7 +18,7 @@ namespace {
 constexpr double kImage_s = 0.05;
 constexpr double kOffReadings_s = 0.0023;  // images do not fall on readings
 
-/// A filter that says what it is told to say.
+/// A filter with given results.
 class FakeFilter final : public BodyFilter {
  public:
   void propagate(const ImuSample&) override {}
@@ -41,7 +41,7 @@ class FakeFilter final : public BodyFilter {
   std::vector<TagBelief> tags;  ///< In the state, also of a start that may be taken back.
 };
 
-/// A body that moves as known_motion.hpp says before tags of which some have a place.
+/// A body with the motion of known_motion.hpp before tags, some of which have a known pose.
 class SegmentRecorderTest : public testing::Test {
  protected:
   static BodySensors sensors_of(bool has_imu) {
@@ -58,7 +58,7 @@ class SegmentRecorderTest : public testing::Test {
     t_s_ += kImage_s;
     while (has_imu_ && imu_s_ < t_s_ + kOffReadings_s) {
       imu_s_ += to_seconds(kImuPeriod);
-      // The rate says when it was read: sums over steps can be checked.
+      // The rate encodes the time of its reading: sums over steps can be checked.
       recorder_.add(ImuSample{at_s(imu_s_), {imu_s_, 0, 1}, {0, 0, kGravity}});
     }
     show(tags, camera, change);
@@ -73,7 +73,7 @@ class SegmentRecorderTest : public testing::Test {
     for (const int tag_id : tags) {
       TagObservation tag;
       tag.tag_id = tag_id;
-      tag.corners_px[0].x() = shown_++;  // no two alike
+      tag.corners_px[0].x() = shown_++;  // all different
       seen.tags.push_back(tag);
     }
     filter_.body = Motion::truth(t_s_ + kOffReadings_s);
@@ -133,7 +133,7 @@ class SegmentRecorderTest : public testing::Test {
   int shown_{0};
 };
 
-TEST_F(SegmentRecorderTest, CutsAfterASecondAndOneMeetsTheNext) {
+TEST_F(SegmentRecorderTest, CutsAfterASecondWithoutGaps) {
   believe(1);
   images(70, {1});
   ASSERT_EQ(segments_.size(), 3u);
@@ -186,18 +186,18 @@ TEST_F(SegmentRecorderTest, HasEveryCornerOnceAlsoOfTwoCamerasAtOneMoment) {
   ASSERT_EQ(segments_.size(), 3u);
   const auto count = corners();
   // After the first camera's image at which the last one ended: its own, and what came later.
-  const int told = 3 * 61 - 1;
-  EXPECT_EQ(count.size(), static_cast<std::size_t>(told));
-  for (int i = 0; i < told; ++i) {
+  const int recorded = 3 * 61 - 1;
+  EXPECT_EQ(count.size(), static_cast<std::size_t>(recorded));
+  for (int i = 0; i < recorded; ++i) {
     ASSERT_TRUE(count.contains(i)) << i;
     EXPECT_EQ(count.at(i), 1) << i;
   }
 }
 
-TEST_F(SegmentRecorderTest, HoldsBackWhatAStartSawUntilItMayNotBeTakenBackAnyMore) {
+TEST_F(SegmentRecorderTest, HoldsTheSegmentsOfAStartUntilItIsFinal) {
   const auto is_open = [](UpdateReport& r) { r.start_is_open = true; };
   believe(1);
-  filter_.tags = std::exchange(beliefs_, {});  // nothing of it may be told
+  filter_.tags = std::exchange(beliefs_, {});  // none of it may be used
   for (int i = 0; i < 70; ++i) image({1}, 0, is_open);
   EXPECT_TRUE(segments_.empty());
   beliefs_ = filter_.tags;
@@ -206,7 +206,7 @@ TEST_F(SegmentRecorderTest, HoldsBackWhatAStartSawUntilItMayNotBeTakenBackAnyMor
   EXPECT_EQ(corners().begin()->first, 0) << "from the first image on";
 }
 
-TEST_F(SegmentRecorderTest, ForgetsWhatAStartSawThatIsTakenBack) {
+TEST_F(SegmentRecorderTest, DiscardsTheSegmentsOfAReplacedStart) {
   believe(1);
   filter_.tags = beliefs_;
   for (int i = 0; i < 70; ++i) image({1}, 0, [](UpdateReport& r) { r.start_is_open = true; });
@@ -217,14 +217,14 @@ TEST_F(SegmentRecorderTest, ForgetsWhatAStartSawThatIsTakenBack) {
   for (const auto& [corner, times] : corners()) EXPECT_GE(corner, before);
 }
 
-TEST_F(SegmentRecorderTest, BeginsANewChainWhenTheFilterHasLostTheThread) {
+TEST_F(SegmentRecorderTest, BeginsANewChainWhenTheFilterHasLostTheBody) {
   const std::map<std::string, std::function<void(UpdateReport&)>> breaks{
       {"forgotten", [](UpdateReport& r) { r.generation = 1; }},
       {"relocalised", [](UpdateReport& r) { r.relocalised = true; }},
       {"clock", [](UpdateReport& r) { r.clock_jump = UpdateReport::ClockJump{}; }},
-      {"elsewhere", [](UpdateReport& r) { r.elsewhere = UpdateReport::Elsewhere{}; }},
+      {"elsewhere", [](UpdateReport& r) { r.ambiguous_place = UpdateReport::AmbiguousPlace{}; }},
       {"stopped", [this](UpdateReport&) { filter_.is_running = false; }},
-      {"told so", [this](UpdateReport&) { recorder_.break_chain(); }}};
+      {"by break_chain()", [this](UpdateReport&) { recorder_.break_chain(); }}};
   believe(1);
   for (const auto& [name, change] : breaks) {
     SCOPED_TRACE(name);
@@ -253,7 +253,7 @@ TEST_F(SegmentRecorderTest, BeginsANewChainWhenTheFilterHasLostTheThread) {
   }
 }
 
-TEST_F(SegmentRecorderTest, ATagThatGetsAPlaceLateBringsAllItsSightings) {
+TEST_F(SegmentRecorderTest, ATagWithALatePoseAddsAllItsSightings) {
   believe(1);
   images(12, {1, 7, 8});
   believe(7);
@@ -268,11 +268,11 @@ TEST_F(SegmentRecorderTest, ATagThatGetsAPlaceLateBringsAllItsSightings) {
   EXPECT_EQ(sightings[7], 21);
 }
 
-TEST_F(SegmentRecorderTest, LeavesOutImagesWithoutTagsButNotTheirReadings) {
+TEST_F(SegmentRecorderTest, DropsImagesWithoutTagsButNotTheirReadings) {
   believe(1);
   image({1});
   images(5, {});
-  images(5, {8});  // nobody knows where it is
+  images(5, {8});  // its place is unknown
   images(15, {1});
   ASSERT_EQ(segments_.size(), 1u);
   double felt_s = 0;
@@ -285,7 +285,7 @@ TEST_F(SegmentRecorderTest, LeavesOutImagesWithoutTagsButNotTheirReadings) {
   EXPECT_NEAR(felt_s, seconds_of(segments_[0]), 1e-9);
 }
 
-TEST_F(SegmentRecorderTest, EndsOnlyAtAnImageWithATagThatHasAPlace) {
+TEST_F(SegmentRecorderTest, EndsOnlyAtAnImageWithAPlacedTag) {
   believe(1);
   images(10, {1});
   images(20, {});
@@ -296,7 +296,7 @@ TEST_F(SegmentRecorderTest, EndsOnlyAtAnImageWithATagThatHasAPlace) {
   EXPECT_NEAR(seconds_of(segments_[0]), 35 * kImage_s, 1e-6);
 }
 
-TEST_F(SegmentRecorderTest, BeginsAtATagThatHasAPlace) {
+TEST_F(SegmentRecorderTest, BeginsAtAPlacedTag) {
   images(10, {8});
   believe(1);
   images(22, {1});
@@ -304,7 +304,7 @@ TEST_F(SegmentRecorderTest, BeginsAtATagThatHasAPlace) {
   EXPECT_EQ(segments_[0].begin().at, at_s(11 * kImage_s + kOffReadings_s));
 }
 
-TEST_F(SegmentRecorderTest, MeetsATagAnewAfterTenSecondsWithoutOne) {
+TEST_F(SegmentRecorderTest, BeginsANewChainAfterTenSecondsWithoutATag) {
   believe(1);
   images(30, {1});
   ASSERT_EQ(segments_.size(), 1u);
@@ -315,7 +315,7 @@ TEST_F(SegmentRecorderTest, MeetsATagAnewAfterTenSecondsWithoutOne) {
   EXPECT_NEAR(seconds_of(segments_[1]), 1.0, 1e-6);
 }
 
-TEST_F(SegmentRecorderTest, MovesAlongWhenTheWorkspaceIsDefinedAnew) {
+TEST_F(SegmentRecorderTest, MovesAlongWhenTheWorkspaceIsRedefined) {
   constexpr double kRounding = 1e-12;
   const Pose G{exp_so3({0, 0, 1.2}), {3, -5, 1}};
   is_anchored_ = false;
@@ -342,7 +342,7 @@ TEST_F(SegmentRecorderTest, MovesAlongWhenTheWorkspaceIsDefinedAnew) {
     EXPECT_LT((tag.X_WT.p - (G * place_of(tag.tag_id)).p).norm(), kRounding) << tag.tag_id;
 }
 
-TEST_F(SegmentRecorderTest, TakesTheMapsPlacesOnlyInTheMapsAxesAndAfterItsOwn) {
+TEST_F(SegmentRecorderTest, UsesPosesOfTheMapOnlyInTheMapsAxesAndAfterItsOwn) {
   known_.push_back({1, 0.2, {Eigen::Quaterniond::Identity(), {9, 9, 9}}, {}});
   known_.push_back({3, 0.2, place_of(3), {}});
   is_anchored_ = false;
@@ -357,7 +357,7 @@ TEST_F(SegmentRecorderTest, TakesTheMapsPlacesOnlyInTheMapsAxesAndAfterItsOwn) {
   EXPECT_EQ(segments_[0].tags[1].X_WT.p, place_of(3).p);
 }
 
-TEST_F(SegmentRecorderTest, TakesNoisesAndCamerasAsTheFilterHasLearnedThem) {
+TEST_F(SegmentRecorderTest, UsesTheNoisesAndCamerasLearnedByTheFilter) {
   believe(1);
   filter_.learned_sensors = {nullptr, 4.0, 0.003};
   filter_.cameras[1].clock.shift_s = 0.02;
@@ -375,7 +375,7 @@ TEST_F(SegmentRecorderTest, TakesNoisesAndCamerasAsTheFilterHasLearnedThem) {
   EXPECT_EQ(segments_[0].cameras[1].lens.focal, 0.01);
 }
 
-TEST_F(SegmentRecorderTest, WithoutImuKnowsHowLongItWasAndNothingElse) {
+TEST_F(SegmentRecorderTest, WithoutImuHasOnlyItsDuration) {
   without_imu();
   believe(1);
   for (int i = 0; i < 12; ++i) {

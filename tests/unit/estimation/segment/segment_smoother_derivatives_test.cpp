@@ -84,7 +84,7 @@ TEST_P(SegmentDerivatives, OfFirstOrderMatchDifferencesOfTheCost) {
   const auto truth = example_.condensed();
   ASSERT_TRUE(truth);
   std::mt19937_64 random(4);
-  // Little enough that the loss does not bend: it is weighed anew, not derived.
+  // Little enough that the loss does not bend: it is reweighted, not derived.
   std::normal_distribution<double> gauss(0, 0.5);
   const Eigen::VectorXd off =
       units_of(*truth).unaryExpr([&](double u) { return u * gauss(random); });

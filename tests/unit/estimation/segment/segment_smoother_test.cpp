@@ -1,4 +1,4 @@
-// What a segment says, and what it does not: where it stands, which way the room is turned.
+// What a segment determines and what it does not: its absolute position and the room's heading.
 #include "estimation/segment/segment_smoother.hpp"
 
 #include <gtest/gtest.h>
@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/so3.hpp"
-#include "estimation/segment/world_error.hpp"
+#include "base/pose.hpp"
+#include "estimation/segment/motion_segment.hpp"
 #include "example_tags.hpp"
 #include "known_motion.hpp"
 #include "segment/example_segment.hpp"
@@ -41,7 +41,7 @@ Eigen::VectorXd share_known(const SegmentFactor& factor) {
 // So little of what is known of tags may be rounded into knowledge of where the room is.
 constexpr double kNothing = 1e-7;
 
-TEST(SegmentSmoother, SaysNothingOfShiftAndHeadingOfTheRoomAndKnowsWhatIsUp) {
+TEST(SegmentSmoother, DeterminesTheVerticalButNotShiftAndHeadingOfTheRoom) {
   for (const int cameras : {1, 2}) {
     const auto factor = ExampleSegment({.cameras = cameras}).condensed();
     ASSERT_TRUE(factor);
@@ -51,7 +51,7 @@ TEST(SegmentSmoother, SaysNothingOfShiftAndHeadingOfTheRoomAndKnowsWhatIsUp) {
   }
 }
 
-TEST(SegmentSmoother, SaysNothingOfAnyTurnWithoutAnImu) {
+TEST(SegmentSmoother, DeterminesNoRotationOfTheRoomWithoutImu) {
   for (const double step_s : {0.025, 0.05}) {
     const auto factor = ExampleSegment({.has_imu = false, .step_s = step_s}).condensed();
     ASSERT_TRUE(factor);
@@ -60,7 +60,7 @@ TEST(SegmentSmoother, SaysNothingOfAnyTurnWithoutAnImu) {
   }
 }
 
-TEST(SegmentSmoother, SaysTheSameWhereverItStands) {
+TEST(SegmentSmoother, IsIndependentOfItsAbsolutePose) {
   constexpr double kRounding = 1e-7;  // of a sigma squared, 200 m away
   for (const bool has_imu : {true, false}) {
     const ExampleSegment example({.has_imu = has_imu, .step_s = has_imu ? 0.005 : 0.025});
@@ -85,7 +85,7 @@ TEST(SegmentSmoother, SaysTheSameWhereverItStands) {
   }
 }
 
-TEST(SegmentSmoother, FindsThePathBetweenFromWhereverItWasThought) {
+TEST(SegmentSmoother, FindsThePathBetweenFromAnyStart) {
   const ExampleSegment example({});
   MotionSegment segment = example.segment;
   Vector15d off = Vector15d::Zero();
@@ -104,7 +104,7 @@ TEST(SegmentSmoother, FindsThePathBetweenFromWhereverItWasThought) {
   }
 }
 
-TEST(SegmentSmoother, TellsHowThePathBetweenFollowsTheEnds) {
+TEST(SegmentSmoother, ReturnsHowThePathBetweenFollowsTheEnds) {
   constexpr double kStep = 1e-4;
   constexpr double kNotLinear = 1e-6;
   const ExampleSegment example({});
@@ -130,7 +130,7 @@ TEST(SegmentSmoother, TellsHowThePathBetweenFollowsTheEnds) {
   }
 }
 
-TEST(SegmentSmoother, TellsHowThePathBetweenFollowsGravity) {
+TEST(SegmentSmoother, ReturnsHowThePathBetweenFollowsGravity) {
   constexpr double kStep_m_s2 = 1e-3;
   constexpr double kNotLinear = 1e-6;
   MotionSegment segment = ExampleSegment({}).segment;
@@ -147,7 +147,7 @@ TEST(SegmentSmoother, TellsHowThePathBetweenFollowsGravity) {
   }
 }
 
-TEST(SegmentSmoother, IsSurestOfThePathWhereEndsAreNear) {
+TEST(SegmentSmoother, HasTheSmallestSigmaNearTheEnds) {
   MotionSegment segment = ExampleSegment({}).segment;
   const auto path = path_between(segment);
   ASSERT_GT(path.size(), 4U);
@@ -158,7 +158,7 @@ TEST(SegmentSmoother, IsSurestOfThePathWhereEndsAreNear) {
   EXPECT_LT(place(path.back()), place(path[path.size() / 2]));
 }
 
-TEST(SegmentSmoother, LeavesTheEndsWhereTheyAre) {
+TEST(SegmentSmoother, DoesNotMoveTheEnds) {
   const ExampleSegment example({});
   Vector15d off = Vector15d::Zero();
   off(0) = 0.1;
@@ -201,7 +201,7 @@ TEST(SegmentSmoother, FollowsATrueMotionWithReadingsTaken200TimesASecond) {
   EXPECT_LT(factor->g.cwiseProduct(units).cwiseAbs().maxCoeff(), kFarBelowNoise);
 }
 
-/// How far a corner pulls, when one is so many pixels off in the middle of the segment.
+/// Influence of one corner that is off by the pixels in the middle of the segment.
 std::pair<double, SegmentFactor> pull_of(double off_px) {
   ExampleSegment example({});
   SegmentSighting& sighting = example.segment.instances[5].images.front().tags.front();
@@ -212,7 +212,7 @@ std::pair<double, SegmentFactor> pull_of(double off_px) {
   return {factor.g.cwiseProduct(units).norm(), factor};
 }
 
-TEST(SegmentSmoother, AWrongSightingIsAnOutlierAndPullsLittle) {
+TEST(SegmentSmoother, AWrongSightingHasLittleInfluence) {
   const auto [right, as_noise] = pull_of(0.5);
   const auto [wrong, factor] = pull_of(100);
   EXPECT_EQ(as_noise.outliers, 0);
@@ -223,7 +223,7 @@ TEST(SegmentSmoother, AWrongSightingIsAnOutlierAndPullsLittle) {
   EXPECT_GT(factor.cost, as_noise.cost) << "and still costs more";
 }
 
-TEST(SegmentSmoother, SaysNothingWithoutAnEnd) {
+TEST(SegmentSmoother, GivesNothingWithoutAnEnd) {
   ExampleSegment example({});
   example.segment.instances.resize(1);
   EXPECT_FALSE(example.condensed());
@@ -231,7 +231,7 @@ TEST(SegmentSmoother, SaysNothingWithoutAnEnd) {
   EXPECT_FALSE(example.condensed());
 }
 
-TEST(SegmentSmoother, SaysNothingWithoutATagThatIsKnown) {
+TEST(SegmentSmoother, GivesNothingWithoutAKnownTag) {
   ExampleSegment example({});
   example.segment.tags.clear();
   EXPECT_FALSE(example.condensed()) << "no tag that is seen has a place";
@@ -240,7 +240,7 @@ TEST(SegmentSmoother, SaysNothingWithoutATagThatIsKnown) {
   EXPECT_FALSE(blind.condensed()) << "nothing is seen";
 }
 
-TEST(SegmentSmoother, SaysNothingWhenNumbersAreNotFinite) {
+TEST(SegmentSmoother, GivesNothingForNonFiniteNumbers) {
   ExampleSegment example({});
   example.segment.instances[3].steps.front().input.f_B.x() = NAN;
   EXPECT_FALSE(example.condensed());

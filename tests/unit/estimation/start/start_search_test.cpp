@@ -20,7 +20,7 @@ struct World {
   double truth_s{0.0};
   double floor{0.0};    ///< Cost per number that no clock explains.
   int sightings{0};     ///< Shown to trial filters so far …
-  int filters{0};       ///< … of which there are so many now …
+  int filters{0};       ///< … the number of them now …
   int most_filters{0};  ///< … and were at most.
 };
 
@@ -60,8 +60,10 @@ class FakeFilter final : public StartingFilter {
   }
   [[nodiscard]] bool is_following() const override { return images_ > 0; }
   [[nodiscard]] int contradicting_images() const override { return contradicting; }
-  [[nodiscard]] StartLessons lessons() const override { return {noise, corners_px, wrong}; }
-  void begin_with(const StartLessons& begun) override {
+  [[nodiscard]] InitialisationPriors initialisation_priors() const override {
+    return {noise, corners_px, wrong};
+  }
+  void begin_with(const InitialisationPriors& begun) override {
     noise = begun.sensors;
     corners_px = begun.corners_px;
     wrong = begun.wrong;
@@ -132,14 +134,14 @@ TEST_F(StartSearchTest, FindsTheClockAndEnds) {
   EXPECT_EQ(present_->ends, 1);
 }
 
-TEST_F(StartSearchTest, ATrialBeginsWithTheNoiseThatTheOtherHasLearned) {
+TEST_F(StartSearchTest, ATrialStartsWithTheLearnedNoise) {
   present_->noise.applied = {25.0, 1e-6};
   for (int i = 0; i < 300 && search_.is_open(); ++i) show();
   EXPECT_GE(taken_over_, 1);
   EXPECT_EQ(present_->noise.applied, Eigen::Vector2d(25.0, 1e-6));
 }
 
-TEST_F(StartSearchTest, ATrialBeginsWithWhatTheOtherHasFoundWrong) {
+TEST_F(StartSearchTest, ATrialStartsWithTheFoundMismatches) {
   present_->wrong = {{FoundMismatch::Kind::kFocalLength, 0}};
   for (int i = 0; i < 300 && search_.is_open(); ++i) show();
   EXPECT_GE(taken_over_, 1);
@@ -148,7 +150,7 @@ TEST_F(StartSearchTest, ATrialBeginsWithWhatTheOtherHasFoundWrong) {
   EXPECT_EQ(present_->wrong.front().camera, 0);
 }
 
-TEST_F(StartSearchTest, WhatWasFoundWrongWithAnotherClockIsForgotten) {
+TEST_F(StartSearchTest, MismatchesFoundWithAnotherClockAreDiscarded) {
   world_.truth_s = 0.05;
   present_->wrong = {{FoundMismatch::Kind::kFocalLength, 0}};
   for (int i = 0; i < 300 && search_.is_open(); ++i) show();
@@ -156,7 +158,7 @@ TEST_F(StartSearchTest, WhatWasFoundWrongWithAnotherClockIsForgotten) {
   EXPECT_TRUE(present_->wrong.empty());
 }
 
-TEST_F(StartSearchTest, ATrialOfAnyClockBeginsWithTheCornersAsTheyWereLearned) {
+TEST_F(StartSearchTest, ATrialOfAnyClockStartsWithTheLearnedCornerNoise) {
   world_.truth_s = 0.05;
   present_->corners_px = {0.03};
   for (int i = 0; i < 300 && search_.is_open(); ++i) show();
@@ -179,7 +181,7 @@ TEST_F(StartSearchTest, IsOpenForLongerWhileTheImuMayBeNoisier) {
   EXPECT_EQ(present_->noise.applied(0), 16) << "the start was followed again with it";
 }
 
-TEST_F(StartSearchTest, NoiseThatWasLearnedWithAnotherClockIsForgotten) {
+TEST_F(StartSearchTest, NoiseLearnedWithAnotherClockIsDiscarded) {
   world_.truth_s = 0.05;
   present_->noise.applied = {25.0, 1e-6};
   for (int i = 0; i < 300 && search_.is_open(); ++i) show();
@@ -187,7 +189,7 @@ TEST_F(StartSearchTest, NoiseThatWasLearnedWithAnotherClockIsForgotten) {
   EXPECT_EQ(present_->noise.applied, Eigen::Vector2d(1.0, 0.0));
 }
 
-TEST_F(StartSearchTest, NoImageCostsMoreThanSoManySightings) {
+TEST_F(StartSearchTest, TheSightingsPerImageAreBounded) {
   world_.truth_s = 0.07;
   world_.floor = 6.0;  // badly explained: everything is tried
   int most = 0;
@@ -199,7 +201,7 @@ TEST_F(StartSearchTest, NoImageCostsMoreThanSoManySightings) {
   EXPECT_LE(world_.most_filters, 3) << "the present one, the best, and the one that is tried";
 }
 
-TEST_F(StartSearchTest, IsOverWithTheLogWhenMoreComesInThanAStartIsWorth) {
+TEST_F(StartSearchTest, EndsWhenTheLogIsFull) {
   present_->contradicting = 0;
   for (int i = 0; i < 20; ++i) show();
   TagObservations seen;
@@ -213,13 +215,13 @@ TEST_F(StartSearchTest, IsOverWithTheLogWhenMoreComesInThanAStartIsWorth) {
   EXPECT_EQ(present_->ends, 1);
 }
 
-TEST_F(StartSearchTest, ContradictionsAreLookedAtAtOnce) {
+TEST_F(StartSearchTest, ContradictionsAreProcessedAtOnce) {
   for (int i = 0; i < 10; ++i) EXPECT_EQ(show(), 0);
   present_->contradicting = 5;
   EXPECT_GT(show(), 0);
 }
 
-TEST(HypothesisPlanTest, TriesTheConfiguredClockFreeAndHeldAndNoMoreWhenAllIsWell) {
+TEST(HypothesisPlanTest, TriesOnlyTheConfiguredClockFreeAndHeldWhenItFits) {
   const std::vector<ClockEstimate> present{{.shift_s = 0.001, .shift_sigma_s = 0.001}};
   HypothesisPlan plan({{0.0}, {0.02}}, present, true);
   std::vector<double> spreads;
@@ -232,7 +234,7 @@ TEST(HypothesisPlanTest, TriesTheConfiguredClockFreeAndHeldAndNoMoreWhenAllIsWel
   EXPECT_FALSE(plan.is_poor());
 }
 
-TEST(HypothesisPlanTest, SearchesWhenAllExplainBadlyAndFindsTheLowest) {
+TEST(HypothesisPlanTest, SearchesWhenNothingFitsAndFindsTheLowestCost) {
   constexpr double kTruth_s = -0.037;
   HypothesisPlan plan({{0.0}, {0.02}}, std::vector<ClockEstimate>{{}}, true);
   ClockHypothesis best;

@@ -27,7 +27,7 @@ FilterState before_two_tags(double position_sigma_m, double rotation_sigma_rad) 
     tag.X_WT = state.X_WV(0) * Pose{exp_so3({3.0, 0.5 - 0.8 * i, 0.4}), {-0.3 + 0.6 * i, 0.1, 1.5}};
     state.add_tag(tag, Matrix6d::Zero());
   }
-  // Rigid: what moves the body in W moves the camera alike.
+  // Rigid: body and camera move together in W.
   Vector6d sigmas;
   sigmas << Eigen::Vector3d::Constant(position_sigma_m),
       Eigen::Vector3d::Constant(rotation_sigma_rad);
@@ -40,7 +40,7 @@ FilterState before_two_tags(double position_sigma_m, double rotation_sigma_rad) 
   return state;
 }
 
-/// An image from where the body is in truth, a draw of what the state believes.
+/// An image from the true body pose, which is drawn from the covariance of the state.
 class Return {
  public:
   Return(const FilterState& state, unsigned seed) : truth_(state) {
@@ -102,9 +102,9 @@ double mean_nees(int iterations) {
   return sum / kDraws;
 }
 
-TEST(CornerUpdate, IsAsSureAsItIsRightAfterADriftOfDecimetres) {
+TEST(CornerUpdate, IsConsistentAfterADriftOfDecimetres) {
   EXPECT_NEAR(mean_nees(5), 1.0, 0.2);  // 3.5 sigma of the mean of 600 squares
-  EXPECT_GT(mean_nees(1), 3.0);         // what a line alone tells
+  EXPECT_GT(mean_nees(1), 3.0);         // from a single line
 }
 
 }  // namespace

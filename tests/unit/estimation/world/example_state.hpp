@@ -10,7 +10,7 @@
 namespace fiducap::world {
 
 /// A body with two cameras, three clones and three tags in front of camera 0, far from the origin,
-/// nothing aligned with anything. Camera 0 stands at its image; camera 1 has a rolling shutter and
+/// nothing aligned with anything. Camera 0 is at its image; camera 1 has a rolling shutter and
 /// a clock that is off. Lenses and prints are doubted, two prints are watched.
 inline FilterState example_state() {
   FilterState state;
@@ -46,7 +46,7 @@ inline FilterState example_state() {
       .shift_s = -0.021, .readout_s = 0.016, .applied_s = -0.024, .rows_apart = true};
   state.sizes.watched[1] = {11, 0.0};
   state.sizes.watched[3] = {12, 0.0};
-  state.suspicions.resize(1);
+  state.parameter_tests.resize(1);
   return state;
 }
 

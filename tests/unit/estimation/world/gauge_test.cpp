@@ -14,7 +14,7 @@
 namespace fiducap::world {
 namespace {
 
-TEST(Gauge, TheReferenceTagStandsWhereItShould) {
+TEST(Gauge, TheReferenceTagIsAtItsDefinedPose) {
   FilterState state = example_state();
   const double up_before = (state.X_WB.q.conjugate() * Eigen::Vector3d::UnitZ()).z();
   WorkspaceGauge gauge;
@@ -44,7 +44,7 @@ TEST(Gauge, TyingAgainChangesNothing) {
   EXPECT_LT((once.P() - state.P()).cwiseAbs().maxCoeff(), 1e-9);
 }
 
-TEST(Gauge, DistancesBetweenTagsDoNotNoticeWhereTheRoomIs) {
+TEST(Gauge, DistancesBetweenTagsDoNotDependOnTheRoomPose) {
   const auto distance_variance = [](const FilterState& state) {
     const Eigen::Vector3d d = state.tags[1].X_WT.p - state.tags[0].X_WT.p;
     Eigen::RowVectorXd J = Eigen::RowVectorXd::Zero(state.size());
@@ -63,7 +63,7 @@ TEST(Gauge, DistancesBetweenTagsDoNotNoticeWhereTheRoomIs) {
   EXPECT_NEAR(distance_variance(state), before, 1e-6 * before);
 }
 
-TEST(HeldTag, TeachesTheBodyAndLearnsNothing) {
+TEST(HeldTag, CorrectsTheBodyAndIsNotCorrected) {
   FilterState state = example_state();
   state.P() *= 1e-4;
   KnownTag known{77, 0.2, state.tags[0].X_WT, Matrix6d::Identity() * 1e-6};
@@ -92,7 +92,7 @@ TEST(HeldTag, TeachesTheBodyAndLearnsNothing) {
   EXPECT_GT(eigen.eigenvalues().minCoeff(), -1e-12);
 }
 
-TEST(ForgottenMotion, LeavesTagsBiasesAndExtrinsicsAlone) {
+TEST(ForgottenMotion, DoesNotChangeTagsBiasesAndExtrinsics) {
   FilterState state = example_state();
   FilterState before = state;
   camera_errors_to_extrinsics(before);

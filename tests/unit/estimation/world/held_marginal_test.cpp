@@ -20,7 +20,7 @@ FilterState state_with_held_tag() {
   state.P() *= kSigma_m * kSigma_m;
   state.tags[1].held = true;
   state.add_tag(WorldTag{}, Matrix6d::Identity());
-  state.remove_tag(state.tags.size() - 1);  // lists anew which tags are held
+  state.remove_tag(state.tags.size() - 1);  // updates the list of held tags
   return state;
 }
 
@@ -34,7 +34,7 @@ KnownTag known_of(const FilterState& state, const Vector6d& moved, const Matrix6
   return {state.tags[1].tag_id, state.tags[1].edge_m, X_WT, J * world_cov * J.transpose()};
 }
 
-TEST(HeldMarginal, IsReplacedAsADenseReferenceDoesIt) {
+TEST(HeldMarginal, MatchesADenseReference) {
   const FilterState before = state_with_held_tag();
   const int n = before.size();
   const int at = before.tag_at(1);
@@ -61,7 +61,7 @@ TEST(HeldMarginal, IsReplacedAsADenseReferenceDoesIt) {
   EXPECT_EQ(n, after.size());
 }
 
-TEST(HeldMarginal, BeingToldTheSameAgainTeachesNothing) {
+TEST(HeldMarginal, TheSameMarginalAgainHasNoEffect) {
   const FilterState before = state_with_held_tag();
   const int at = before.tag_at(1);
   const Matrix6d S = before.P().block<6, 6>(at, at);
@@ -99,7 +99,7 @@ TEST(HeldMarginal, MayBeExactInSomeDirectionsOnly) {
   EXPECT_GT(eigen.eigenvalues().minCoeff(), -1e-12);
 }
 
-TEST(HeldMarginal, ATagThatStandsElsewhereWasMoved) {
+TEST(HeldMarginal, ATagAtAnotherPlaceWasMoved) {
   FilterState state = state_with_held_tag();
   const int at = state.tag_at(1);
   const Matrix6d S = state.P().block<6, 6>(at, at);
@@ -111,12 +111,12 @@ TEST(HeldMarginal, ATagThatStandsElsewhereWasMoved) {
   EXPECT_LT(before.error_to(state).norm(), 1e-15) << "untouched: nobody knows what it shares now";
 }
 
-TEST(LocalAndHeldTag, AreFusedAsADenseSchmidtUpdateDoesIt) {
+TEST(LocalAndHeldTag, FusionMatchesADenseSchmidtUpdate) {
   FilterState state = state_with_held_tag();
   Eigen::VectorXd near = Eigen::VectorXd::Zero(state.size());
   near.segment<6>(state.tag_at(1)) = world_error_between(state.tags[1].X_WT, state.tags[0].X_WT) +
                                      0.1 * kSigma_m * Vector6d(1, -1, 2, 0.5, 1, -1);
-  state.add_error(near);  // the held tag 1 stands nearly where the body's own tag 0 does
+  state.add_error(near);  // the held tag 1 is close to the body's own tag 0
   const FilterState before = state;
   const Eigen::MatrixXd P = before.P();
   const int a = before.tag_at(0);
@@ -139,8 +139,9 @@ TEST(LocalAndHeldTag, AreFusedAsADenseSchmidtUpdateDoesIt) {
 }
 
 // A map that improves while a body looks at it: its errors shrink, each place published is the old
-// one with part of its error taken back. Whoever takes every version as news becomes too sure.
-TEST(HeldMarginal, AMapThatImprovesDoesNotMakeABodyTooSure) {
+// one with part of its error taken back. A filter that takes every version as independent gets
+// overconfident.
+TEST(HeldMarginal, AnImprovingMapDoesNotMakeABodyOverconfident) {
   constexpr int kRuns = 12;
   double nees = 0;
   int count = 0;

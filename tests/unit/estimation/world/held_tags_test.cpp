@@ -45,7 +45,7 @@ class HeldTags : public testing::Test {
   Instant now_{};
 };
 
-TEST_F(HeldTags, AreBoundedHoweverManyTheMapHas) {
+TEST_F(HeldTags, AreBoundedForAnySizeOfTheMap) {
   for (int i = 0; i < 60; ++i) show(0);
   ASSERT_TRUE(filter_->running());
   std::size_t most = 0;
@@ -61,10 +61,10 @@ TEST_F(HeldTags, AreBoundedHoweverManyTheMapHas) {
   EXPECT_TRUE(beliefs.empty()) << "a tag of the map is not this body's own";
 }
 
-TEST_F(HeldTags, ATagThatTheMapTookOverComesBackAsOneOfTheMap) {
+TEST_F(HeldTags, AnAdoptedTagReturnsAsATagOfTheMap) {
   constexpr int kOwn = 2;
   for (int i = 0; i < 150; ++i)
-    show(0, kOwn);  // tags are not told while the clock is vague and the filter young
+    show(0, kOwn);  // no tags are given out while the clock is uncertain and the filter new
   std::vector<TagBelief> beliefs;
   filter_->tag_beliefs(beliefs);
   ASSERT_EQ(beliefs.size(), 1u);

@@ -33,7 +33,7 @@ Eigen::MatrixXd jacobian_of(const Change& change) {
       before.size());
 }
 
-/// Checks that `change` transforms P as its own mean's Jacobian says.
+/// Checks that `change` transforms P with the Jacobian of its own mean.
 template <typename Change>
 void expect_covariance_follows_mean(const Change& change, const Eigen::MatrixXd& added_noise = {}) {
   FilterState after = example_state();
@@ -58,7 +58,7 @@ InertialInput example_input(bool has_accelerometer) {
   return input;
 }
 
-TEST(WorldError, LeadsThereAndBack) {
+TEST(WorldError, IsInvertible) {
   const FilterState state = example_state();
   Eigen::VectorXd error = Eigen::VectorXd::LinSpaced(state.size(), -0.4, 0.5);
   EXPECT_LT((state.error_to(moved(state, error)) - error).norm(), 1e-12);
@@ -141,7 +141,7 @@ TEST_P(WorldMeasurement, MatchesDifferences) {
   });
 }
 
-TEST_P(WorldMeasurement, IsNoisierOffTheAxisOfALensWhoseDistortionWasFoundToBeWrong) {
+TEST_P(WorldMeasurement, HasMoreNoiseOffTheAxisOfALensWithWrongDistortion) {
   FilterState state = example_state();
   (void)jacobian(state);  // shows a tag
   const int camera = std::get<0>(GetParam());
@@ -157,8 +157,8 @@ TEST_P(WorldMeasurement, IsNoisierOffTheAxisOfALensWhoseDistortionWasFoundToBeWr
   EXPECT_GT(bent.noise_px, configured);
 }
 
-TEST_P(WorldMeasurement, DoesNotSeeAShiftOfTheRoom) {
-  if (std::get<1>(GetParam())) return;  // a known tag says where the room is: that is its purpose
+TEST_P(WorldMeasurement, DoesNotObserveAShiftOfTheRoom) {
+  if (std::get<1>(GetParam())) return;  // a known tag determines the room's pose: its purpose
   const FilterState state = example_state();
   const Eigen::MatrixXd H = jacobian(state);
   Eigen::MatrixXd room = Eigen::MatrixXd::Zero(state.size(), 6);
@@ -183,7 +183,7 @@ Eigen::Matrix3d seen_from_camera(const FilterState& state, int c, int at,
   return A * state.P() * A.transpose();
 }
 
-TEST(WorldCorrection, WhatACameraKnowsAboutPlacesStaysWhenTheyMove) {
+TEST(WorldCorrection, InformationAboutRelativePositionsIsKeptWhenTheyMove) {
   for (int camera = 0; camera < 2; ++camera) {
     const FilterState before = example_state();
     FilterState after = before;
@@ -220,7 +220,7 @@ TEST(WorldAxes, TyingToTheReferenceTransformsTheCovariance) {
   }
 }
 
-TEST(WorldExtrinsics, AreWhatTheCameraDoesNotShareWithTheBody) {
+TEST(WorldExtrinsics, AreTheErrorsOfTheCameraRelativeToTheBody) {
   const FilterState state = example_state();
   for (int c = 0; c < state.cameras(); ++c) {
     const Pose& X_BV = state.X_BV[static_cast<std::size_t>(c)];
@@ -238,14 +238,14 @@ TEST(WorldExtrinsics, AreWhatTheCameraDoesNotShareWithTheBody) {
   }
 }
 
-TEST(WorldExtrinsics, TheTwoFormsOfTheCovarianceAreOne) {
+TEST(WorldExtrinsics, TheTwoFormsOfTheCovarianceAreEquivalent) {
   FilterState state = example_state();
   camera_errors_to_extrinsics(state);
   extrinsics_to_camera_errors(state);
   EXPECT_LT((state.P() - example_state().P()).cwiseAbs().maxCoeff(), 1e-9);
 }
 
-TEST(WorldTagEntry, CarriesBodyAndExtrinsics) {
+TEST(WorldTagEntry, IncludesTheErrorsOfBodyAndExtrinsics) {
   const CameraModel model = example_camera();
   const FilterState before = example_state();
   const Pose X_VT{exp_so3({3.0, 0.2, 0.1}), {0.1, 0.05, 1.2}};
@@ -287,7 +287,7 @@ Matrix86d place_columns(const FilterState& state, int camera, const CameraModel&
   return H;
 }
 
-TEST(WorldTagEntry, WeighsEveryCornerByHowWellItIsKnown) {
+TEST(WorldTagEntry, WeightsEveryCornerByItsSigma) {
   const CameraModel model = example_camera();
   FilterState state = example_state();
   state.P().setZero();  // the tag's own alone
@@ -308,7 +308,7 @@ TEST(WorldTagEntry, WeighsEveryCornerByHowWellItIsKnown) {
   EXPECT_LT((got - expected).cwiseAbs().maxCoeff(), 1e-6 * expected.cwiseAbs().maxCoeff());
 }
 
-TEST(WorldTagEntry, APriorThatSaysNothingChangesNothing) {
+TEST(WorldTagEntry, AnUninformativePriorChangesNothing) {
   FilterState state = example_state();
   KnownTag prior = tag_in_workspace(state, 1);
   prior.covariance = Matrix6d::Identity() * 1e12;
@@ -318,7 +318,7 @@ TEST(WorldTagEntry, APriorThatSaysNothingChangesNothing) {
   EXPECT_LT((before.P() - state.P()).cwiseAbs().maxCoeff(), 1e-9);
 }
 
-TEST(WorldTagEntry, AnExactPriorPutsTheTagThere) {
+TEST(WorldTagEntry, AnExactPriorDefinesTheTagPose) {
   FilterState state = example_state();
   state.P() *= 1e-4;
   KnownTag prior = tag_in_workspace(state, 1);

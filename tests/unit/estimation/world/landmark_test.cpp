@@ -4,9 +4,8 @@
 
 #include <random>
 
-#include "base/so3.hpp"
-#include "estimation/world/clone_window.hpp"
-#include "estimation/world/landmark_update.hpp"
+#include "base/pose.hpp"
+#include "estimation/world/landmarks.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/jacobian_check.hpp"
 #include "world/example_state.hpp"
@@ -40,13 +39,13 @@ Eigen::VectorXd stacked_y(const std::vector<LandmarkView>& views, const Eigen::V
   return m.y();
 }
 
-TEST(LandmarkMeasurement, ItsJacobianIsThatOfItsResidualAndTheLandmarksOwnIsGone) {
+TEST(LandmarkMeasurement, JacobianMatchesTheResidualWithoutTheLandmark) {
   const int n = 5;
   const auto views = passing_views(n, kPlace);
   LandmarkMeasurement m(n);
   ASSERT_TRUE(m.build(example_camera(), views, kPlace, kNoise));
   ASSERT_EQ(m.rows(), 2 * n - 3);
-  // What is seen when cameras and landmark are off by d; linearised where they are said to be.
+  // What is seen when cameras and landmark are off by d; linearised at their nominal poses.
   Eigen::MatrixXd H(m.rows(), 6 * n + 3);
   H << m.H(), Eigen::MatrixXd::Zero(m.rows(), 3);
   expect_jacobian(
@@ -65,7 +64,7 @@ TEST(LandmarkMeasurement, ItsJacobianIsThatOfItsResidualAndTheLandmarksOwnIsGone
       1e-5);
 }
 
-TEST(LandmarkMeasurement, CannotSeeWhereTheRoomIsWhereverItIsLinearised) {
+TEST(LandmarkMeasurement, DoesNotObserveTheRoomPoseAtAnyLinearisation) {
   const int n = 6;
   auto views = passing_views(n, kPlace);
   for (std::size_t j = 0; j < views.size(); ++j)
@@ -107,7 +106,7 @@ TEST(LandmarkMeasurement, ItsResidualHasUnitCovarianceUnderTheNoiseOfATrack) {
             1e-6);
 }
 
-TEST(Triangulation, FindsThePlaceAndSaysHowWellItIsKnown) {
+TEST(Triangulation, FindsThePositionAndItsSigma) {
   const auto near = triangulate(example_camera(), passing_views(6, kPlace), 0.1);
   ASSERT_TRUE(near);
   EXPECT_LT((near->p_W - kPlace).norm(), 1e-6);
@@ -118,7 +117,7 @@ TEST(Triangulation, FindsThePlaceAndSaysHowWellItIsKnown) {
   EXPECT_GT(short_way->relative_sigma, 4 * near->relative_sigma);
 }
 
-TEST(Triangulation, RefusesRaysThatMeetBehindTheCameras) {
+TEST(Triangulation, RefusesRaysThatIntersectBehindTheCameras) {
   auto views = passing_views(4, kPlace);
   for (std::size_t j = 0; j < views.size(); ++j)
     views[j].px = {376 + 40.0 * static_cast<double>(j), 240};
@@ -178,9 +177,9 @@ TEST_F(LandmarkUpdateTest, EqualsATextbookUpdateAlsoWithMoreRowsThanColumns) {
   for (int i = 0; i < 12; ++i) {
     const auto views = noisy_views(kPlace + Eigen::Vector3d(0.3 * (i % 4), 0.2 * (i % 3), 0.1 * i));
     update.add(state_, example_camera(), views);
-    const auto meet = triangulate(example_camera(), views, rules.noise.white_px);
+    const auto met = triangulate(example_camera(), views, rules.noise.white_px);
     LandmarkMeasurement one(kClones);
-    ASSERT_TRUE(meet && one.build(example_camera(), views, meet->p_W, rules.noise));
+    ASSERT_TRUE(met && one.build(example_camera(), views, met->p_W, rules.noise));
     const Eigen::Index at = y.size();
     H.conservativeResize(at + one.rows(), Eigen::NoChange);
     H.bottomRows(one.rows()).setZero();
@@ -204,7 +203,7 @@ TEST_F(LandmarkUpdateTest, EqualsATextbookUpdateAlsoWithMoreRowsThanColumns) {
   EXPECT_LT((state_.P() - after).cwiseAbs().maxCoeff(), 1e-8 * P.cwiseAbs().maxCoeff());
 }
 
-TEST_F(LandmarkUpdateTest, LeavesOutATrackThatSlippedAndOneWithoutDepth) {
+TEST_F(LandmarkUpdateTest, IgnoresASlippedTrackAndOneWithoutDepth) {
   state_.P() *= 1e-3;
   LandmarkUpdate update(kClones, {});
   update.begin();

@@ -1,4 +1,4 @@
-#include "estimation/world/map_exchange.hpp"
+#include "estimation/world/tag_entry.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
-#include "base/so3.hpp"
-#include "estimation/world/prior_exchange.hpp"
+#include "base/pose.hpp"
+#include "estimation/world/calibration_monitor.hpp"
 
 namespace fiducap::world {
 namespace {
@@ -74,7 +74,7 @@ class MapExchange : public testing::Test {
   std::normal_distribution<double> gauss_;
 };
 
-TEST_F(MapExchange, TakesOverTheMapsJointCovarianceAndHoldsItsTags) {
+TEST_F(MapExchange, AdoptsTheJointCovarianceOfTheMapAndHoldsItsTags) {
   const Eigen::MatrixXd joint = correlated(6 * kTags, 0.003);
   ASSERT_TRUE(exchange(state_, map_of(Pose{}, joint), true));
   EXPECT_LT((joint_of_state() - joint).norm(), 1e-9 * joint.norm() + 1e-12);
@@ -82,19 +82,19 @@ TEST_F(MapExchange, TakesOverTheMapsJointCovarianceAndHoldsItsTags) {
   EXPECT_GT(least_eigenvalue(state_.P()), -1e-9);
 }
 
-TEST_F(MapExchange, TeachesNothingWhenToldTheSameAgain) {
+TEST_F(MapExchange, HasNoEffectWhenNothingChanged) {
   const KnownMap map = map_of(Pose{}, correlated(6 * kTags, 0.003));
   ASSERT_TRUE(exchange(state_, map, true));
   const Eigen::MatrixXd before = state_.P();
   const Pose X_WB = state_.X_WB;
   ASSERT_TRUE(exchange(state_, map, true));
-  // That the room is not where the map says is not impossible, but for a metre: tags are known to
-  // three millimetres.
+  // The room may differ from the map's pose of it, but not by a metre: tags are known to three
+  // millimetres.
   EXPECT_LT((state_.P() - before).norm(), 1e-5 * before.norm());
   EXPECT_LT((state_.X_WB.p - X_WB.p).norm(), 1e-6);
 }
 
-TEST_F(MapExchange, ABodyGoesAlongWithTheRoom) {
+TEST_F(MapExchange, TheBodyFollowsTheRoom) {
   const Pose G{exp_so3({0, 0, 0.3}), {2, -1, 0.5}};
   const Pose X_TB = state_.tags[1].X_WT.inverse() * state_.X_WB;
   const auto moved = exchange(state_, map_of(G, correlated(6 * kTags, 0.003)), true);
@@ -104,15 +104,15 @@ TEST_F(MapExchange, ABodyGoesAlongWithTheRoom) {
   EXPECT_LT(angle_between(now.q, X_TB.q), 1e-6);
 }
 
-TEST_F(MapExchange, WhereAFilterThoughtTheRoomWasDoesNotCountBesideTheMap) {
-  // The body hangs on the tags exactly, and the filter is sure of where the room is.
+TEST_F(MapExchange, TheRoomPoseOfTheFilterDoesNotInfluenceTheMaps) {
+  // The body's pose relative to the tags is exact, and the filter is certain of the room's pose.
   for (std::size_t i = 0; i < kTags; ++i) {
     state_.P().middleCols<6>(state_.tag_at(i)).setZero();
     state_.P().middleRows<6>(state_.tag_at(i)).setZero();
     state_.P().block<6, 6>(state_.tag_at(i), state_.tag_at(i)) = 1e-10 * Matrix6d::Identity();
   }
   state_.P().topLeftCorner<6, 6>() = 1e-10 * Matrix6d::Identity();
-  // The map says that all of it may be 10 cm off to one side.
+  // According to the map, all of it may be 10 cm off to one side.
   Eigen::MatrixXd joint = 1e-8 * Eigen::MatrixXd::Identity(6 * kTags, 6 * kTags);
   for (int a = 0; a < kTags; ++a)
     for (int b = 0; b < kTags; ++b) joint(6 * a, 6 * b) += 0.01;
@@ -120,7 +120,7 @@ TEST_F(MapExchange, WhereAFilterThoughtTheRoomWasDoesNotCountBesideTheMap) {
   EXPECT_NEAR(body_in_workspace(state_).covariance(0, 0), 0.01, 1e-3);
 }
 
-TEST_F(MapExchange, ATagThatTheMapHasElsewhereLeavesTheState) {
+TEST_F(MapExchange, ATagAtAnotherPlaceInTheMapLeavesTheState) {
   KnownMap map = map_of(Pose{}, correlated(6 * kTags, 0.003));
   map.tags[2].X_WT.p.x() += 2;
   ASSERT_TRUE(exchange(state_, map, true));
@@ -128,7 +128,7 @@ TEST_F(MapExchange, ATagThatTheMapHasElsewhereLeavesTheState) {
   EXPECT_GE(state_.find(3), 0);
 }
 
-TEST_F(MapExchange, ANewTagSharesWhatTheMapSaysWithThoseThatAreThereAndWithTheBody) {
+TEST_F(MapExchange, ANewTagIsCorrelatedAsInTheMapWithOtherTagsAndTheBody) {
   const Eigen::MatrixXd joint = correlated(6 * kTags, 0.003);
   const KnownMap map = map_of(Pose{}, joint);
   ASSERT_TRUE(exchange(state_, map, true));
@@ -139,7 +139,7 @@ TEST_F(MapExchange, ANewTagSharesWhatTheMapSaysWithThoseThatAreThereAndWithTheBo
   EXPECT_GT(least_eigenvalue(state_.P()), -1e-9);
 }
 
-TEST_F(MapExchange, WhatTheMapDoesNotSayOfTwoTagsFollowsFromThoseBetween) {
+TEST_F(MapExchange, MissingCovariancesFollowFromTheTagsBetween) {
   // A chain: each tag's error is that of the one before and something of its own.
   Eigen::MatrixXd joint(6 * kTags, 6 * kTags);
   for (int a = 0; a < kTags; ++a) {
@@ -153,7 +153,7 @@ TEST_F(MapExchange, WhatTheMapDoesNotSayOfTwoTagsFollowsFromThoseBetween) {
   EXPECT_LT((joint_covariance(tags, map) - joint).norm(), 1e-6 * joint.norm());
 }
 
-TEST_F(MapExchange, AMapThatContradictsItselfStillGivesACovariance) {
+TEST_F(MapExchange, AnInconsistentMapGivesAValidCovariance) {
   Eigen::MatrixXd joint = correlated(6 * kTags, 0.003);
   joint.block<6, 6>(0, 6) *= 30;
   joint.block<6, 6>(12, 18) *= -50;
@@ -161,9 +161,9 @@ TEST_F(MapExchange, AMapThatContradictsItselfStillGivesACovariance) {
   EXPECT_GT(least_eigenvalue(joint_of_state()), -1e-9);
 }
 
-// As in a map that nobody corrects any more: each tag hangs on those before it, none is taken over
-// as a whole.
-TEST_F(MapExchange, AWalkAlongAThousandTagsLeavesACovariance) {
+// As in a map without further corrections: each tag depends on those before it, none is adopted as
+// a whole.
+TEST_F(MapExchange, AWalkAlongAThousandTagsKeepsAValidCovariance) {
   constexpr int kWalk = 1000;
   constexpr std::size_t kHeld = 12;
   const Eigen::MatrixXd of_all = correlated(6, 0.03);
@@ -188,7 +188,7 @@ TEST_F(MapExchange, AWalkAlongAThousandTagsLeavesACovariance) {
   EXPECT_GT(least_eigenvalue(P), -1e-12 * P.norm());
 }
 
-TEST_F(MapExchange, ADoubtThatIsOpenedLeavesACovarianceWhileTagsAreHeld) {
+TEST_F(MapExchange, OpeningAParameterKeepsAValidCovarianceWhileTagsAreHeld) {
   ASSERT_TRUE(exchange(state_, map_of(Pose{}, correlated(6 * kTags, 0.003)), true));
   const double sigma = std::sqrt(state_.P()(layout::focal(0), layout::focal(0)));
   exchange_prior(state_, 0, layout::focal(0), 0, 1.01 * sigma, 30 * sigma);

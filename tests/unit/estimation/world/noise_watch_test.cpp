@@ -13,12 +13,12 @@ namespace {
 constexpr int kSeeds = 20;
 constexpr int kImages = 800;
 
-/// Images whose innovations the filter reckons to have covariance S, with what `imu` times the
-/// declared variance and a jitter of `jitter_s` add.
+/// Images whose innovations have covariance S for the filter, plus the contribution of `imu` times
+/// the declared variance and a jitter of `jitter_s`.
 struct Drawn {
   double imu_variance{};
   double jitter_s{};
-  int rests{0};  ///< The body moves at one image of so many, at all when it is 0.
+  int rests{0};  ///< The body moves at one of `rests` images, at every one when 0.
 };
 
 NoiseWatch watched(const Drawn& truth, unsigned seed, NoiseWatch watch = {}) {
@@ -32,7 +32,7 @@ NoiseWatch watched(const Drawn& truth, unsigned seed, NoiseWatch watch = {}) {
     Vector6d on_time;
     on_time << 0.5 * gauss(random), 0.5 * gauss(random), 0.5, gauss(random), gauss(random), 1.0;
     if (truth.rests > 0 && i % truth.rests != 0) on_time *= 0.01;
-    // Of the camera's pose, were it seen directly: what the filter reckons with …
+    // Of the camera's pose, if measured directly: the filter's model …
     const double variance = 1e-6 + 1e-6 * watch.imu_variance();
     Matrix6d S = Matrix6d::Identity() * variance;
     S += watch.jitter_s() * watch.jitter_s() * on_time * on_time.transpose();
@@ -57,7 +57,7 @@ Drawn learned(const Drawn& truth, unsigned seed) {
   return {watch.imu_variance(), watch.jitter_s()};
 }
 
-TEST(NoiseWatch, BeginsWithWhatAnotherHasLearned) {
+TEST(NoiseWatch, StartsWithTheNoiseLearnedByAnother) {
   const NoiseWatch before = watched({25.0, 0.0}, 1);
   NoiseWatch after;
   after.begin_with(before.learned());
@@ -65,7 +65,7 @@ TEST(NoiseWatch, BeginsWithWhatAnotherHasLearned) {
   EXPECT_NEAR(watched({25.0, 0.0}, 2, after).imu_variance(), 25.0, 5.0);
 }
 
-TEST(NoiseWatch, TakesBackTheLastImages) {
+TEST(NoiseWatch, RevertsTheLastImages) {
   const NoiseWatch quiet = watched({1.0, 0.0}, 3);
   NoiseWatch watch = quiet;
   watch.take_back();
@@ -73,40 +73,40 @@ TEST(NoiseWatch, TakesBackTheLastImages) {
   EXPECT_GT(watch.learned().information(0, 0), 0.0) << "what is older stays";
 }
 
-TEST(NoiseWatch, WhatWasLearnedFromATagThatWasWrongIsTakenBack) {
+TEST(NoiseWatch, NoiseLearnedFromAWrongTagIsReverted) {
   NoiseWatch watch = watched({1.0, 0.0}, 4);
   watch.begin_doubt();
   watch = watched({25.0, 0.0}, 5, watch);
   ASSERT_GT(watch.imu_variance(), 10.0);
-  watch.take_back_doubted();
+  watch.discard_since_outlier();
   EXPECT_EQ(watch.imu_variance(), 1.0);
-  EXPECT_EQ(watch.unstated_factor(), 1.0);
+  EXPECT_EQ(watch.variance_inflation(), 1.0);
 }
 
-TEST(NoiseWatch, ADoubtThatHasEndedIsNotTakenBack) {
+TEST(NoiseWatch, IsNotRevertedAfterAnEndedDoubt) {
   NoiseWatch watch = watched({1.0, 0.0}, 4);
   watch.begin_doubt();
   watch = watched({25.0, 0.0}, 5, watch);
   watch.end_doubt();
-  watch.take_back_doubted();
+  watch.discard_since_outlier();
   EXPECT_GT(watch.imu_variance(), 10.0);
 }
 
-TEST(NoiseWatch, SaysHowMuchTooSmallVariancesAreUntilWhatWasPlacedBeforeIsForgotten) {
+TEST(NoiseWatch, ReportsTheVarianceInflationUntilEarlierTagsAreForgotten) {
   constexpr double kMostForgotten = 1.2;
   NoiseWatch watch;
   double most = 1;
   for (unsigned seed = 0; seed < 4; ++seed) {
     watch = watched({25.0, 0.0}, seed, watch);
-    most = std::max(most, watch.unstated_factor());
+    most = std::max(most, watch.variance_inflation());
   }
   EXPECT_GT(most, 2.0) << "40 s after the noise was applied a seventh of 25 is left";
-  EXPECT_LT(watch.unstated_factor(), kMostForgotten) << "160 s";
+  EXPECT_LT(watch.variance_inflation(), kMostForgotten) << "160 s";
   for (unsigned seed = 0; seed < kSeeds; ++seed)
-    EXPECT_LT(watched({1.0, 0.0}, seed).unstated_factor(), 2.0) << "seed " << seed;
+    EXPECT_LT(watched({1.0, 0.0}, seed).variance_inflation(), 2.0) << "seed " << seed;
 }
 
-TEST(NoiseWatch, UnlearnsWhatAnotherErrorWas) {
+TEST(NoiseWatch, DiscardsTheEffectOfAnotherError) {
   NoiseWatch watch = watched({25.0, 0.002}, 6);
   watch.unlearn();
   EXPECT_EQ(watch.imu_variance(), 1.0);
@@ -114,7 +114,7 @@ TEST(NoiseWatch, UnlearnsWhatAnotherErrorWas) {
   EXPECT_NEAR(watched({25.0, 0.0}, 2, watch).imu_variance(), 25.0, 5.0) << "and learns anew";
 }
 
-TEST(NoiseWatch, LeavesNoisesThatAreAsDeclaredAlone) {
+TEST(NoiseWatch, DoesNotChangeNoisesThatAreAsDeclared) {
   for (unsigned seed = 0; seed < kSeeds; ++seed) {
     const Drawn found = learned({1.0, 0.0}, seed);
     EXPECT_EQ(found.imu_variance, 1.0) << "seed " << seed;
@@ -147,7 +147,7 @@ TEST(NoiseWatch, LearnsStampsThatJitter) {
   }
 }
 
-TEST(NoiseWatch, TellsBothApart) {
+TEST(NoiseWatch, SeparatesBoth) {
   for (unsigned seed = 0; seed < kSeeds; ++seed) {
     const Drawn found = learned({9.0, 5e-3}, seed);
     EXPECT_NEAR(found.imu_variance, 9.0, 4.0) << "seed " << seed;
@@ -155,7 +155,7 @@ TEST(NoiseWatch, TellsBothApart) {
   }
 }
 
-TEST(NoiseWatch, IsNotMovedByNumbersThatAreNone) {
+TEST(NoiseWatch, IgnoresNonFiniteNumbers) {
   NoiseWatch watch;
   StackedUpdate::SharedScore said;
   said.information.setConstant(std::numeric_limits<double>::quiet_NaN());

@@ -14,7 +14,7 @@ using namespace layout;  // NOLINT
 
 const Eigen::Vector3d kGravity_W(0, 0, -9.81);
 
-/// Where a body stands after two steps of odometry.
+/// Pose of a body after two steps of odometry.
 struct OdometrySteps {
   std::array<InertialInput, 2> inputs;
   OdometrySteps() {
@@ -35,7 +35,7 @@ struct OdometrySteps {
   static constexpr double kStep_s = 0.01;
 };
 
-TEST(WorldOdometry, AnErrorOfBeforeStaysAndSpeedIsWhatIsTold) {
+TEST(WorldOdometry, AnEarlierErrorStaysAndTheVelocityIsThatOfOdometry) {
   const OdometrySteps steps;
   const FilterState before = example_state();
   MotionSinceImage motion;
@@ -53,7 +53,7 @@ TEST(WorldOdometry, AnErrorOfBeforeStaysAndSpeedIsWhatIsTold) {
   EXPECT_LT((after.v_WB - after.X_WB.q * *steps.inputs[1].v_B).norm(), 0.01);
 }
 
-TEST(WorldOdometry, ItsNoiseIsTheBodysOwn) {
+TEST(WorldOdometry, ItsNoiseIsInBodyAxes) {
   const OdometrySteps steps;
   MotionSinceImage motion;
   const FilterState after = steps.after(example_state(), motion);

@@ -1,5 +1,5 @@
 // A prior is exchanged while tags are held, against the arithmetic of normal distributions.
-#include "estimation/world/prior_exchange.hpp"
+#include "estimation/world/calibration_monitor.hpp"
 
 #include <gtest/gtest.h>
 
@@ -27,7 +27,7 @@ class PriorExchange : public testing::Test {
   }
 
   /// p(rest | held) with another prior, and p(held) as it was.
-  void reckon(double to_sigma, double value) {
+  void replace_prior(double to_sigma, double value) {
     const Eigen::MatrixXd P = state_.P();
     const Eigen::MatrixXd of_held = P(held_, held_);
     const Eigen::MatrixXd A = P(rest_, held_) * of_held.inverse();
@@ -54,10 +54,10 @@ class PriorExchange : public testing::Test {
   Eigen::VectorXd moved_;
 };
 
-TEST_F(PriorExchange, ChangesWhatFollowsFromHeldTagsAndNotThem) {
+TEST_F(PriorExchange, ChangesTheStatesCorrelatedWithHeldTagsButNotTheTags) {
   for (const double to_sigma : {30 * sigma_, 0.2 * sigma_}) {
     const FilterState before = state_;
-    reckon(to_sigma, kTiny);
+    replace_prior(to_sigma, kTiny);
     exchange_prior(state_, 0, column_, kTiny, sigma_, to_sigma);
     const Eigen::MatrixXd P = state_.P();
     EXPECT_LT((P - expected_).norm(), 1e-5 * expected_.norm());
@@ -92,7 +92,7 @@ TEST_F(PriorExchange, DoesNotMoveTheBodyAlongWithAnErrorOfTheWholeMap) {
   EXPECT_NEAR((state_.X_WB.p - p).x(), expected_m, 0.1 * expected_m);
 }
 
-TEST_F(PriorExchange, WidensWithTheRestAndLeavesHeldTagsAndWhatIsClosed) {
+TEST_F(PriorExchange, WideningDoesNotChangeHeldTagsAndClosedParameters) {
   const Eigen::MatrixXd before = state_.P();
   widen(state_, column_, 2 * sigma_, {layout::readout(0)});
   const Eigen::MatrixXd more = state_.P() - before;

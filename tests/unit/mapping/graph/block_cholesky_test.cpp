@@ -50,7 +50,7 @@ struct Pair {
   Eigen::MatrixXd dense;
 };
 
-/// Nodes of 15 in two chains, cameras of 12 that hang on every node of theirs, tags of 6 seen from
+/// Nodes of 15 in two chains, cameras of 12 connected to every node of theirs, tags of 6 seen from
 /// a few nodes; numbered at random.
 Pair random_graph(std::uint64_t seed) {
   std::mt19937_64 random(seed);

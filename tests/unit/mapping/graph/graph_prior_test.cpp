@@ -8,7 +8,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "estimation/world/filter_state.hpp"
 #include "mapping/graph/graph_terms.hpp"
 
@@ -18,6 +18,10 @@ namespace {
 constexpr int kTags = 4;
 constexpr int kNumbers = 6 * kTags;
 constexpr int kCamera = segment_layout::kCameraSize;
+
+double cost_of(const GraphState& graph) {
+  return normal_equations(graph, GraphVariables(graph)).cost;
+}
 
 Eigen::VectorXd draw(Eigen::Index size, std::mt19937_64& random) {
   std::normal_distribution<double> gauss;
@@ -45,7 +49,7 @@ struct World {
     cameras.covariance = joint.bottomRightCorner<kCamera, kCamera>();
     for (int i = 0; i < kTags; ++i) {
       const Pose X{exp_so3(draw(3, random)), Eigen::Vector3d(2.0 * i, 1, 0.3 * i)};
-      graph.tags.push_back({.tag_id = i, .edge_m = 0.1, .X_WT = X, .print = {}});
+      graph.tags.push_back({.tag_id = i, .edge_m = 0.1, .X_WT = X, .scale_prior = {}});
       tags.push_back({static_cast<std::size_t>(i), X, joint.block<6, 6>(6 * i, 6 * i), false});
       cameras.of_tags.push_back(joint.block<6, kCamera>(6 * i, kNumbers));
     }

@@ -23,7 +23,7 @@ constexpr const char* kPath = "hall.map";
 constexpr std::uint32_t kSeeds = 5;  // everything lost, everything kept, three random choices
 constexpr std::int64_t kMinute = 60'000'000'000;
 
-/// All that a store says, for comparisons. Each version is checked against its hash.
+/// The content of a store, for comparisons. Each version is checked against its hash.
 std::string state_of(const MapStore& store) {
   std::ostringstream text;
   const auto log = store.log();
@@ -97,7 +97,7 @@ Life a_life() {
   return {.deeds = std::move(deeds)};
 }
 
-/// A store that an older server has left is brought up to date and goes on.
+/// A store of an older server is migrated and used.
 Life a_life_after(const OldSchema& schema) {
   FaultDisk disk;
   std::optional<MapStore> store;
@@ -110,7 +110,7 @@ Life a_life_after(const OldSchema& schema) {
           {opens, commits(4, kAutomaticComment), thins, opens, commits(5, kAutomaticComment)}};
 }
 
-/// What the store says after each deed when nothing fails, and before the first one.
+/// The content of the store after each step without faults, and before the first one.
 struct Reference {
   Life life;
   std::vector<std::string> states{""};
@@ -217,7 +217,7 @@ TEST_P(MapStoreFaults, APowerCutAtAnyStepLosesAtMostWhatWasBeingWritten) {
   }
 }
 
-/// Runs a life in which a fault comes at `step`; what failed is done again after `mend`.
+/// Runs a life with a fault at `step`; failed steps are repeated after the fault is removed.
 void live_with(std::uint64_t step, Fault fault, const Reference& reference) {
   FaultDisk disk;
   begin(disk, reference.life);

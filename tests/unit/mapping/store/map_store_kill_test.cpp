@@ -30,8 +30,7 @@ constexpr double kOfRefinements = 0.25;
 constexpr double kOfMigrations = 0.25;
 // Short enough to hit the opening of the store as well.
 constexpr int kLongestLife_us = 60'000;
-// Every other writer is let go on until it has said this many versions, however slow the machine
-// is.
+// Every other writer runs until it has reported this many versions, on a machine of any speed.
 constexpr int kMostVersions = 8;
 
 int kills(double share) {
@@ -39,7 +38,7 @@ int kills(double share) {
   return static_cast<int>(share * (wanted == nullptr ? kKills : std::max(4, std::atoi(wanted))));
 }
 
-/// When a writer is killed: so long after it has said so many lines.
+/// When a writer is killed: a time after it has written a number of lines.
 struct Life {
   int lines{};
   int then_us{};

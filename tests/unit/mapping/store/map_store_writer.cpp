@@ -1,9 +1,9 @@
-// The victim of map_store_kill_test. Works on a store until it is killed, and says, a line each,
-// which version is stored, with its hash as far as it is known:
+// The victim of map_store_kill_test. Works on a store until it is killed, and prints, a line each,
+// which version is stored, with its hash if known:
 //   map_store_writer commits STORE      versions with ties, every third one a roll-back
 //   map_store_writer refines STORE      a server's own loops: the map of robots that come one after
 //                                       the other is refined, committed, thinned out
-//   map_store_writer migrates STORE...  opens one after the other, and says which is open
+//   map_store_writer migrates STORE...  opens one after the other, and prints which is open
 #include <unistd.h>
 
 #include <cstdio>
@@ -13,8 +13,7 @@
 
 #include "base/log.hpp"
 #include "daemon/map_keeper.hpp"
-#include "daemon/refinement_loop.hpp"
-#include "daemon/system_clock.hpp"
+#include "daemon/system.hpp"
 #include "mapping/store/map_store.hpp"
 #include "simulation/graph_robot.hpp"
 #include "unit/mapping/map_fixture.hpp"

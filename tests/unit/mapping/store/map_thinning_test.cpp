@@ -1,4 +1,4 @@
-#include "mapping/store/map_thinning.hpp"
+#include "mapping/store/map_store.hpp"
 
 #include <gtest/gtest.h>
 

@@ -165,7 +165,7 @@ TEST_F(TieRowsTest, AStoreOfTheFirstSchemaIsBroughtUpToDate) {
   ASSERT_TRUE(open().commit(make_map({3, 5, 9}), "of an old server"));
   ASSERT_TRUE(make_old(path_, 1));
   {
-    // Who only looks changes nothing.
+    // Reading changes nothing.
     const auto reader = MapStore::open_to_read(path_);
     ASSERT_TRUE(reader);
     EXPECT_EQ(reader->newest()->tags.size(), 3U);

@@ -5,8 +5,7 @@
 #include <random>
 #include <set>
 
-#include "base/so3.hpp"
-#include "streaming/conventions/quaternion_order.hpp"
+#include "base/pose.hpp"
 
 namespace fiducap {
 namespace {
@@ -23,7 +22,7 @@ TEST(ProtocolConventions, EachProtocolStandsOnceAndIsFound) {
   }
 }
 
-/// A point fixed in the world and one fixed in the body stay the same points, whatever the
+/// A point fixed in the world and one fixed in the body stay the same points for every
 /// protocol's axes and units.
 TEST(ProtocolConventions, EveryProtocolKeepsTheGeometry) {
   std::mt19937 random(5);
@@ -47,12 +46,6 @@ TEST(ProtocolConventions, EveryProtocolKeepsTheGeometry) {
           << one.protocol;
     }
   }
-}
-
-TEST(ProtocolConventions, QuaternionsGoOutInTheOrderTheySay) {
-  const Eigen::Quaterniond q(0.1, 0.2, 0.3, 0.4);
-  EXPECT_EQ(xyzw(q), (std::array<double, 4>{0.2, 0.3, 0.4, 0.1}));
-  EXPECT_EQ(wxyz<float>(q), (std::array<float, 4>{0.1F, 0.2F, 0.3F, 0.4F}));
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// More participants than can be true: the server leaves the domain, which forgets them, and joins
+// More participants than plausible: the server leaves the domain, which forgets them, and joins
 // again.
 #include <gmock/gmock.h>
 #include <atomic>
@@ -8,8 +8,8 @@
 #include <thread>
 
 #include "forged_participant.hpp"
-#include "middleware/membership.hpp"
-#include "streaming/dds/dds_server.hpp"
+#include "middleware/participant.hpp"
+#include "streaming/dds/dds.hpp"
 #include "support/fake_clock.hpp"
 #include "support/scene_builder.hpp"
 
@@ -24,12 +24,12 @@ using testing::IsEmpty;
 
 constexpr int kDomain = 48;
 constexpr int kPort = 7400 + 250 * kDomain + 10;
-constexpr auto kPatience = 10s;
+constexpr auto kTimeout = 10s;
 
 /// Waits for something that the middleware's threads do.
 template <typename Condition>
 bool comes_true(Condition&& condition) {
-  const auto end = std::chrono::steady_clock::now() + kPatience;
+  const auto end = std::chrono::steady_clock::now() + kTimeout;
   while (!condition()) {
     if (std::chrono::steady_clock::now() > end) return false;
     std::this_thread::yield();
@@ -37,7 +37,7 @@ bool comes_true(Condition&& condition) {
   return true;
 }
 
-class DdsCrowd : public testing::Test {
+class DdsFlood : public testing::Test {
  protected:
   static NetworkConfig network() {
     NetworkConfig config;
@@ -47,9 +47,9 @@ class DdsCrowd : public testing::Test {
   /// One after the other, each awaited: none is lost in a full socket buffer.
   void forge(const Participant& known_to, int count) {
     for (int i = 0; i < count; ++i) {
-      const int met = known_to.crowd().met;
+      const int seen = known_to.count().seen;
       forger_.send(announcement(++forged_, "127.0.0.1", forger_.port()), "127.0.0.1", kPort);
-      ASSERT_TRUE(comes_true([&] { return known_to.crowd().met > met; })) << i;
+      ASSERT_TRUE(comes_true([&] { return known_to.count().seen > seen; })) << i;
     }
   }
 
@@ -59,36 +59,36 @@ class DdsCrowd : public testing::Test {
   std::uint32_t forged_{0};
 };
 
-TEST_F(DdsCrowd, AFewAreNoCrowd) {
+TEST_F(DdsFlood, AFewParticipantsAreNoFlood) {
   const auto participant = membership_.join();
   ASSERT_TRUE(participant) << participant.error().text();
   forge(**participant, 3);
-  EXPECT_EQ((*participant)->crowd().present, 4);
-  EXPECT_FALSE((*participant)->is_crowded());
+  EXPECT_EQ((*participant)->count().present, 4);
+  EXPECT_FALSE((*participant)->is_flooded());
   EXPECT_EQ(*membership_.join(), *participant) << "one for all who join";
 }
 
-TEST_F(DdsCrowd, IsToldOnceAndForgottenByLeavingTheDomain) {
+TEST_F(DdsFlood, IsReportedOnceAndForgottenByLeavingTheDomain) {
   auto participant = membership_.join();
   ASSERT_TRUE(participant) << participant.error().text();
-  forge(**participant, Crowd::kMostPresent + 8);
-  EXPECT_TRUE((*participant)->is_crowded());
+  forge(**participant, ParticipantCount::kMostPresent + 8);
+  EXPECT_TRUE((*participant)->is_flooded());
   EXPECT_THAT(events_.after(0), testing::SizeIs(1));
   EXPECT_THAT(events_.standing(), Contains(Field(&Event::text, HasSubstr("257 participants"))));
-  EXPECT_FALSE(membership_.join()) << "somebody still holds the crowded one";
+  EXPECT_FALSE(membership_.join()) << "the flooded one is still held";
   *participant = nullptr;
   const auto again = membership_.join();
   ASSERT_TRUE(again) << again.error().text();
-  EXPECT_EQ((*again)->crowd().met, 1);
+  EXPECT_EQ((*again)->count().seen, 1);
   EXPECT_THAT(events_.standing(), IsEmpty());
 }
 
-TEST_F(DdsCrowd, TheServerLeavesAndComesBackAfterAWhile) {
+TEST_F(DdsFlood, TheServerLeavesAndComesBackAfterAWhile) {
   FakeClock clock;
   const auto frame = make_scene_frame({"drone"});
   auto server = start_dds_server([this] { return membership_.join(); }, {}, frame->model, clock);
   ASSERT_TRUE(server) << server.error().text();
-  forge(**membership_.join(), Crowd::kMostPresent + 1);
+  forge(**membership_.join(), ParticipantCount::kMostPresent + 1);
   (*server)->publish(frame);
   ASSERT_TRUE(comes_true([this] { return membership_.join().has_value(); })) << "has let go";
   (*server)->publish(frame);
@@ -102,7 +102,7 @@ TEST_F(DdsCrowd, TheServerLeavesAndComesBackAfterAWhile) {
   (*server)->stop();
 }
 
-TEST_F(DdsCrowd, ComingBackHoldsUpNobody) {
+TEST_F(DdsFlood, RejoiningDoesNotBlockPublish) {
   FakeClock clock;
   const auto frame = make_scene_frame({"drone"});
   std::atomic<int> joins{0};
@@ -117,7 +117,7 @@ TEST_F(DdsCrowd, ComingBackHoldsUpNobody) {
       },
       {}, frame->model, clock);
   ASSERT_TRUE(server) << server.error().text();
-  forge(**membership_.join(), Crowd::kMostPresent + 1);
+  forge(**membership_.join(), ParticipantCount::kMostPresent + 1);
   (*server)->publish(frame);
   ASSERT_TRUE(comes_true([&] {
     clock.advance(11s);
@@ -130,7 +130,7 @@ TEST_F(DdsCrowd, ComingBackHoldsUpNobody) {
   EXPECT_TRUE(comes_true([&] {
     clock.advance(11s);
     (*server)->publish(frame);
-    return joined == 2;  // not asked by joining: who leaves again each time is in its way
+    return joined == 2;  // joining to find out would be in the way
   }));
   (*server)->stop();
 }

@@ -8,8 +8,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "middleware/reader.hpp"
-#include "streaming/dds/dds_server.hpp"
+#include "middleware/endpoints.hpp"
+#include "streaming/dds/dds.hpp"
 #include "support/fake_clock.hpp"
 #include "support/scene_builder.hpp"
 

@@ -74,12 +74,12 @@ TEST_F(DdsServerTest, WhatMayNotBeUsedIsAbsentAndTheNativeTypeSaysWhy) {
   for (int i = 0; i < 2; ++i) {
     const auto body = native.take();
     ASSERT_TRUE(body);
-    const auto& told = body.as<fiducap_dds_Body>();
-    if (told.id != 1) continue;
+    const auto& message = body.as<fiducap_dds_Body>();
+    if (message.id != 1) continue;
     ++lost;
-    EXPECT_STREQ(told.name, "big-drone");
-    EXPECT_FALSE(told.valid);
-    EXPECT_EQ(told.state, fiducap_dds_LOST);
+    EXPECT_STREQ(message.name, "big-drone");
+    EXPECT_FALSE(message.valid);
+    EXPECT_EQ(message.state, fiducap_dds_LOST);
   }
   EXPECT_EQ(lost, 1);
 }
@@ -124,7 +124,7 @@ TEST_F(DdsServerTest, LateJoinersGetTheMapAndItsSettledTagsAsFrames) {
   EXPECT_EQ(count, 4);
 }
 
-TEST_F(DdsServerTest, StaticFramesAreToldWhenTheyChangeNotWhenTheRestOfTheMapDoes) {
+TEST_F(DdsServerTest, StaticFramesAreSentWhenTheyChangeNotWhenTheRestOfTheMapDoes) {
   start({});
   auto tf = read("rt/tf_static", tf2_msgs_msg_dds__TFMessage__desc, {true, true, 100, 0});
   const auto publish_map = [this](const std::vector<TagState>& states) {
@@ -135,7 +135,7 @@ TEST_F(DdsServerTest, StaticFramesAreToldWhenTheyChangeNotWhenTheRestOfTheMapDoe
       tag.state = state;
       map->tags.push_back(tag);
     }
-    frame_->at += 2s;  // the map is told at most once a second
+    frame_->at += 2s;  // the map is sent at most once a second
     frame_->map = map;
     publish();
   };
@@ -174,7 +174,7 @@ TEST_F(DdsServerTest, Px4HasNoNamespaceForASingleVehicle) {
   EXPECT_TRUE(one.take());
 }
 
-TEST_F(DdsServerTest, ABodyThatLeavesIsDisposedOfAndANewOneIsServed) {
+TEST_F(DdsServerTest, DisposesOfARemovedBodyAndServesANewOne) {
   start({});
   auto native = read("fiducap/bodies", fiducap_dds_Body_desc);
   publish();
@@ -205,7 +205,7 @@ TEST_F(DdsServerTest, ListsWhoListensToWhat) {
     EXPECT_EQ(clients[0].protocol, "dds");
     EXPECT_EQ(clients[0].detail, "/rover/pose /tf");
     EXPECT_EQ(clients[0].frames_sent, 2u);
-    only_rover_is_left();  // writers of bodies are made anew and count from zero
+    only_rover_is_left();  // new writers of bodies count from zero
     publish();
     clients.clear();
     server_->append_clients(clients);

@@ -45,7 +45,7 @@ std::string values_of(const diagnostic_msgs_msg_dds__DiagnosticStatus_& status) 
   return text;
 }
 
-TEST_F(DdsServerTest, DiagnosticsTellAtOnceWhatBeginsAndEndsWithCauseAndRemedy) {
+TEST_F(DdsServerTest, DiagnosticsReportBeginAndEndAtOnceWithCauseAndRemedy) {
   start({});
   auto reader = read("rt/diagnostics", diagnostic_msgs_msg_dds__DiagnosticArray__desc);
   for (int i = 0; i < 120; ++i) publish();
@@ -63,10 +63,10 @@ TEST_F(DdsServerTest, DiagnosticsTellAtOnceWhatBeginsAndEndsWithCauseAndRemedy) 
   for (int i = 0; i < 20; ++i) publish();  // 0.2 s
   const auto alarm = reader.take();
   ASSERT_TRUE(alarm);
-  EXPECT_FALSE(reader.take()) << "told once, not with every frame";
-  const auto& told = alarm.as<diagnostic_msgs_msg_dds__DiagnosticArray_>();
-  ASSERT_EQ(told.status._length, 3u);
-  const auto* status = told.status._buffer;
+  EXPECT_FALSE(reader.take()) << "sent once, not with every frame";
+  const auto& message = alarm.as<diagnostic_msgs_msg_dds__DiagnosticArray_>();
+  ASSERT_EQ(message.status._length, 3u);
+  const auto* status = message.status._buffer;
   EXPECT_EQ(status[0].level, 0);
   EXPECT_EQ(status[1].level, 2);
   EXPECT_STREQ(status[1].message, "its camera is gone");
@@ -79,9 +79,9 @@ TEST_F(DdsServerTest, DiagnosticsTellAtOnceWhatBeginsAndEndsWithCauseAndRemedy) 
   events_.end("rover", "device_gone", "is back");
   events_.end("clock", "unsynchronised", "is set again");
   for (int i = 0; i < 20; ++i) publish();
-  const auto calm = reader.take();
-  ASSERT_TRUE(calm);
-  const auto& after = calm.as<diagnostic_msgs_msg_dds__DiagnosticArray_>();
+  const auto ended = reader.take();
+  ASSERT_TRUE(ended);
+  const auto& after = ended.as<diagnostic_msgs_msg_dds__DiagnosticArray_>();
   EXPECT_EQ(after.status._buffer[1].level, 0);
   EXPECT_STREQ(after.status._buffer[1].message, "tracking");
   EXPECT_STREQ(after.status._buffer[2].message, "runs");
@@ -106,11 +106,11 @@ TEST_F(DdsServerTest, DiagnosticsOfARenamedBodyKeepItsConditions) {
   for (int i = 0; i < 120; ++i) publish();
   const auto loan = reader.take();
   ASSERT_TRUE(loan);
-  const auto& told = loan.as<diagnostic_msgs_msg_dds__DiagnosticArray_>();
-  ASSERT_EQ(told.status._length, 3u);
-  EXPECT_STREQ(told.status._buffer[1].name, "fiducap: uav1");
-  EXPECT_STREQ(told.status._buffer[1].message, "is lost");
-  EXPECT_STREQ(told.status._buffer[2].message, "runs") << "it is not the server's";
+  const auto& message = loan.as<diagnostic_msgs_msg_dds__DiagnosticArray_>();
+  ASSERT_EQ(message.status._length, 3u);
+  EXPECT_STREQ(message.status._buffer[1].name, "fiducap: uav1");
+  EXPECT_STREQ(message.status._buffer[1].message, "is lost");
+  EXPECT_STREQ(message.status._buffer[2].message, "runs") << "it is not the server's";
 }
 
 }  // namespace

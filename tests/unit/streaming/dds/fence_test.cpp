@@ -1,6 +1,6 @@
 // Announcements of participants (SPDP) that claim the address of a victim, sent as a stranger would
 // send them. An answer proves that the middleware has read what came before it.
-#include "middleware/fence.hpp"
+#include "middleware/network.hpp"
 
 #include <gmock/gmock.h>
 
@@ -20,7 +20,7 @@ constexpr int kMulticastPort = 7400 + 250 * kDomain;
 constexpr int kUnicastPort = kMulticastPort + 10;  // of the first participant
 constexpr const char* kGroup = "239.255.0.1";
 constexpr const char* kBeyond = "192.168.213.66";
-constexpr int kPatience_ms = 10'000;
+constexpr int kTimeout_ms = 10'000;
 
 class DdsFence : public testing::Test {
  protected:
@@ -64,7 +64,7 @@ TEST_F(DdsFence, OnLoopbackNothingFromOutsideIsHeard) {
   const auto stranger = theirs(TwoHosts::kClient);
   stranger->send(announcement(1, "127.0.0.1", victim->port()), TwoHosts::kServer, kUnicastPort);
   neighbour->send(announcement(2, "127.0.0.1", neighbour->port()), "127.0.0.1", kUnicastPort);
-  EXPECT_TRUE(neighbour->hears_within(kPatience_ms));
+  EXPECT_TRUE(neighbour->hears_within(kTimeout_ms));
   EXPECT_FALSE(victim->has_heard());
 }
 
@@ -77,7 +77,7 @@ TEST_F(DdsFence, OfACardItsOwnNetworkIsHeardAndNoSenderBeyond) {
                  kUnicastPort);
   neighbour->send(announcement(2, TwoHosts::kClient, neighbour->port()), TwoHosts::kServer,
                   kUnicastPort);
-  EXPECT_TRUE(neighbour->hears_within(kPatience_ms));
+  EXPECT_TRUE(neighbour->hears_within(kTimeout_ms));
   EXPECT_FALSE(victim->has_heard());
 }
 
@@ -88,7 +88,7 @@ TEST_F(DdsFence, ANeighbourCannotHaveAddressesBeyondAnswered) {
   neighbour->send(announcement(1, kBeyond, victim->port()), TwoHosts::kServer, kUnicastPort);
   neighbour->send(announcement(2, TwoHosts::kClient, neighbour->port()), TwoHosts::kServer,
                   kUnicastPort);
-  EXPECT_TRUE(neighbour->hears_within(kPatience_ms));
+  EXPECT_TRUE(neighbour->hears_within(kTimeout_ms));
   EXPECT_FALSE(victim->has_heard());
 }
 
@@ -96,20 +96,20 @@ TEST_F(DdsFence, PeersBeyondAreHeardAndAnswered) {
   take_part(TwoHosts::kServer, {kBeyond});
   const auto peer = theirs(kBeyond);
   peer->send(announcement(1, kBeyond, peer->port()), TwoHosts::kServer, kUnicastPort);
-  EXPECT_TRUE(peer->hears_within(kPatience_ms));
+  EXPECT_TRUE(peer->hears_within(kTimeout_ms));
 }
 
 TEST_F(DdsFence, MulticastOfTheOwnNetworkPassesBothWays) {
   const auto group = socket(hosts_.client, "0.0.0.0", kMulticastPort);
   hosts_.client.on([&] { group->join(kGroup, TwoHosts::kClient); });
   take_part(TwoHosts::kServer);
-  EXPECT_TRUE(group->hears_within(kPatience_ms)) << "the server's own announcement";
+  EXPECT_TRUE(group->hears_within(kTimeout_ms)) << "the server's own announcement";
   const auto neighbour = theirs(TwoHosts::kClient);
   hosts_.client.on([&] {
     neighbour->join(kGroup, TwoHosts::kClient);
     neighbour->send(announcement(1, TwoHosts::kClient, neighbour->port()), kGroup, kMulticastPort);
   });
-  EXPECT_TRUE(neighbour->hears_within(kPatience_ms));
+  EXPECT_TRUE(neighbour->hears_within(kTimeout_ms));
 }
 
 }  // namespace

@@ -52,9 +52,9 @@ class Socket final {
                        sizeof(to)),
               static_cast<ssize_t>(bytes.size()));
   }
-  [[nodiscard]] bool hears_within(int patience_ms) const {
+  [[nodiscard]] bool hears_within(int timeout_ms) const {
     pollfd readable{fd_, POLLIN, 0};
-    return ::poll(&readable, 1, patience_ms) == 1;
+    return ::poll(&readable, 1, timeout_ms) == 1;
   }
   [[nodiscard]] bool has_heard() const { return hears_within(0); }
 

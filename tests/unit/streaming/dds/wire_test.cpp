@@ -1,13 +1,12 @@
-// What lies on the wire, byte by byte: OMG's XCDR version 1, little-endian, and what discovery says
+// The bytes on the wire: OMG's XCDR version 1, little-endian, and the content of discovery
 // about our writers.
 #include <dds/dds.h>
 #include <dds/ddsi/ddsi_serdata.h>
 #include <gmock/gmock.h>
 
-#include "middleware/reader.hpp"
-#include "streaming/dds/dds_server.hpp"
+#include "middleware/endpoints.hpp"
+#include "streaming/dds/dds.hpp"
 #include "streaming/dds/ros_messages.hpp"
-#include "streaming/dds/ros_types.hpp"
 #include "support/hex.hpp"
 #include "support/scene_builder.hpp"
 

@@ -17,13 +17,13 @@ constexpr Duration kShift = 123s + 456ms;  // of the autopilot's clock
 
 /// One exchange: `there` on the way to it, `back` on the way to us.
 void exchange(ClockSync& sync, Instant& now, Duration there, Duration back) {
-  const auto question = sync.question(now);
-  ASSERT_TRUE(question);
+  const auto request = sync.next_request(now);
+  ASSERT_TRUE(request);
   const Instant asked = now;
   now += there;
-  const Timesync answer{to_ns(now + kShift), question->ts1_ns};
+  const Timesync reply{to_ns(now + kShift), request->ts1_ns};
   now += back;
-  ASSERT_TRUE(sync.answer(answer, now));
+  ASSERT_TRUE(sync.accept_reply(reply, now));
 }
 
 TEST(ClockSync, FindsTheOffsetOfAQuickSymmetricLink) {
@@ -33,7 +33,7 @@ TEST(ClockSync, FindsTheOffsetOfAQuickSymmetricLink) {
   const auto offset = sync.offset(now);
   ASSERT_TRUE(offset);
   EXPECT_EQ(offset->to_autopilot, kShift);
-  EXPECT_EQ(offset->doubt, 1ms);
+  EXPECT_EQ(offset->bound, 1ms);
 }
 
 TEST(ClockSync, TheTruthIsNeverFurtherAwayThanTheDoubt) {
@@ -46,7 +46,7 @@ TEST(ClockSync, TheTruthIsNeverFurtherAwayThanTheDoubt) {
              from_seconds(0.001 + delay_s(random)));
     const auto offset = sync.offset(now);
     ASSERT_TRUE(offset);
-    EXPECT_LE(std::abs((offset->to_autopilot - kShift).count()), offset->doubt.count());
+    EXPECT_LE(std::abs((offset->to_autopilot - kShift).count()), offset->bound.count());
     now += 1s;
   }
 }
@@ -65,31 +65,31 @@ TEST(ClockSync, AsksOftenAtFirstAndOnceASecondLater) {
   Instant now = kStart;
   int asked = 0;
   for (int i = 0; i < 1000; ++i, now += 10ms) {
-    const auto question = sync.question(now);
-    if (!question) continue;
+    const auto request = sync.next_request(now);
+    if (!request) continue;
     ++asked;
-    sync.answer({to_ns(now + kShift), question->ts1_ns}, now);
+    sync.accept_reply({to_ns(now + kShift), request->ts1_ns}, now);
   }
   EXPECT_EQ(asked, 16 + 9);  // from 0 to 1.5 s, then at 1.6, 2.6, … 9.6 s
 }
 
 TEST(ClockSync, BelievesOnlyAnswersToItsOwnQuestionsAndOnlyOnce) {
   ClockSync sync;
-  const auto question = sync.question(kStart);
-  ASSERT_TRUE(question);
-  EXPECT_FALSE(sync.answer({1, question->ts1_ns + 1}, kStart + 1ms)) << "never asked";
-  EXPECT_FALSE(sync.answer({1, question->ts1_ns}, kStart + 2s)) << "too late";
-  EXPECT_TRUE(sync.answer({1, question->ts1_ns}, kStart + 1ms));
-  EXPECT_FALSE(sync.answer({1, question->ts1_ns}, kStart + 1ms)) << "again";
+  const auto request = sync.next_request(kStart);
+  ASSERT_TRUE(request);
+  EXPECT_FALSE(sync.accept_reply({1, request->ts1_ns + 1}, kStart + 1ms)) << "never asked";
+  EXPECT_FALSE(sync.accept_reply({1, request->ts1_ns}, kStart + 2s)) << "too late";
+  EXPECT_TRUE(sync.accept_reply({1, request->ts1_ns}, kStart + 1ms));
+  EXPECT_FALSE(sync.accept_reply({1, request->ts1_ns}, kStart + 1ms)) << "again";
 }
 
 TEST(ClockSync, AClockThatSaysAnythingDoesNoHarm) {
   for (const auto said :
        {std::numeric_limits<std::int64_t>::min(), std::numeric_limits<std::int64_t>::max()}) {
     ClockSync sync;
-    const auto question = sync.question(kStart);
-    ASSERT_TRUE(question);
-    EXPECT_TRUE(sync.answer({said, question->ts1_ns}, kStart + 1ms));
+    const auto request = sync.next_request(kStart);
+    ASSERT_TRUE(request);
+    EXPECT_TRUE(sync.accept_reply({said, request->ts1_ns}, kStart + 1ms));
     EXPECT_TRUE(sync.offset(kStart + 1ms));
   }
 }
@@ -105,9 +105,9 @@ TEST(ClockSync, ForgetsAfterTenSecondsOfSilence) {
 TEST(ClockSync, AnOlderAnswerIsCarriedOnByTheDrift) {
   ClockSync sync;
   const Instant asked = instant_from_ns(5'000'000'000);
-  const auto question = sync.question(asked);
-  ASSERT_TRUE(question);
-  ASSERT_TRUE(sync.answer({9'000'000'000, question->ts1_ns}, asked));
+  const auto request = sync.next_request(asked);
+  ASSERT_TRUE(request);
+  ASSERT_TRUE(sync.accept_reply({9'000'000'000, request->ts1_ns}, asked));
   const Instant later = asked + std::chrono::seconds(8);
   EXPECT_EQ(sync.offset(later)->to_autopilot, std::chrono::seconds(4));
   EXPECT_EQ(sync.offset(later, 50e-6)->to_autopilot,

@@ -1,4 +1,4 @@
-#include "streaming/mavlink/mavlink_config.hpp"
+#include "streaming/mavlink/mavlink.hpp"
 
 #include <gmock/gmock.h>
 

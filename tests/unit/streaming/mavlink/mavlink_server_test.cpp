@@ -1,6 +1,6 @@
 // Over real sockets on loopback: an autopilot that is a UDP socket.
-#include "streaming/mavlink/mavlink_server.hpp"
 #include "base/log.hpp"
+#include "streaming/mavlink/mavlink.hpp"
 
 #include <gmock/gmock.h>
 
@@ -8,7 +8,7 @@
 #include <boost/asio/ip/udp.hpp>
 #include <chrono>
 
-#include "streaming/mavlink/codec.hpp"
+#include "streaming/mavlink/vehicle_link.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/fake_clock.hpp"
 #include "support/scene_builder.hpp"
@@ -65,7 +65,7 @@ class MavlinkServerTest : public testing::Test {
   udp::socket autopilot_;
   MavlinkConfig config_;
   std::shared_ptr<SceneFrame> frame_ = make_scene_frame({"drone", "rover"});
-  std::unique_ptr<MavlinkStreamer> server_;
+  std::unique_ptr<Streamer> server_;
 };
 
 TEST_F(MavlinkServerTest, SendsTheBodyOfTheVehicle) {
@@ -80,7 +80,7 @@ TEST_F(MavlinkServerTest, SendsTheBodyOfTheVehicle) {
   EXPECT_EQ(odometry->component, kVisualInertialOdometry);
 }
 
-TEST_F(MavlinkServerTest, AnswersOnlyThoseItWasToldAbout) {
+TEST_F(MavlinkServerTest, AnswersConfiguredVehiclesOnly) {
   start();
   std::vector<std::byte> question;
   encode_timesync({1, 1, 0}, {0, 42}, question);
@@ -95,7 +95,7 @@ TEST_F(MavlinkServerTest, AnswersOnlyThoseItWasToldAbout) {
   EXPECT_THAT(received(), SizeIs(testing::Gt(0u)));
 }
 
-TEST_F(MavlinkServerTest, FollowsTheBodyWhenItIsRenamedAndTellsWhoListens) {
+TEST_F(MavlinkServerTest, FollowsARenamedBodyAndReportsListeners) {
   start();
   publish();
   received();

@@ -1,4 +1,4 @@
-#include "streaming/native/control_conversation.hpp"
+#include "streaming/native/control_session.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 
 #include "fiducap/v1/control.pb.h"
 #include "proof/control_proof.hpp"
-#include "support/fake_desk.hpp"
+#include "support/fake_operator_api.hpp"
 
 namespace fiducap::native {
 namespace {
@@ -49,10 +49,10 @@ class ControlConversationTest : public testing::Test {
   }
 
   Instant now_ = instant_from_ns(50'000'000'000);
-  FakeDesk desk_;
+  FakeOperatorApi operator_api_;
   WrongProofs wrong_;
   std::vector<std::byte> out_;
-  ControlConversation conversation_{std::string(32, 'c'), desk_, wrong_, 7};
+  ControlConversation conversation_{std::string(32, 'c'), operator_api_, wrong_, 7};
 };
 
 TEST_F(ControlConversationTest, GreetsWithItsChallenge) {
@@ -63,7 +63,7 @@ TEST_F(ControlConversationTest, CarriesOutWhatIsProven) {
   EXPECT_TRUE(say(request(1, commit())));
   EXPECT_EQ(reply().result(), v1::ControlReply::RESULT_DONE);
   EXPECT_EQ(reply().sequence(), 1u);
-  EXPECT_EQ(desk_.changes.size(), 1U);
+  EXPECT_EQ(operator_api_.changes.size(), 1U);
 }
 
 TEST_F(ControlConversationTest, ReadsBytesCutAnywhereAndSeveralAtOnce) {
@@ -71,12 +71,12 @@ TEST_F(ControlConversationTest, ReadsBytesCutAnywhereAndSeveralAtOnce) {
   const auto second = request(2, commit());
   bytes.insert(bytes.end(), second.begin(), second.end());
   for (const std::byte one : bytes) EXPECT_TRUE(say({one}));
-  EXPECT_EQ(desk_.changes.size(), 2U);
+  EXPECT_EQ(operator_api_.changes.size(), 2U);
   auto third = request(3, commit());
   const auto fourth = request(4, commit());
   third.insert(third.end(), fourth.begin(), fourth.end());
   EXPECT_TRUE(say(third));
-  EXPECT_EQ(desk_.changes.size(), 4U);
+  EXPECT_EQ(operator_api_.changes.size(), 4U);
 }
 
 TEST_F(ControlConversationTest, ARecordedRequestIsWorthNothingTwice) {
@@ -84,20 +84,20 @@ TEST_F(ControlConversationTest, ARecordedRequestIsWorthNothingTwice) {
   ASSERT_TRUE(say(recorded));
   EXPECT_FALSE(say(recorded));
   EXPECT_EQ(reply().result(), v1::ControlReply::RESULT_FORBIDDEN);
-  EXPECT_EQ(desk_.changes.size(), 1U);
+  EXPECT_EQ(operator_api_.changes.size(), 1U);
 }
 
 TEST_F(ControlConversationTest, ARecordedRequestIsWorthNothingOnAnotherConnection) {
   EXPECT_FALSE(say(request(1, commit(), std::string(32, 'd'))));
   EXPECT_EQ(reply().result(), v1::ControlReply::RESULT_FORBIDDEN);
-  EXPECT_EQ(desk_.changes.size(), 0U);
+  EXPECT_EQ(operator_api_.changes.size(), 0U);
 }
 
 TEST_F(ControlConversationTest, AChangedCommandIsNotProven) {
   auto bytes = request(1, commit());
   bytes.back() ^= std::byte{1};
   EXPECT_FALSE(say(bytes));
-  EXPECT_EQ(desk_.changes.size(), 0U);
+  EXPECT_EQ(operator_api_.changes.size(), 0U);
 }
 
 TEST_F(ControlConversationTest, NoTruncationOfAMessageDoesAnything) {
@@ -106,11 +106,11 @@ TEST_F(ControlConversationTest, NoTruncationOfAMessageDoesAnything) {
     auto cut =
         std::vector<std::byte>(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size));
     cut[0] = static_cast<std::byte>(size - 4);
-    ControlConversation conversation(std::string(32, 'c'), desk_, wrong_, size);
+    ControlConversation conversation(std::string(32, 'c'), operator_api_, wrong_, size);
     std::vector<std::byte> out;
     EXPECT_FALSE(conversation.receive(cut, out, now_)) << size;
   }
-  EXPECT_EQ(desk_.changes.size(), 0U);
+  EXPECT_EQ(operator_api_.changes.size(), 0U);
 }
 
 TEST_F(ControlConversationTest, KeepsNothingOfAMessageThatClaimsFourGibibytes) {
@@ -120,16 +120,16 @@ TEST_F(ControlConversationTest, KeepsNothingOfAMessageThatClaimsFourGibibytes) {
 
 TEST_F(ControlConversationTest, RefusesTheRightTokenTooAfterFiveWrongOnes) {
   for (int i = 0; i < WrongProofs::kAllowed; ++i) {
-    ControlConversation guess(std::string(32, 'c'), desk_, wrong_, 7);
+    ControlConversation guess(std::string(32, 'c'), operator_api_, wrong_, 7);
     std::vector<std::byte> out;
     EXPECT_FALSE(guess.receive(request(1, commit(), std::string(32, 'c'), "guess"), out, now_));
   }
   EXPECT_FALSE(say(request(1, commit())));
   EXPECT_EQ(reply().result(), v1::ControlReply::RESULT_BUSY);
-  ControlConversation elsewhere(std::string(32, 'c'), desk_, wrong_, 8);
+  ControlConversation elsewhere(std::string(32, 'c'), operator_api_, wrong_, 8);
   EXPECT_TRUE(elsewhere.receive(request(1, commit()), out_, now_)) << "another address";
   now_ += WrongProofs::kWindow;
-  ControlConversation later(std::string(32, 'c'), desk_, wrong_, 7);
+  ControlConversation later(std::string(32, 'c'), operator_api_, wrong_, 7);
   EXPECT_TRUE(later.receive(request(1, commit()), out_, now_));
 }
 
@@ -138,23 +138,23 @@ TEST_F(ControlConversationTest, SaysThatACommandIsOfALaterVersion) {
   EXPECT_EQ(reply().result(), v1::ControlReply::RESULT_UNSUPPORTED);
 }
 
-TEST_F(ControlConversationTest, LosesPatienceWithWhoIsSilentOrSlow) {
-  EXPECT_TRUE(conversation_.patient(now_ + std::chrono::seconds(9)));
-  EXPECT_FALSE(conversation_.patient(now_ + std::chrono::seconds(10)));
+TEST_F(ControlConversationTest, ClosesSilentAndSlowClients) {
+  EXPECT_TRUE(conversation_.is_alive(now_ + std::chrono::seconds(9)));
+  EXPECT_FALSE(conversation_.is_alive(now_ + std::chrono::seconds(10)));
   ASSERT_TRUE(say(request(1, commit())));
-  EXPECT_TRUE(conversation_.patient(now_ + std::chrono::seconds(60)));
+  EXPECT_TRUE(conversation_.is_alive(now_ + std::chrono::seconds(60)));
   for (const std::byte one :
        {std::byte{50}, std::byte{0}, std::byte{0}, std::byte{0}, std::byte{1}}) {
     EXPECT_TRUE(say({one}));  // a byte every three seconds
     now_ += std::chrono::seconds(3);
   }
-  EXPECT_FALSE(conversation_.patient(now_));
+  EXPECT_FALSE(conversation_.is_alive(now_));
 }
 
 TEST_F(ControlConversationTest, RandomBytesDoNothing) {
   std::mt19937 random(3);  // NOLINT: the same bytes in every run
   for (int i = 0; i < 3000; ++i) {
-    ControlConversation conversation(std::string(32, 'c'), desk_, wrong_, random());
+    ControlConversation conversation(std::string(32, 'c'), operator_api_, wrong_, random());
     auto bytes = request(1, commit());
     for (unsigned changes = 1 + random() % 4; changes > 0; --changes) {
       bytes[4 + random() % (bytes.size() - 4)] ^= static_cast<std::byte>(1 + random() % 255);
@@ -162,7 +162,7 @@ TEST_F(ControlConversationTest, RandomBytesDoNothing) {
     std::vector<std::byte> out;
     (void)conversation.receive(bytes, out, now_);
   }
-  EXPECT_EQ(desk_.changes.size(), 0U);
+  EXPECT_EQ(operator_api_.changes.size(), 0U);
 }
 
 TEST(ControlProof, Sha256AndHmacMatchTheStandards) {
@@ -197,18 +197,18 @@ TEST(ControlProof, Sha256AndHmacMatchTheStandards) {
 
 TEST_F(ControlConversationTest, WhatManyWatchIsEncodedOnce) {
   EventBoard board{[] { return std::int64_t{0}; }};
-  EventNews news(board);
-  v1::ControlRequest wish;
-  wish.set_sequence(1);
-  wish.mutable_watch_events();
+  SharedEvents shared(board);
+  v1::ControlRequest request;
+  request.set_sequence(1);
+  request.mutable_watch_events();
   std::vector<std::unique_ptr<ControlConversation>> watchers;
   for (int i = 0; i < 32; ++i) {
-    watchers.push_back(
-        std::make_unique<ControlConversation>(std::string(32, 'c'), desk_, wrong_, 7, &news));
-    wish.set_sequence(static_cast<std::uint64_t>(i) + 1);  // whoever wants it otherwise
-    ASSERT_TRUE(watchers.back()->receive(framed(wish.SerializeAsString()), out_, now_));
+    watchers.push_back(std::make_unique<ControlConversation>(std::string(32, 'c'), operator_api_,
+                                                             wrong_, 7, &shared));
+    request.set_sequence(static_cast<std::uint64_t>(i) + 1);
+    ASSERT_TRUE(watchers.back()->receive(framed(request.SerializeAsString()), out_, now_));
   }
-  EXPECT_EQ(news.encodings(), 1U);
+  EXPECT_EQ(shared.encodings(), 1U);
   for (int i = 0; i < 10; ++i) {
     board.begin({.severity = Severity::kWarning,
                  .subject = "drone",
@@ -216,14 +216,14 @@ TEST_F(ControlConversationTest, WhatManyWatchIsEncodedOnce) {
                  .text = std::to_string(i) + " % are left out"});
     for (std::uint64_t w = 0; w < watchers.size(); ++w) {
       out_.clear();
-      watchers[w]->tell_events(out_, now_);
+      watchers[w]->append_events(out_, now_);
       ASSERT_EQ(reply().sequence(), w + 1);
       ASSERT_EQ(reply().events().standing_size(), 1);
       ASSERT_EQ(reply().events().standing(0).text(), std::to_string(i) + " % are left out");
       ASSERT_EQ(reply().events().happened_size(), i == 0 ? 1 : 0);
     }
   }
-  EXPECT_EQ(news.encodings(), 11U);
+  EXPECT_EQ(shared.encodings(), 11U);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "streaming/native/native_server.hpp"
+#include "streaming/native/native.hpp"
 
 #include <gtest/gtest.h>
 
@@ -24,7 +24,7 @@ class NativeServerTest : public testing::Test {
 TEST_F(NativeServerTest, SaysWhatToDoWhenThePortIsInUse) {
   const auto first = start();
   ASSERT_TRUE(first) << first.error().text();
-  config_.port = bound_port(**first);
+  config_.port = (*first)->port();
   const auto second = start();
   ASSERT_FALSE(second);
   EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
@@ -37,7 +37,7 @@ TEST_F(NativeServerTest, SaysWhatToDoWhenThePortIsInUse) {
 TEST_F(NativeServerTest, GivesThePortBackWhenItStops) {
   auto first = start();
   ASSERT_TRUE(first);
-  config_.port = bound_port(**first);
+  config_.port = (*first)->port();
   (*first)->stop();
   EXPECT_TRUE(start());
 }
@@ -55,7 +55,7 @@ TEST_F(NativeServerTest, ListensOnIPv6) {
   const auto server = start();
   if (!server && server.error().code == ErrorCode::kUnavailable) GTEST_SKIP() << "no IPv6 here";
   ASSERT_TRUE(server) << server.error().text();
-  EXPECT_NE(bound_port(**server), 0);
+  EXPECT_NE((*server)->port(), 0);
 }
 
 TEST_F(NativeServerTest, RefusesMoreBodiesThanTheProtocolCarries) {

@@ -16,7 +16,7 @@ constexpr std::uint64_t kSession = 77;
 constexpr std::uint64_t kGeneration = 1;
 constexpr Duration kLease = std::chrono::seconds(3);
 
-class RegistryTest : public testing::Test {
+class NativeRegistryTest : public testing::Test {
  protected:
   static Peer peer(std::uint16_t port, std::uint8_t host = 1) {
     Peer p;
@@ -80,7 +80,7 @@ class RegistryTest : public testing::Test {
     return parse(say(subscribe(challenge(from)), from).datagram).lease().token();
   }
 
-  /// One client with a profile that nobody else has. @return what it was told
+  /// One client with a profile of its own. @return its reply
   v1::Envelope join_with_rate(const Peer& from, int rate_hz) {
     v1::Profile profile;
     profile.set_max_rate_hz(static_cast<float>(rate_hz));
@@ -100,7 +100,7 @@ class RegistryTest : public testing::Test {
   Registry registry_{RegistryLimits{4, 2, kLease}, {1, 2}, kSession};
 };
 
-TEST_F(RegistryTest, ChallengesAnUnknownAddressAndRemembersNothing) {
+TEST_F(NativeRegistryTest, ChallengesAnUnknownAddressAndRemembersNothing) {
   const auto reply = say(subscribe(0), peer(1000));
   const auto answer = parse(reply.datagram);
   ASSERT_TRUE(answer.has_challenge());
@@ -110,7 +110,7 @@ TEST_F(RegistryTest, ChallengesAnUnknownAddressAndRemembersNothing) {
   EXPECT_TRUE(registry_.subscribers().empty());
 }
 
-TEST_F(RegistryTest, GrantsALeaseForTheTokenAndSendsTheModel) {
+TEST_F(NativeRegistryTest, GrantsALeaseForTheTokenAndSendsTheModel) {
   const auto token = challenge(peer(1000));
   const auto reply = say(subscribe(token), peer(1000));
   const auto answer = parse(reply.datagram);
@@ -124,21 +124,21 @@ TEST_F(RegistryTest, GrantsALeaseForTheTokenAndSendsTheModel) {
   EXPECT_EQ(registry_.subscribers()[0].name, "te?st");
 }
 
-TEST_F(RegistryTest, DoesNotSendAModelTheClientHolds) {
+TEST_F(NativeRegistryTest, DoesNotSendAModelTheClientHolds) {
   const auto reply = say(subscribe(join(peer(1000)), kGeneration), peer(1000));
   EXPECT_TRUE(parse(reply.datagram).has_lease());
   EXPECT_FALSE(reply.send_model);
   EXPECT_EQ(reply.event, Registry::Event::kNone);
 }
 
-TEST_F(RegistryTest, SendsTheModelAgainButNotMoreOftenThanOncePerPause) {
+TEST_F(NativeRegistryTest, SendsTheModelAgainButNotMoreOftenThanOncePerPause) {
   const auto token = join(peer(1000));
   EXPECT_FALSE(say(subscribe(token), peer(1000)).send_model);
   now_ += std::chrono::milliseconds(60);
   EXPECT_TRUE(say(subscribe(token), peer(1000)).send_model);
 }
 
-TEST_F(RegistryTest, RefusesATokenFromAnotherAddress) {
+TEST_F(NativeRegistryTest, RefusesATokenFromAnotherAddress) {
   const auto token = challenge(peer(1000));
   EXPECT_TRUE(parse(say(subscribe(token), peer(1001)).datagram).has_challenge());
   EXPECT_TRUE(parse(say(subscribe(token), peer(1000, 9)).datagram).has_challenge());
@@ -146,7 +146,7 @@ TEST_F(RegistryTest, RefusesATokenFromAnotherAddress) {
   EXPECT_TRUE(registry_.subscribers().empty());
 }
 
-TEST_F(RegistryTest, ForgetsAClientWhoseLeaseEnds) {
+TEST_F(NativeRegistryTest, ForgetsAClientWhoseLeaseEnds) {
   join(peer(1000));
   now_ += kLease - Duration{1};
   EXPECT_EQ(registry_.expire(now_), 0u);
@@ -155,7 +155,7 @@ TEST_F(RegistryTest, ForgetsAClientWhoseLeaseEnds) {
   EXPECT_TRUE(registry_.subscribers().empty());
 }
 
-TEST_F(RegistryTest, RenewsALeaseForHours) {
+TEST_F(NativeRegistryTest, RenewsALeaseForHours) {
   auto token = join(peer(1000));
   for (int i = 0; i < 3600; ++i) {
     now_ += kLease / 3;
@@ -167,7 +167,7 @@ TEST_F(RegistryTest, RenewsALeaseForHours) {
   EXPECT_EQ(registry_.subscribers().size(), 1u);
 }
 
-TEST_F(RegistryTest, DoesNotRenewForSomebodyWhoOnlyKnowsTheAddress) {
+TEST_F(NativeRegistryTest, RenewsNoLeaseWithoutTheToken) {
   join(peer(1000));
   now_ += kLease - Duration{1};
   EXPECT_TRUE(parse(say(subscribe(0), peer(1000)).datagram).has_challenge());
@@ -175,7 +175,7 @@ TEST_F(RegistryTest, DoesNotRenewForSomebodyWhoOnlyKnowsTheAddress) {
   EXPECT_EQ(registry_.expire(now_), 1u);
 }
 
-TEST_F(RegistryTest, EndsASubscriptionOnlyForItsToken) {
+TEST_F(NativeRegistryTest, EndsASubscriptionOnlyForItsToken) {
   const auto token = join(peer(1000));
   EXPECT_EQ(say(unsubscribe(token + 1), peer(1000)).event, Registry::Event::kNone);
   EXPECT_EQ(say(unsubscribe(token), peer(1001)).event, Registry::Event::kNone);
@@ -186,7 +186,7 @@ TEST_F(RegistryTest, EndsASubscriptionOnlyForItsToken) {
   EXPECT_TRUE(registry_.subscribers().empty());
 }
 
-TEST_F(RegistryTest, RefusesMoreThanTheLimitPerAddress) {
+TEST_F(NativeRegistryTest, RefusesMoreThanTheLimitPerAddress) {
   EXPECT_NE(join(peer(1000)), 0u);
   EXPECT_NE(join(peer(1001)), 0u);
   const auto answer = parse(say(subscribe(challenge(peer(1002))), peer(1002)).datagram);
@@ -195,7 +195,7 @@ TEST_F(RegistryTest, RefusesMoreThanTheLimitPerAddress) {
   EXPECT_NE(join(peer(1002, 2)), 0u) << "another address is still welcome";
 }
 
-TEST_F(RegistryTest, RefusesMoreThanTheLimitOfTheServerUntilSomebodyLeaves) {
+TEST_F(NativeRegistryTest, RefusesClientsAboveTheServersLimitUntilOneLeaves) {
   for (std::uint8_t host = 1; host <= 4; ++host) EXPECT_NE(join(peer(1000, host)), 0u);
   const auto token = challenge(peer(1000, 5));
   const auto answer = parse(say(subscribe(token), peer(1000, 5)).datagram);
@@ -204,7 +204,7 @@ TEST_F(RegistryTest, RefusesMoreThanTheLimitOfTheServerUntilSomebodyLeaves) {
   EXPECT_TRUE(parse(say(subscribe(token), peer(1000, 5)).datagram).has_lease());
 }
 
-TEST_F(RegistryTest, AFloodFromTenThousandPortsGetsFewAnswersAndLeavesNoTrace) {
+TEST_F(NativeRegistryTest, AFloodFromTenThousandPortsGetsFewAnswersAndLeavesNoTrace) {
   const auto question = subscribe(0);
   std::size_t bytes_in = 0;
   std::size_t bytes_out = 0;
@@ -230,20 +230,20 @@ TEST_F(RegistryTest, AFloodFromTenThousandPortsGetsFewAnswersAndLeavesNoTrace) {
   EXPECT_LE(allocations.count(), 10'000 * allocations_of_one);
 }
 
-TEST_F(RegistryTest, AFloodOfOneAddressDoesNotLockOutAnother) {
+TEST_F(NativeRegistryTest, AFloodOfOneAddressDoesNotLockOutAnother) {
   for (int i = 0; i < 10'000; ++i)
     (void)say(subscribe(0), peer(static_cast<std::uint16_t>(1000 + i)));
   EXPECT_NE(join(peer(1000, 2)), 0u);
 }
 
-TEST_F(RegistryTest, AFloodOfOneAddressDoesNotEndItsOwnLease) {
+TEST_F(NativeRegistryTest, AFloodOfOneAddressDoesNotEndItsOwnLease) {
   const auto token = join(peer(500));
   for (int i = 0; i < 10'000; ++i)
     (void)say(subscribe(0), peer(static_cast<std::uint16_t>(1000 + i)));
   EXPECT_TRUE(parse(say(subscribe(token), peer(500)).datagram).has_lease());
 }
 
-TEST_F(RegistryTest, TellsTheTimeOnlyToSubscribers) {
+TEST_F(NativeRegistryTest, AnswersClockRequestsOfSubscribersOnly) {
   const auto token = challenge(peer(1000));
   EXPECT_TRUE(say(clock_query(token), peer(1000)).datagram.empty())
       << "a proven address that never subscribed";
@@ -261,14 +261,14 @@ TEST_F(RegistryTest, TellsTheTimeOnlyToSubscribers) {
   EXPECT_GE(answer.sent_at_ns(), answer.received_at_ns());
 }
 
-TEST_F(RegistryTest, IntroducesItselfSeldomAndShorterThanTheQuestion) {
+TEST_F(NativeRegistryTest, IntroducesItselfSeldomAndShorterThanTheQuestion) {
   v1::Envelope envelope;
   envelope.set_protocol(kProtocol);
   envelope.mutable_discovery_query()->set_nonce(5);
   envelope.mutable_discovery_query()->set_padding(std::string(kMinDiscovery, '\0'));
   const auto question = bytes_of(envelope);
   EXPECT_TRUE(say(question, peer(1000)).datagram.empty()) << "not before it has something to say";
-  registry_.introduce_as(
+  registry_.set_discovery(
       ServerCard{std::string(500, 'h'), std::string(500, 'v'), ~0u, 1e30, 65535});
   int answers = 0;
   for (int i = 0; i < 10'000; ++i) {
@@ -280,7 +280,7 @@ TEST_F(RegistryTest, IntroducesItselfSeldomAndShorterThanTheQuestion) {
   EXPECT_NE(join(peer(1000)), 0u) << "a flood of questions does not keep subscribers out";
 }
 
-TEST_F(RegistryTest, GrantsProfilesAndForgetsThemWithTheirUsers) {
+TEST_F(NativeRegistryTest, GrantsProfilesAndForgetsThemWithTheirUsers) {
   v1::Profile slow;
   slow.set_max_rate_hz(10);
   const auto token = challenge(peer(1000));
@@ -294,7 +294,7 @@ TEST_F(RegistryTest, GrantsProfilesAndForgetsThemWithTheirUsers) {
   EXPECT_TRUE(registry_.profiles().empty());
 }
 
-TEST_F(RegistryTest, OneAddressDoesNotKeepAllProfilesFromOthers) {
+TEST_F(NativeRegistryTest, OneAddressDoesNotKeepAllProfilesFromOthers) {
   give_room(64);
   for (int i = 0; i < kProfiles; ++i)
     ASSERT_TRUE(join_with_rate(peer(static_cast<std::uint16_t>(1000 + i)), 1 + i).has_lease());
@@ -305,7 +305,7 @@ TEST_F(RegistryTest, OneAddressDoesNotKeepAllProfilesFromOthers) {
   EXPECT_EQ(back.notice().reason(), v1::Notice::REASON_PROFILES_FULL) << "and gets none back";
 }
 
-TEST_F(RegistryTest, AProfileThatOthersUseIsNotTheOneThatIsGivenUp) {
+TEST_F(NativeRegistryTest, AProfileThatOthersUseIsNotTheOneThatIsGivenUp) {
   give_room(64);
   for (int i = 0; i < kProfiles; ++i)
     ASSERT_TRUE(join_with_rate(peer(static_cast<std::uint16_t>(1000 + i)), 1 + i).has_lease());
@@ -315,7 +315,7 @@ TEST_F(RegistryTest, AProfileThatOthersUseIsNotTheOneThatIsGivenUp) {
   EXPECT_EQ(clients_of(peer(0)), kProfiles - 1);
 }
 
-TEST_F(RegistryTest, EveryAddressWithOneProfileKeepsIt) {
+TEST_F(NativeRegistryTest, EveryAddressWithOneProfileKeepsIt) {
   give_room(64);
   for (int i = 0; i < kProfiles; ++i)
     ASSERT_TRUE(join_with_rate(peer(1000, static_cast<std::uint8_t>(1 + i)), 1 + i).has_lease());
@@ -323,7 +323,7 @@ TEST_F(RegistryTest, EveryAddressWithOneProfileKeepsIt) {
   EXPECT_EQ(late.notice().reason(), v1::Notice::REASON_PROFILES_FULL);
 }
 
-TEST_F(RegistryTest, WhoHoldsTheMostPlacesGivesOneToWhoHasNone) {
+TEST_F(NativeRegistryTest, WhoHoldsTheMostPlacesGivesOneToWhoHasNone) {
   ASSERT_NE(join(peer(1000)), 0u);
   ASSERT_NE(join(peer(1001)), 0u);
   ASSERT_NE(join(peer(1000, 2)), 0u);
@@ -335,14 +335,14 @@ TEST_F(RegistryTest, WhoHoldsTheMostPlacesGivesOneToWhoHasNone) {
   EXPECT_EQ(registry_.subscribers().size(), 4u);
 }
 
-TEST_F(RegistryTest, TheOperatorAtTheMachineGetsAPlaceOfManyWhoHaveOne) {
+TEST_F(NativeRegistryTest, TheOperatorAtTheMachineGetsAPlaceOfManyWhoHaveOne) {
   for (std::uint8_t host = 1; host <= 4; ++host) ASSERT_NE(join(peer(1000, host)), 0u);
   EXPECT_EQ(join(peer(1000, 5)), 0u);
   EXPECT_NE(join(Peer{0x7f000001, 1000}), 0u);
   EXPECT_EQ(registry_.subscribers().size(), 4u);
 }
 
-TEST_F(RegistryTest, RefusesProfilesItDoesNotKnow) {
+TEST_F(NativeRegistryTest, RefusesProfilesItDoesNotKnow) {
   std::vector<v1::Profile> strange(6);
   strange[0].set_up_axis(static_cast<v1::Profile::UpAxis>(7));
   strange[1].set_max_rate_hz(-1);
@@ -358,7 +358,7 @@ TEST_F(RegistryTest, RefusesProfilesItDoesNotKnow) {
   EXPECT_TRUE(registry_.subscribers().empty());
 }
 
-TEST_F(RegistryTest, NobodyMakesItEncodeByChangingHisMind) {
+TEST_F(NativeRegistryTest, ProfileChangesDoNotCauseMoreEncoding) {
   auto token = join(peer(1000));
   int changes = 0;
   for (int i = 1; i <= 1000; ++i) {
@@ -372,7 +372,7 @@ TEST_F(RegistryTest, NobodyMakesItEncodeByChangingHisMind) {
   EXPECT_GT(changes, 0);
 }
 
-TEST_F(RegistryTest, NamesTheGroupOnlyToWhoAsksForIt) {
+TEST_F(NativeRegistryTest, NamesTheGroupOnlyToWhoAsksForIt) {
   EXPECT_EQ(parse(say(subscribe(join(peer(1000))), peer(1000)).datagram).lease().multicast_port(),
             0u);
   registry_.offer_multicast({{239, 255, 42, 16}, 21601});
@@ -385,7 +385,7 @@ TEST_F(RegistryTest, NamesTheGroupOnlyToWhoAsksForIt) {
   EXPECT_EQ(lease.multicast_group(), std::string("\xef\xff\x2a\x10"));
 }
 
-TEST_F(RegistryTest, GarbageGetsNoAnswer) {
+TEST_F(NativeRegistryTest, GarbageGetsNoAnswer) {
   EXPECT_TRUE(say({}, peer(1000)).datagram.empty());
   EXPECT_TRUE(say(Datagram(500, std::byte{0x5a}), peer(1000)).datagram.empty());
   EXPECT_EQ(registry_.unanswered().malformed, 2u);

@@ -1,4 +1,4 @@
-#include "streaming/native/token_mint.hpp"
+#include "streaming/native/registry.hpp"
 
 #include <gtest/gtest.h>
 
@@ -25,32 +25,32 @@ TEST(SipHash, MatchesThePaper) {
   EXPECT_EQ(siphash(kKey, input), 0xa129ca6149be45e5u);
 }
 
-TEST(TokenMint, AcceptsItsTokenForOnePeriodAtLeastAndTwoAtMost) {
-  const TokenMint mint(kKey, kPeriod);
+TEST(TokenIssuer, AcceptsItsTokenForOnePeriodAtLeastAndTwoAtMost) {
+  const TokenIssuer tokens(kKey, kPeriod);
   const Peer peer = ipv4(1, 5000);
-  const auto token = mint.token(peer, kNow);
-  EXPECT_TRUE(mint.accepts(token, peer, kNow));
-  EXPECT_TRUE(mint.accepts(token, peer, kNow + kPeriod));
-  EXPECT_FALSE(mint.accepts(token, peer, kNow + 2 * kPeriod));
+  const auto token = tokens.token(peer, kNow);
+  EXPECT_TRUE(tokens.accepts(token, peer, kNow));
+  EXPECT_TRUE(tokens.accepts(token, peer, kNow + kPeriod));
+  EXPECT_FALSE(tokens.accepts(token, peer, kNow + 2 * kPeriod));
 }
 
-TEST(TokenMint, RefusesTheTokenOfAnotherAddressPortOrServer) {
-  const TokenMint mint(kKey, kPeriod);
-  const auto token = mint.token(ipv4(1, 5000), kNow);
-  EXPECT_FALSE(mint.accepts(token, ipv4(2, 5000), kNow));
-  EXPECT_FALSE(mint.accepts(token, ipv4(1, 5001), kNow));
-  EXPECT_FALSE(mint.accepts(0, ipv4(1, 5000), kNow));
-  EXPECT_FALSE(TokenMint({1, 2}, kPeriod).accepts(token, ipv4(1, 5000), kNow));
+TEST(TokenIssuer, RefusesTheTokenOfAnotherAddressPortOrServer) {
+  const TokenIssuer tokens(kKey, kPeriod);
+  const auto token = tokens.token(ipv4(1, 5000), kNow);
+  EXPECT_FALSE(tokens.accepts(token, ipv4(2, 5000), kNow));
+  EXPECT_FALSE(tokens.accepts(token, ipv4(1, 5001), kNow));
+  EXPECT_FALSE(tokens.accepts(0, ipv4(1, 5000), kNow));
+  EXPECT_FALSE(TokenIssuer({1, 2}, kPeriod).accepts(token, ipv4(1, 5000), kNow));
 }
 
-TEST(TokenMint, CountsAnIPv6NetworkAsOneAddress) {
-  const TokenMint mint(kKey, kPeriod);
+TEST(TokenIssuer, CountsAnIPv6NetworkAsOneAddress) {
+  const TokenIssuer tokens(kKey, kPeriod);
   Peer a;
   a.address = {0x20, 0x01, 0x0d, 0xb8, 0, 0, 0, 1, 1, 2, 3, 4, 5, 6, 7, 8};
   Peer b = a;
   b.address[15] = 9;
-  EXPECT_EQ(mint.address_hash(a), mint.address_hash(b));
-  EXPECT_NE(mint.address_hash(ipv4(1, 1)), mint.address_hash(ipv4(2, 1)));
+  EXPECT_EQ(tokens.address_hash(a), tokens.address_hash(b));
+  EXPECT_NE(tokens.address_hash(ipv4(1, 1)), tokens.address_hash(ipv4(2, 1)));
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // What a commercial server sent, and what we send to the same requests, field by field. The table
-// in docs/natnet-clients.md says which differences are meant.
+// in docs/natnet-clients.md lists the intended differences.
 #include <gmock/gmock.h>
 
 #include "conversation_fixture.hpp"
@@ -31,7 +31,7 @@ class BesideMotive : public ConversationFixture {
     frame->at = frame->published_at = now_;
     frame->rate_hz = 120;
     conversation_->take(frame, now_);
-    now_ += Conversation::kAnnounce;  // the model is not news any more
+    now_ += Conversation::kAnnounce;  // the model is announced
     conversation_->take(frame, now_);
   }
   [[nodiscard]] Bytes ours_at(Bitstream version) {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "fake_desk.hpp"
+#include "fake_operator_api.hpp"
 #include "messages.hpp"
 #include "streaming/natnet/conversation.hpp"
 #include "support/scene_builder.hpp"
@@ -19,8 +19,8 @@ class ConversationFixture : public testing::Test {
     const auto attached = [] {
       return std::vector{*net::parse_network("10.0.0.0/8"), *net::parse_network("127.0.0.0/8")};
     };
-    conversation_.emplace(config_, make_scene_frame({"arm", "drone"})->model, &desk_, 100, 12345,
-                          net::TrustedNetworks(config_.trusted_networks(), attached), now_);
+    conversation_.emplace(config_, make_scene_frame({"arm", "drone"})->model, &operator_api_, 100,
+                          12345, net::TrustedNetworks(config_.trusted_networks(), attached), now_);
   }
   void SetUp() override {
     config_.remote_control = RemoteControl::kLoopback;
@@ -61,7 +61,7 @@ class ConversationFixture : public testing::Test {
   }
 
   NatNetConfig config_;
-  FakeDesk desk_;
+  FakeOperatorApi operator_api_;
   Instant now_ = instant_from_ns(1'000'000'000'000);
   std::uint64_t number_{0};
   std::optional<Conversation> conversation_;

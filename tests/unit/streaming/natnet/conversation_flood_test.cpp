@@ -82,7 +82,7 @@ TEST_F(FloodTest, NoStrangerIsAClientHoweverOftenItSpeaks) {
     next_frame();
     ASSERT_TRUE(frame_of(stranger).empty());
   }
-  EXPECT_GT(out, 0) << "it is told who is here";
+  EXPECT_GT(out, 0) << "it gets replies";
   EXPECT_LE(out, net::AnswerBudget::kRatio * in);
   EXPECT_TRUE(conversation_->subscribers().empty());
   EXPECT_GT(conversation_->unanswered().untrusted, 0U);

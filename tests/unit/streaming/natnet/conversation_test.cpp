@@ -33,7 +33,7 @@ TEST_F(ConversationTest, TheInfoSaysTheVersionThatIsSent) {
   EXPECT_EQ(old.size(), kInfoBefore3);
 }
 
-TEST_F(ConversationTest, DiscoveryIsAnsweredAndSubscribesNobody) {
+TEST_F(ConversationTest, DiscoveryIsAnsweredWithoutASubscription) {
   EXPECT_EQ(say(message(Message::kDiscovery, sender_block({3, 1}))).size(), kInfoBytes);
   EXPECT_TRUE(conversation_->subscribers().empty());
 }
@@ -43,13 +43,13 @@ TEST_F(ConversationTest, EachPortSaysWhatKindOfServerItIs) {
   EXPECT_EQ(say(ping(), kClient, Channel::kMulticast)[kMulticastFlag], std::byte{1});
 }
 
-TEST_F(ConversationTest, MulticastClientsAreAllToldTheSameVersionAndNotRemembered) {
+TEST_F(ConversationTest, MulticastClientsGetOneVersionWithoutState) {
   EXPECT_EQ(version_in(say(connect({4, 2}, {4, 1}), kClient, Channel::kMulticast)),
             (Bitstream{3, 1}));
   EXPECT_TRUE(conversation_->subscribers().empty());
 }
 
-TEST_F(ConversationTest, WhoKeepsAliveAtTheGroupsPortGetsFramesAsItWasTold) {
+TEST_F(ConversationTest, KeepAliveAtTheGroupsPortGetsFramesInItsVersion) {
   (void)say(connect({4, 2}, {4, 1}), kClient, Channel::kMulticast);
   (void)say(message(Message::kKeepAlive), kClient, Channel::kMulticast);
   ASSERT_EQ(conversation_->subscribers().size(), 1U);
@@ -222,7 +222,7 @@ TEST_F(ConversationTest, TargetsGetFramesWithoutAsking) {
 
 TEST_F(ConversationTest, OneThatIsGoneGetsNothing) {
   join(ping());
-  EXPECT_TRUE(conversation_->gone(kClient));
+  EXPECT_TRUE(conversation_->remove(kClient));
   next_frame();
   EXPECT_TRUE(frame_of().empty());
 }

@@ -5,7 +5,7 @@
 #include <limits>
 #include <random>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "messages.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/hex.hpp"
@@ -115,7 +115,7 @@ TEST_F(FrameEncoderTest, ALostBodyKeepsItsPlaceWithTheBitClearAndNoError) {
   EXPECT_EQ(before.params, 1);
   EXPECT_GT(before.mean_error, 0);
   frame_->bodies[1].valid = false;
-  frame_->bodies[1].X_WP.p = {77, 77, 77};  // where it drifts to is nobody's business
+  frame_->bodies[1].X_WP.p = {77, 77, 77};  // a drifting prediction is not sent
   const auto bodies = bodies_in(encoded());
   ASSERT_EQ(bodies.size(), 3U);
   EXPECT_EQ(bodies[1].id, 2);

@@ -7,10 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "base/byte_reader.hpp"
-#include "base/byte_writer.hpp"
-#include "streaming/natnet/bitstream.hpp"
-#include "streaming/natnet/wire.hpp"
+#include "base/bytes.hpp"
+#include "streaming/natnet/codec.hpp"
 
 /// What clients send, and how they read what comes back.
 namespace fiducap::natnet {
@@ -90,7 +88,7 @@ inline std::int32_t number_in(std::span<const std::byte> datagram) {
   return in.failed() || in.left() != 0 ? -1 : number;
 }
 
-/// What SERVERINFO says; bytes as laid down in the reference.
+/// The fields of SERVERINFO, byte by byte as in the reference.
 inline Bitstream version_in(std::span<const std::byte> info) {
   return {std::to_integer<std::uint8_t>(info[4 + 260]),
           std::to_integer<std::uint8_t>(info[4 + 261])};

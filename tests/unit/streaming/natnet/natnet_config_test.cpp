@@ -1,6 +1,6 @@
-#include "streaming/natnet/natnet_config.hpp"
-
 #include <gmock/gmock.h>
+
+#include "streaming/natnet/natnet.hpp"
 
 namespace fiducap::natnet {
 namespace {

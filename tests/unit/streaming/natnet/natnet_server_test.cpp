@@ -1,4 +1,4 @@
-#include "streaming/natnet/natnet_server.hpp"
+#include "streaming/natnet/natnet.hpp"
 
 #include <gtest/gtest.h>
 
@@ -16,7 +16,7 @@ namespace {
 namespace asio = boost::asio;
 using asio::ip::udp;
 
-constexpr auto kPatience =
+constexpr auto kTimeout =
     std::chrono::seconds(2);  // for datagrams on loopback; reached only by a failure
 
 /// A client's socket; what it gets, in order.
@@ -64,7 +64,7 @@ class NatNetServerTest : public testing::Test {
   }
   /// Runs the server until this client got something.
   Bytes wait_for(Client& client) {
-    const auto end = std::chrono::steady_clock::now() + kPatience;
+    const auto end = std::chrono::steady_clock::now() + kTimeout;
     while (std::chrono::steady_clock::now() < end) {
       io_.restart();
       io_.run_for(std::chrono::milliseconds(1));
@@ -173,7 +173,7 @@ TEST_F(NatNetServerTest, SixtyFourClientsOfOneComputerAllGetEveryFrame) {
   }
 }
 
-TEST_F(NatNetServerTest, TwoPortsTellTwoKindsOfServer) {
+TEST_F(NatNetServerTest, TwoPortsServeTwoKindsOfServer) {
   start();
   ASSERT_NE(server_->unicast_port(), 0);
   Client client(io_);
@@ -209,7 +209,7 @@ class Listener {
   /// Datagrams that came, until none has come for a moment.
   std::size_t count(Bytes& last) {
     std::size_t n = 0;
-    auto until = std::chrono::steady_clock::now() + kPatience;
+    auto until = std::chrono::steady_clock::now() + kTimeout;
     while (std::chrono::steady_clock::now() < until) {
       Bytes buffer(65536);
       boost::system::error_code error;

@@ -1,6 +1,6 @@
-#include "streaming/natnet/registry.hpp"
-
 #include <gtest/gtest.h>
+
+#include "streaming/natnet/registry.hpp"
 
 namespace fiducap::natnet {
 namespace {
@@ -65,7 +65,7 @@ TEST_F(RegistryTest, RemovesOnce) {
   EXPECT_FALSE(registry_.remove(lab(1)));
 }
 
-TEST_F(RegistryTest, NobodyKeepsOthersOutByHoldingManyPlaces) {
+TEST_F(RegistryTest, AnAddressWithManyPlacesDoesNotBlockOthers) {
   Registry registry({64, 16, std::chrono::seconds(15)});
   for (int i = 0; i < 80; ++i) registry.add(lab(1 + i % 5, 4000 + i), at(0.01 * i));
   ASSERT_EQ(registry.all().size(), 64U);
@@ -80,6 +80,145 @@ TEST_F(RegistryTest, NobodyKeepsOthersOutByHoldingManyPlaces) {
   }
   for (int host = 100; host < 110; ++host) EXPECT_NE(registry.find(lab(host)), nullptr);
   EXPECT_LE(back, 5);
+}
+
+TEST(Selection, StartsWithEverything) {
+  const Selection selection;
+  EXPECT_TRUE(selection.is_everything());
+  EXPECT_TRUE(selection.has(1));
+}
+
+TEST(Selection, SubscribedDataOnlyLeavesNothingUntilSomethingIsAskedFor) {
+  Selection selection;
+  selection.only_subscribed();
+  EXPECT_FALSE(selection.has(1));
+  selection.body(2, true);
+  EXPECT_TRUE(selection.has(2));
+  EXPECT_FALSE(selection.has(1));
+  EXPECT_FALSE(selection.is_everything());
+}
+
+TEST(Selection, TheNarrowerRuleWins) {
+  Selection selection;
+  selection.all_types(true);
+  selection.rigid_bodies(false);
+  selection.body(7, true);
+  EXPECT_TRUE(selection.has(7));
+  EXPECT_FALSE(selection.has(8));
+  selection.rigid_bodies(true);
+  selection.body(7, false);
+  EXPECT_FALSE(selection.has(7));
+  EXPECT_TRUE(selection.has(8));
+}
+
+TEST(Selection, ClearGoesBackToTheDefault) {
+  Selection selection;
+  selection.only_subscribed();
+  selection.body(7, true);
+  selection.clear();
+  EXPECT_EQ(selection, Selection());
+}
+
+TEST(Selection, ABodyStandsOnceHoweverOftenItIsNamed) {
+  Selection once;
+  once.body(3, true);
+  Selection often;
+  for (int i = 0; i < 1000; ++i) often.body(3, true);
+  EXPECT_EQ(once, often);
+}
+
+constexpr net::Peer kFirst{0x0a000001, 1000};
+constexpr net::Peer kSecond{0x0a000002, 1000};
+constexpr Instant kStart = instant_from_ns(1'000'000'000);
+constexpr Instant kLate = kStart + QuietConnects::kSilence;
+
+TEST(QuietConnects, NamesWhoConnectedAndWasNotHeardOfAgainOnce) {
+  QuietConnects quiet;
+  quiet.connected(kFirst, kStart);
+  quiet.connected(kSecond, kStart);
+  EXPECT_EQ(quiet.next(kLate - Duration(1)), std::nullopt);
+  quiet.heard(kFirst);
+  EXPECT_EQ(quiet.next(kLate), kSecond);
+  EXPECT_EQ(quiet.next(kLate), std::nullopt);
+}
+
+TEST(QuietConnects, AskingAgainIsAsking) {
+  QuietConnects quiet;
+  quiet.connected(kFirst, kStart);
+  quiet.connected(kFirst, kLate);
+  EXPECT_EQ(quiet.next(kLate), std::nullopt);
+  EXPECT_EQ(quiet.next(kLate + QuietConnects::kSilence), kFirst);
+}
+
+TEST(QuietConnects, RemembersOnlyTheNewest) {
+  QuietConnects quiet;
+  constexpr auto kMore = static_cast<std::uint16_t>(QuietConnects::kMost + 1);
+  for (std::uint16_t port = 1; port <= kMore; ++port) quiet.connected({0x0a000001, port}, kStart);
+  EXPECT_EQ(quiet.next(kLate), (net::Peer{0x0a000001, 2}));
+}
+
+constexpr Peer kSomeone{0x0a000001, 4000};
+constexpr Peer kStranger{0xc0a80001, 4000};
+
+Instant at(double seconds) { return Instant{} + from_seconds(1000 + seconds); }
+
+ReflectionGuard guard_of(std::uint64_t key = 1) {
+  const auto attached = [] {
+    return std::vector{*net::parse_network("10.0.0.0/8"), *net::parse_network("127.0.0.0/8")};
+  };
+  return {key, net::TrustedNetworks({}, attached)};
+}
+
+TEST(ReflectionGuard, TrustsAttachedNetworksOnly) {
+  ReflectionGuard guard = guard_of();
+  EXPECT_TRUE(guard.heard(kSomeone, 10, at(0)).trusted);
+  for (int i = 0; i < 100; ++i) EXPECT_FALSE(guard.heard(kStranger, 10, at(0.1 * i)).trusted);
+}
+
+TEST(ReflectionGuard, RemembersWhatWasPromisedUntilSilence) {
+  ReflectionGuard guard = guard_of();
+  (void)guard.heard(kSomeone, 10, at(0));
+  guard.set_version(kSomeone, {4, 1});
+  EXPECT_EQ(guard.heard(kSomeone, 10, at(1)).version, (Bitstream{4, 1}));
+  EXPECT_EQ(guard.heard({kSomeone.address, 4001}, 10, at(1)).version, Bitstream{})
+      << "another port is somebody else";
+  EXPECT_EQ(guard.heard(kSomeone, 10, at(16.1)).version, Bitstream{});
+}
+
+TEST(ReflectionGuard, AStrangerGetsThreeTimesItsBytesHoweverItAsks) {
+  ReflectionGuard guard = guard_of();
+  std::size_t in = 0, out = 0;
+  for (int i = 0; i < 100000; ++i) {
+    const std::size_t question = static_cast<std::size_t>(4 + i % 300);
+    const std::size_t answer = static_cast<std::size_t>(100 + (i * 37) % 40000);
+    (void)guard.heard(kStranger, question, at(0.001 * i));
+    in += question;
+    if (guard.may_answer(kStranger, answer, false, at(0.001 * i))) out += answer;
+    ASSERT_LE(out, 3 * in);
+  }
+  EXPECT_GT(out, in) << "short answers go";
+}
+
+TEST(ReflectionGuard, OneAddressCannotHaveEverything) {
+  ReflectionGuard guard = guard_of();
+  std::size_t bytes = 0;
+  for (int i = 0; i < 1000; ++i)
+    bytes += guard.may_answer(kSomeone, 50000, true, at(0)) ? 50000 : 0;
+  EXPECT_LE(bytes, ReflectionGuard::kAddressBurst);
+  EXPECT_GE(bytes, 16 * 50000U)
+      << "16 clients of one computer fetch the definitions of 1000 bodies";
+}
+
+TEST(ReflectionGuard, RejectsForgedRequestsInTheNameOfThisMachine) {
+  ReflectionGuard guard = guard_of();
+  for (int i = 0; i < 1000; ++i) ASSERT_TRUE(guard.may_answer({0x7f000001, 9}, 50000, true, at(0)));
+}
+
+TEST(ReflectionGuard, SaysARefusalOnceInAWhile) {
+  ReflectionGuard guard = guard_of();
+  EXPECT_TRUE(guard.may_warn(kStranger, at(0)));
+  EXPECT_FALSE(guard.may_warn(kStranger, at(500)));
+  EXPECT_TRUE(guard.may_warn(kStranger, at(601)));
 }
 
 }  // namespace

@@ -4,8 +4,8 @@
 #include <fstream>
 #include <iterator>
 
-#include "base/byte_reader.hpp"
-#include "streaming/natnet/wire.hpp"
+#include "base/bytes.hpp"
+#include "streaming/natnet/codec.hpp"
 
 namespace fiducap::natnet {
 

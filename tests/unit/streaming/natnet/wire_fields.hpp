@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "streaming/natnet/bitstream.hpp"
+#include "streaming/natnet/codec.hpp"
 
-/// Messages of a NatNet server taken apart field by field, whoever sent them.
+/// Decodes messages of any NatNet server field by field.
 namespace fiducap::natnet {
 
 struct WireField {

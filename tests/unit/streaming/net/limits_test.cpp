@@ -1,5 +1,4 @@
 #include "streaming/net/limits.hpp"
-#include "streaming/net/places.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,21 +11,21 @@ constexpr std::uint32_t kLoopback = 0x7f000001;
 
 Peer remote(std::uint32_t host, std::uint16_t port = 1) { return {0x0a000000 + host, port}; }
 
-TEST(PlaceFor, AFreePlaceIsEverybodys) {
+TEST(PlaceFor, AnyAddressGetsAFreePlace) {
   const std::vector<Peer> holders(3, remote(1));
   const Place place = place_for(remote(1), holders, 4);
   EXPECT_TRUE(place.is_there);
   EXPECT_FALSE(place.instead_of);
 }
 
-TEST(PlaceFor, TheGreediestAddressGivesOneToWhoHasTwoFewer) {
+TEST(PlaceFor, TheAddressWithMostConnectionsGivesOneToAnAddressWithTwoFewer) {
   const std::vector<Peer> holders{remote(1), remote(1), remote(1), remote(2)};
   EXPECT_TRUE(place_for(remote(2), holders, 4).instead_of->same_address(remote(1)));
   EXPECT_TRUE(place_for(remote(3), holders, 4).instead_of->same_address(remote(1)));
   EXPECT_FALSE(place_for(remote(1), holders, 4).is_there);
 }
 
-TEST(PlaceFor, WhoeverHasOneKeepsItButForTheOperatorAtTheMachine) {
+TEST(PlaceFor, ClientsKeepTheirPlaceExceptForTheLocalOperator) {
   const std::vector<Peer> holders{remote(1), remote(2), remote(3), remote(4)};
   EXPECT_FALSE(place_for(remote(5), holders, 4).is_there);
   EXPECT_TRUE(place_for({kLoopback, 1}, holders, 4).is_there);
@@ -56,7 +55,7 @@ TEST(PlaceFor, LocalClientsDoNotKeepEachOtherOut) {
   EXPECT_TRUE(place_for(remote(1), holders, 4).is_there);
 }
 
-TEST(WrongProofsTest, NobodyIsShutOutForSomebodyElse) {
+TEST(WrongProofsTest, NoAddressIsShutOutForAnother) {
   WrongProofs wrong;
   const Instant now = instant_from_ns(1'000'000'000);
   for (std::uint64_t address = 1; address <= 10'000; ++address) {

@@ -1,4 +1,4 @@
-#include "streaming/stream_hub.hpp"
+#include "streaming/streamer.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,3 @@
-#include "streaming/net/tcp_server.hpp"
-
 #include <gtest/gtest.h>
 
 #include <boost/asio/write.hpp>
@@ -7,14 +5,89 @@
 #include <string>
 
 #include "streaming/net/bind.hpp"
+#include "streaming/net/tcp_server.hpp"
+#include "streaming/net/tcp_session.hpp"
 #include "support/fake_clock.hpp"
 
 namespace fiducap::net {
 namespace {
 
+constexpr Instant kStart = instant_from_ns(1'000'000'000);
+
+std::vector<std::byte> bytes(std::string_view text) {
+  const auto view = std::as_bytes(std::span(text.data(), text.size()));
+  return {view.begin(), view.end()};
+}
+SharedBytes frame(std::string_view text) {
+  return std::make_shared<const std::vector<std::byte>>(bytes(text));
+}
+
+class TcpOutboxTest : public testing::Test {
+ protected:
+  std::string take(Instant now = kStart) {
+    const auto pieces = outbox_.take(now);
+    std::string text = pieces ? "" : "nothing";
+    if (pieces) {
+      for (const auto& piece : *pieces)
+        text.append(reinterpret_cast<const char*>(piece.data()), piece.size());
+    }
+    return text;
+  }
+  TcpOutbox outbox_;
+};
+
+TEST_F(TcpOutboxTest, RepliesGoBeforeTheFrame) {
+  outbox_.offer(frame("frame"));
+  outbox_.reply(bytes("reply,"));
+  EXPECT_EQ(take(), "reply,frame");
+}
+
+TEST_F(TcpOutboxTest, OfFramesOnlyTheNewestWaits) {
+  EXPECT_TRUE(outbox_.offer(frame("old")));
+  EXPECT_FALSE(outbox_.offer(frame("new")));
+  EXPECT_EQ(take(), "new");
+}
+
+TEST_F(TcpOutboxTest, WhatIsUnderWayStaysWholeWhileMoreArrives) {
+  outbox_.reply(bytes("one"));
+  outbox_.offer(frame("1"));
+  const auto pieces = outbox_.take(kStart);
+  outbox_.reply(bytes("two"));
+  EXPECT_TRUE(outbox_.offer(frame("2"))) << "the frame under way is not lost";
+  EXPECT_EQ(take(), "nothing") << "one write at a time";
+  EXPECT_EQ(std::string(reinterpret_cast<const char*>((*pieces)[0].data()), 3), "one");
+  outbox_.written(kStart);
+  EXPECT_EQ(take(), "two2");
+}
+
+TEST_F(TcpOutboxTest, AClientThatDoesNotReadMustGo) {
+  outbox_.offer(frame("1"));
+  take();
+  EXPECT_FALSE(outbox_.overdue(kStart + TcpOutbox::kMaxWait));
+  EXPECT_TRUE(outbox_.overdue(kStart + TcpOutbox::kMaxWait + Duration(1)));
+}
+
+TEST_F(TcpOutboxTest, RepliesThatPileUpEndItToo) {
+  outbox_.reply(std::vector<std::byte>(TcpOutbox::kMaxReplyBytes));
+  EXPECT_FALSE(outbox_.overdue(kStart));
+  outbox_.reply(bytes("x"));
+  EXPECT_TRUE(outbox_.overdue(kStart));
+}
+
+TEST_F(TcpOutboxTest, AReaderThatKeepsUpIsNeverOverdue) {
+  for (int second = 0; second < 20; ++second) {
+    const Instant now = kStart + std::chrono::seconds(second);
+    outbox_.offer(frame("f"));
+    outbox_.reply(bytes("r"));
+    EXPECT_EQ(take(now), "rf");
+    EXPECT_FALSE(outbox_.overdue(now));
+    outbox_.written(now);
+  }
+}
+
 using boost::asio::ip::tcp;
 
-/// Says every received byte back; `!` ends it, `#` makes it throw.
+/// Echoes every byte; `!` ends it, `#` makes it throw.
 class Echo final : public TcpSession {
  public:
   Echo(Socket socket, const Clock& clock) : TcpSession(std::move(socket), "test", clock) {}
@@ -29,7 +102,7 @@ class Echo final : public TcpSession {
  protected:
   void received(std::span<const std::byte> got) override {
     if (got.empty()) return;
-    if (got.front() == std::byte{'!'}) return close("was told to");
+    if (got.front() == std::byte{'!'}) return close("as requested");
     if (got.front() == std::byte{'#'}) throw std::runtime_error("a handler's defect");
     send(got);
   }
@@ -201,7 +274,7 @@ TEST_F(TcpServerTest, WhoHoldsTheMostPlacesGivesOneToWhoHasNone) {
   EXPECT_EQ(echo(other, 'c'), "c");
 }
 
-TEST_F(TcpServerTest, ManyAddressesKeepNobodyOutWhileOneMayBeReplaced) {
+TEST_F(TcpServerTest, ManyAddressesBlockNoClientWhileOneMayBeReplaced) {
   auto first = connect(0x7f000002);
   auto second = connect(0x7f000003);
   auto third = connect(0x7f000004);
@@ -248,7 +321,7 @@ class FullListener final {
   tcp::socket first_;
 };
 
-TEST_F(TcpServerTest, AddressesThatNeverAnswerKeepNobodyFromBeingConnectedTo) {
+TEST_F(TcpServerTest, SilentAddressesDoNotBlockOtherConnections) {
   FullListener silent(io_);
   tcp::acceptor real(io_, {boost::asio::ip::address_v4::loopback(), 0});
   const auto make = [this](Socket socket, const Peer&) {
@@ -277,7 +350,7 @@ TEST_F(TcpServerTest, NothingIsCalledAfterItHasStopped) {
   EXPECT_TRUE(error);
 }
 
-TEST_F(TcpServerTest, SessionsMaySayGoodbye) {
+TEST_F(TcpServerTest, SessionsMaySendALastMessage) {
   auto client = connect();
   server_.stop(std::chrono::milliseconds(1));
   EXPECT_FALSE(sessions_[0]->closed());

@@ -4,9 +4,7 @@
 #include <map>
 
 #include "../natnet/messages.hpp"
-#include "base/byte_reader.hpp"
-#include "base/byte_writer.hpp"
-#include "streaming/mavlink/codec.hpp"
+#include "base/bytes.hpp"
 #include "streaming/mavlink/vehicle_link.hpp"
 #include "streaming/natnet/conversation.hpp"
 #include "support/faulty_link.hpp"
@@ -42,10 +40,10 @@ class NatNetNetwork {
     up_.set({});
     down_.set({});
   }
-  Duration wait_for_frames(int wanted, Duration patience) {
+  Duration wait_for_frames(int wanted, Duration timeout) {
     const Instant begin = now_;
     const int before = frames_;
-    while (frames_ < before + wanted && now_ - begin < patience) step();
+    while (frames_ < before + wanted && now_ - begin < timeout) step();
     return now_ - begin;
   }
   [[nodiscard]] std::size_t clients() const { return conversation_.subscribers().size(); }
@@ -106,7 +104,7 @@ TEST(NatNetNetwork, AClientThatGoesOnAskingIsServedWhenTheNetworkIsGoodAgain) {
     NatNetNetwork network(seed);
     network.suffer();
     network.heal();
-    // Two seconds until the client connects again, half of one until it says that it lives.
+    // The client connects again after 2 s and sends keep-alives every 0.5 s.
     ASSERT_LT(network.wait_for_frames(20, 6s), 4s) << "seed " << seed;
     ASSERT_LE(network.clients(), 16u) << "seed " << seed;
   }
@@ -156,7 +154,7 @@ TEST(MavlinkNetwork, PosesFlowAndTheClockIsNeverFurtherOffThanItSays) {
     ASSERT_GE(link.poses(), 395u) << "seed " << seed;
     if (const auto offset = link.clock_offset(now)) {
       const Duration error = offset->to_autopilot - kAutopilotClock;
-      ASSERT_LE(std::chrono::abs(error), offset->doubt + kStep) << "seed " << seed;
+      ASSERT_LE(std::chrono::abs(error), offset->bound + kStep) << "seed " << seed;
     }
   }
 }

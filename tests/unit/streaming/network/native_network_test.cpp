@@ -9,7 +9,7 @@
 #include "src/conversation.hpp"
 #include "src/frame_assembler.hpp"
 #include "streaming/native/codec.hpp"
-#include "streaming/native/frame_encoder.hpp"
+#include "streaming/native/frames.hpp"
 #include "streaming/native/registry.hpp"
 #include "support/faulty_link.hpp"
 #include "support/scene_builder.hpp"
@@ -120,7 +120,7 @@ class NativeNetwork {
     client_.start(now_);
   }
 
-  /// Some seconds on the bad network: the server may start anew, the client's port may change.
+  /// Some seconds on the bad network: the server may restart, the client's port may change.
   void suffer() {
     const int steps = 200 + static_cast<int>(random_() % 400);
     for (int i = 0; i < steps; ++i) {
@@ -133,11 +133,11 @@ class NativeNetwork {
     up_.set({});
     down_.set({});
   }
-  /// @return virtual time until the next whole frame, at most `patience`
-  Duration wait_for_frames(int wanted, Duration patience) {
+  /// @return virtual time until the next whole frame, at most `timeout`
+  Duration wait_for_frames(int wanted, Duration timeout) {
     const Instant begin = now_;
     const int before = shown_;
-    while (shown_ < before + wanted && now_ - begin < patience) step();
+    while (shown_ < before + wanted && now_ - begin < timeout) step();
     return now_ - begin;
   }
   [[nodiscard]] std::size_t clients() const { return server_->clients(); }

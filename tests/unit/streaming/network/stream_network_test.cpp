@@ -7,12 +7,12 @@
 
 #include "../vicon/client_packets.hpp"
 #include "../vrpn/connection_fixture.hpp"
-#include "base/byte_reader.hpp"
+#include "base/bytes.hpp"
 #include "streaming/qualisys/codec.hpp"
-#include "streaming/qualisys/connection.hpp"
-#include "streaming/vicon/connection.hpp"
+#include "streaming/qualisys/session.hpp"
 #include "streaming/vicon/frame_board.hpp"
-#include "streaming/vrpn/report_encoder.hpp"
+#include "streaming/vicon/session.hpp"
+#include "streaming/vrpn/codec.hpp"
 #include "support/faulty_link.hpp"
 #include "support/scene_builder.hpp"
 
@@ -25,7 +25,7 @@ using Bytes = std::vector<std::byte>;
 constexpr Duration kStep = 10ms;
 const std::vector<std::string> kNames{"arm", "drone"};
 
-/// The server's and the client's end of one kind of connection, made anew when it broke.
+/// The server's and the client's end of one kind of connection, replaced when it breaks.
 class Ends {
  public:
   virtual ~Ends() = default;
@@ -59,10 +59,10 @@ class StreamNetwork {
     bad_ = {};
     connect();
   }
-  Duration wait_for_frames(int wanted, Duration patience) {
+  Duration wait_for_frames(int wanted, Duration timeout) {
     const Instant begin = now_;
     const int before = frames_;
-    while (frames_ < before + wanted && now_ - begin < patience) step();
+    while (frames_ < before + wanted && now_ - begin < timeout) step();
     return now_ - begin;
   }
 
@@ -127,7 +127,7 @@ class ViconEnds final : public Ends {
   }
   void publish(const std::shared_ptr<const SceneFrame>& frame, Instant now,
                Bytes& to_client) override {
-    board_.put_up(*frame, now);
+    board_.update(*frame, now);
     if (!connection_->open() || !connection_->wants(board_.id())) return;
     const auto version = board_.statics_version();
     const bool statics = connection_->wants_statics(version);
@@ -223,7 +223,7 @@ class VrpnEnds final : public Ends {
     encoder_.encode(*frame, senders_.of_bodies(), {}, encoded_);
     to_client.insert(to_client.end(), encoded_.bytes.begin(), encoded_.bytes.end());
   }
-  /// Frames are told apart by the time of their first report; what else comes is passed over.
+  /// Frames are identified by the time of their first report; other messages are skipped.
   std::vector<std::uint64_t> read(Bytes& received) override {
     std::vector<std::uint64_t> marks;
     if (!cookie_) {

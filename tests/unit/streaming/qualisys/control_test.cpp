@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "fake_desk.hpp"
+#include "fake_operator_api.hpp"
 
 namespace fiducap::qualisys {
 namespace {
@@ -27,8 +27,8 @@ class QualisysControl : public testing::Test {
     control_.observe(out);
     return out;
   }
-  FakeDesk desk_;
-  Control control_{&desk_};
+  FakeOperatorApi operator_api_;
+  Control control_{&operator_api_};
 };
 
 TEST_F(QualisysControl, OnlyTheTokenMakesAMaster) {
@@ -39,7 +39,7 @@ TEST_F(QualisysControl, OnlyTheTokenMakesAMaster) {
   EXPECT_TRUE(control_.is_master(kAnna));
 }
 
-TEST_F(QualisysControl, WithoutADeskNobodyIsMaster) {
+TEST_F(QualisysControl, WithoutAnOperatorApiNoClientIsMaster) {
   Control closed(nullptr);
   EXPECT_EQ(closed.take(kAnna, "anna", kToken).text, "Client control disabled in QTM");
   EXPECT_EQ(closed.state(), Event::kConnected);
@@ -70,22 +70,22 @@ TEST_F(QualisysControl, OthersChangeNothing) {
                               "Calibrate", "Reprocess", "SetQTMEvent x", "LoadProject x"}) {
     EXPECT_EQ(say(kBert, command), "-You must be master to issue this command") << command;
   }
-  EXPECT_FALSE(desk_.running);
+  EXPECT_FALSE(operator_api_.running);
 }
 
-TEST_F(QualisysControl, ACaptureIsARecordingAndSaveTellsItsName) {
+TEST_F(QualisysControl, ACaptureIsARecordingAndSaveRepliesWithItsName) {
   anna_is_master();
   EXPECT_EQ(say(kAnna, "new"), "+Already connected");
   EXPECT_EQ(say(kAnna, "stop"), "-No measurement is running");
   EXPECT_EQ(say(kAnna, "save take"), "-No measurement to save");
   EXPECT_EQ(say(kAnna, "close"), "+No connection to close");
   EXPECT_EQ(say(kAnna, "start"), "+Starting measurement");
-  EXPECT_TRUE(desk_.running);
+  EXPECT_TRUE(operator_api_.running);
   EXPECT_EQ(control_.state(), Event::kCaptureStarted);
   EXPECT_EQ(say(kAnna, "start"), "-Measurement is already running");
   EXPECT_EQ(say(kAnna, "close"), "-Measurement is already running");
   EXPECT_EQ(say(kAnna, "stop"), "+Stopping measurement");
-  EXPECT_FALSE(desk_.running);
+  EXPECT_FALSE(operator_api_.running);
   EXPECT_EQ(say(kAnna, "save take"), "+Measurement saved as 'take_1'");
   EXPECT_EQ(say(kAnna, "close"), "+Closing file");
   EXPECT_EQ(say(kAnna, "save take"), "-No measurement to save");
@@ -93,7 +93,7 @@ TEST_F(QualisysControl, ACaptureIsARecordingAndSaveTellsItsName) {
 
 TEST_F(QualisysControl, SaysWhyACaptureCannotStart) {
   anna_is_master();
-  desk_.disk_full = true;
+  operator_api_.disk_full = true;
   EXPECT_EQ(say(kAnna, "Start"), "-the disk is full");
   EXPECT_EQ(say(kAnna, "Start RTFromFile"), "-No file open");
 }
@@ -104,25 +104,25 @@ TEST_F(QualisysControl, ACaptureThatFailedIsNotSaved) {
   EXPECT_EQ(say(kAnna, "start"), "+Starting measurement");
   EXPECT_THAT(events(), ElementsAre(Event::kCaptureStarted));
   EXPECT_EQ(say(kAnna, "stop"), "+Stopping measurement");
-  desk_.known = {{"take_1", State::kFailed, "the disk is full", 10, 2000, 3}};
+  operator_api_.known = {{"take_1", State::kFailed, "the disk is full", 10, 2000, 3}};
   EXPECT_THAT(events(), ElementsAre(Event::kCaptureStopped, Event::kConnected));
   EXPECT_EQ(say(kAnna, "save take"), "-Failed to save measurement");
   EXPECT_EQ(say(kAnna, "stop"), "-The measurement failed: the disk is full");
-  desk_.known.push_back({"take_2", State::kFinished, "", 10, 2000, 0});
+  operator_api_.known.push_back({"take_2", State::kFinished, "", 10, 2000, 0});
   EXPECT_EQ(say(kAnna, "stop"), "-No measurement is running");
 }
 
 TEST_F(QualisysControl, ACaptureIsNotSavedBeforeItIsOnTheDisk) {
   using State = RecordingStatus::State;
   anna_is_master();
-  desk_.stops_as = State::kStopping;
+  operator_api_.stops_as = State::kStopping;
   EXPECT_EQ(say(kAnna, "start"), "+Starting measurement");
   EXPECT_THAT(events(), ElementsAre(Event::kCaptureStarted));
   EXPECT_EQ(say(kAnna, "stop"), "+Stopping measurement");
   EXPECT_THAT(events(), ElementsAre(Event::kCaptureStopped));
   EXPECT_EQ(say(kAnna, "save take"), "-Failed to save measurement");
   EXPECT_THAT(events(), IsEmpty());
-  desk_.known.back().state = State::kFinished;
+  operator_api_.known.back().state = State::kFinished;
   EXPECT_THAT(events(), ElementsAre(Event::kCaptureSaved, Event::kConnected));
   EXPECT_EQ(say(kAnna, "save take"), "+Measurement saved as 'take_1'");
 }
@@ -137,12 +137,12 @@ TEST_F(QualisysControl, WordsThatAreNotForUsAreRefusedInQtmsWords) {
   EXPECT_EQ(say(kAnna, "Dance"), "?");
 }
 
-TEST_F(QualisysControl, TellsWhatHappenedWhoeverDidIt) {
+TEST_F(QualisysControl, SendsEventsToEveryClient) {
   EXPECT_THAT(events(), IsEmpty());
-  desk_.running = "by the page";
+  operator_api_.running = "by the page";
   EXPECT_THAT(events(), ElementsAre(Event::kCaptureStarted));
   EXPECT_THAT(events(), IsEmpty());
-  ASSERT_TRUE(desk_.stop_recording());
+  ASSERT_TRUE(operator_api_.stop_recording());
   EXPECT_THAT(events(),
               ElementsAre(Event::kCaptureStopped, Event::kCaptureSaved, Event::kConnected));
   EXPECT_EQ(control_.state(), Event::kConnected);
@@ -158,9 +158,9 @@ TEST_F(QualisysControl, AMastersSettingsSwitchBodies) {
   anna_is_master();
   EXPECT_EQ(control_.apply_settings(kAnna, xml("arm", "false"), bodies).text,
             "Setting parameters succeeded");
-  EXPECT_EQ(desk_.enabled, (std::map<int, bool>{{7, false}}));
+  EXPECT_EQ(operator_api_.enabled, (std::map<int, bool>{{7, false}}));
   EXPECT_TRUE(control_.apply_settings(kAnna, xml("drone", "true"), bodies).ok);  // it is
-  EXPECT_EQ(desk_.enabled.size(), 1u);
+  EXPECT_EQ(operator_api_.enabled.size(), 1u);
   EXPECT_EQ(control_.apply_settings(kAnna, xml("ghost", "true"), bodies).text,
             "Setting parameters failed");
   EXPECT_FALSE(control_.apply_settings(kAnna, "<S><General/></S>", bodies).ok);

@@ -1,13 +1,14 @@
-#include "streaming/qualisys/frame_encoder.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 #include <random>
 
-#include "base/byte_reader.hpp"
+#include <Eigen/Geometry>
+
+#include "base/bytes.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
+#include "streaming/qualisys/frame_board.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/hex.hpp"
 #include "support/scene_builder.hpp"
@@ -136,12 +137,12 @@ TEST(QualisysFrameEncoder, HoldKeepsTheLastPoseAndNothingElseDoes) {
     EncodedFrame out;
     encoder.encode({only({Component::k6d}), std::endian::little, false}, out);
     LittleEndianReader in(std::span(out.packet).subspan(40));
-    EXPECT_EQ(std::isnan(in.f32()), policy != WhenInvalid::kHold) << name_of(policy);
+    EXPECT_EQ(std::isnan(in.f32()), policy != WhenInvalid::kHold) << static_cast<int>(policy);
     frame->axes += 1;
     encoder.begin(*frame, 1, rows);
     encoder.encode({only({Component::k6d}), std::endian::little, false}, out);
     LittleEndianReader in_other_axes(std::span(out.packet).subspan(40));
-    EXPECT_TRUE(std::isnan(in_other_axes.f32())) << name_of(policy);
+    EXPECT_TRUE(std::isnan(in_other_axes.f32())) << static_cast<int>(policy);
   }
 }
 
@@ -227,7 +228,7 @@ TEST(QualisysFrameEncoder, AComponentTooLongForADatagramIsLeftOut) {
   EXPECT_EQ(out.packet.size(), 24 + 4 * 16 + 1400 * (48 + 52 + 24 + 28));
 }
 
-// What a client reads is the pose that the conventions say, whatever the pose.
+// Clients decode the pose of the conventions, for any pose.
 TEST(QualisysFrameEncoder, EveryPoseComesBackFromTheWire) {
   constexpr double kFloat_mm = 1e-3;
   std::mt19937 random(3);
@@ -275,6 +276,47 @@ TEST(QualisysFrameEncoder, AllocatesNothingAfterTheFirstFrame) {
     encoder.encode(profile, out);
   }
   EXPECT_EQ(counter.count(), 0u);
+}
+
+constexpr double kRounding = 1e-7;  // near ±90° the arc sine loses half of the digits
+
+/// As libmotioncapture rebuilds it.
+Eigen::Matrix3d rebuilt(const Eigen::Vector3d& deg) {
+  const Eigen::Vector3d a = deg * std::numbers::pi / 180.0;
+  return (Eigen::AngleAxisd(a.x(), Eigen::Vector3d::UnitX()) *
+          Eigen::AngleAxisd(a.y(), Eigen::Vector3d::UnitY()) *
+          Eigen::AngleAxisd(a.z(), Eigen::Vector3d::UnitZ()))
+      .toRotationMatrix();
+}
+
+TEST(QualisysEuler, AnglesRebuildEveryRotation) {
+  std::mt19937 random(7);
+  std::normal_distribution<double> normal;
+  for (int i = 0; i < 2000; ++i) {
+    const Eigen::Quaterniond q =
+        Eigen::Quaterniond(normal(random), normal(random), normal(random), normal(random))
+            .normalized();
+    const Eigen::Matrix3d R = q.toRotationMatrix();
+    EXPECT_TRUE(rebuilt(euler_deg(R)).isApprox(R, kRounding));
+  }
+}
+
+TEST(QualisysEuler, AnglesRebuildTheRotationsWhereTwoAxesFallTogether) {
+  for (const double a2 : {90.0, -90.0}) {
+    for (const double a1 : {0.0, 30.0, -120.0, 180.0}) {
+      for (const double a3 : {0.0, 45.0, -170.0}) {
+        const Eigen::Matrix3d R = rebuilt({a1, a2, a3});
+        const Eigen::Vector3d found = euler_deg(R);
+        EXPECT_TRUE(found.allFinite());
+        EXPECT_TRUE(rebuilt(found).isApprox(R, kRounding)) << a1 << ' ' << a2 << ' ' << a3;
+      }
+    }
+  }
+}
+
+TEST(QualisysEuler, EachAngleTurnsAboutItsOwnAxis) {
+  const Eigen::Vector3d angles(10, -20, 30);
+  EXPECT_TRUE(euler_deg(rebuilt(angles)).isApprox(angles, kRounding));
 }
 
 }  // namespace

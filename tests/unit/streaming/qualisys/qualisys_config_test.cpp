@@ -1,4 +1,4 @@
-#include "streaming/qualisys/qualisys_config.hpp"
+#include "streaming/qualisys/qualisys.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "streaming/qualisys/qualisys_server.hpp"
+#include "streaming/qualisys/qualisys.hpp"
 
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
@@ -10,8 +10,8 @@
 #include <chrono>
 #include <functional>
 
-#include "base/byte_reader.hpp"
-#include "fake_desk.hpp"
+#include "base/bytes.hpp"
+#include "fake_operator_api.hpp"
 #include "rt_client.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/hex.hpp"
@@ -34,8 +34,8 @@ class QualisysServer : public ServerStage<RtClient> {
   void start() {
     config_.base_port = 0;
     config_.discovery_port = discovery_;
-    auto server =
-        start_qualisys_server(io_, config_, &desk_, make_scene_frame(names_)->model, clock_);
+    auto server = start_qualisys_server(io_, config_, &operator_api_,
+                                        make_scene_frame(names_)->model, clock_);
     ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
     base_ = server_->base_port();
@@ -55,7 +55,7 @@ class QualisysServer : public ServerStage<RtClient> {
     return all;
   }
 
-  FakeDesk desk_;
+  FakeOperatorApi operator_api_;
   QualisysConfig config_;
   std::uint16_t discovery_{0};
   std::uint16_t base_{0};
@@ -121,7 +121,7 @@ TEST_F(QualisysServer, GivesTheCurrentFrameOnceEach) {
   EXPECT_TRUE(until([&] { return client.frames() == 2; }));
 }
 
-TEST_F(QualisysServer, TellsWhenTheBodiesChangeAndKeepsTheirPlaces) {
+TEST_F(QualisysServer, ReportsChangedBodiesAndKeepsTheirPlaces) {
   start();
   RtClient client(base_ + 1);
   begin(client, "StreamFrames AllFrames 6D");
@@ -141,7 +141,7 @@ TEST_F(QualisysServer, TellsWhenTheBodiesChangeAndKeepsTheirPlaces) {
   EXPECT_TRUE(std::isnan(in.f32()));
 }
 
-TEST_F(QualisysServer, TellsEverybodyOfACaptureAndOfItsOwnEnd) {
+TEST_F(QualisysServer, SendsCaptureAndShutdownEventsToEveryClient) {
   start();
   RtClient master(base_ + 1);
   RtClient other(base_ + 1);
@@ -264,7 +264,7 @@ TEST_F(QualisysServer, NamesPortAndRemedyWhenThePortIsInUse) {
   QualisysConfig second = config_;
   second.base_port = base_;
   const auto server =
-      start_qualisys_server(io_, second, &desk_, make_scene_frame(names_)->model, clock_);
+      start_qualisys_server(io_, second, &operator_api_, make_scene_frame(names_)->model, clock_);
   ASSERT_FALSE(server);
   EXPECT_THAT(server.error().text(), HasSubstr(std::to_string(base_)));
   EXPECT_THAT(server.error().text(), HasSubstr("streaming.qualisys.base_port"));

@@ -10,7 +10,7 @@
 
 namespace fiducap::qualisys {
 
-/// A client on real loopback sockets that reads when it is told to.
+/// A client on real loopback sockets that reads on request.
 class RtClient final {
  public:
   explicit RtClient(std::uint16_t port, std::endian order = std::endian::little);

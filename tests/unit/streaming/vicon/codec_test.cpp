@@ -5,7 +5,7 @@
 #include <functional>
 #include <numbers>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "support/hex.hpp"
 
 namespace fiducap::vicon {

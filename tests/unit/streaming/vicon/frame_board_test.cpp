@@ -26,7 +26,7 @@ std::shared_ptr<const Profile> profile_of(const std::set<std::uint32_t>& types,
   return std::make_shared<const Profile>(std::move(profile));
 }
 
-/// A client that sees everything that is put up; statics only when `next` is told so.
+/// A client that takes every frame; statics only when `next` requests them.
 class ViconFrameBoardTest : public testing::Test {
  protected:
   ViconFrameBoardTest() {
@@ -39,7 +39,7 @@ class ViconFrameBoardTest : public testing::Test {
   }
   void next(const SceneFrame& frame, bool statics, Duration waited = {}) {
     const Instant now = frame.published_at + waited_before_;
-    board_.put_up(frame, now);
+    board_.update(frame, now);
     const auto bytes = board_.packet(profile_, statics, now + waited);
     EXPECT_EQ(view_.take(*bytes), bytes->size());
     EXPECT_THAT(view_.violations, IsEmpty());
@@ -51,7 +51,7 @@ class ViconFrameBoardTest : public testing::Test {
   Duration waited_before_{};
 };
 
-TEST_F(ViconFrameBoardTest, TheFirstFrameTellsEverything) {
+TEST_F(ViconFrameBoardTest, TheFirstFrameIsComplete) {
   see_as(client::kSegments);
   const auto frame = make_scene_frame({"arm", "drone"}, 12);
   next(*frame, true);
@@ -236,7 +236,7 @@ TEST_F(ViconFrameBoardTest, EveryFrameHasItsOwnTimecodeHoweverLateItIs) {
 
 TEST_F(ViconFrameBoardTest, ClientsWithOneProfileShareTheirBytes) {
   const auto frame = make_scene_frame({"a"});
-  board_.put_up(*frame, frame->published_at);
+  board_.update(*frame, frame->published_at);
   const auto profile = profile_of(client::kSegments);
   const auto light = profile_of(client::kLight);
   const auto first = board_.packet(profile, false, frame->published_at);
@@ -260,7 +260,7 @@ TEST_F(ViconFrameBoardTest, AllocatesNothingPerFrameAfterWarmUp) {
   const std::array profiles{profile_of(client::kSegments), profile_of(client::kLight),
                             profile_of(client::kSegments, {{Type::kGlobalSegments, {2, 7}}})};
   const auto once = [&](bool statics) {
-    board_.put_up(*frame, frame->published_at);
+    board_.update(*frame, frame->published_at);
     for (const auto& profile : profiles) {
       const auto bytes = board_.packet(profile, statics, frame->published_at);
       const auto again = board_.packet(profile, statics, frame->published_at);

@@ -1,4 +1,4 @@
-#include "streaming/vicon/frame_numbers.hpp"
+#include "streaming/vicon/frame_board.hpp"
 
 #include <gtest/gtest.h>
 

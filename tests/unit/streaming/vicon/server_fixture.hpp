@@ -1,36 +1,17 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <memory>
-#include <string>
-#include <vector>
-
-#include "streaming/vicon/vicon_server.hpp"
+#include "streaming/vicon/vicon.hpp"
 #include "strict_client.hpp"
-#include "support/server_stage.hpp"
+#include "unit/streaming/server_fixture.hpp"
 
 namespace fiducap::vicon {
 
-/// Server and clients on real loopback sockets, all in this thread.
-class ViconServerTest : public ServerStage<StrictClient> {
+class ViconServerTest : public ProtocolServerTest<StrictClient, ViconConfig> {
  protected:
-  ~ViconServerTest() override {
-    if (server_) server_->stop();
-    io_.restart();
-    io_.run();
+  Expected<std::unique_ptr<Streamer>> make_server(std::shared_ptr<const SceneModel>) override {
+    return start_vicon_server(io_, config_, clock_);
   }
-
-  void start(const std::vector<std::string>& bodies = {"arm", "drone"}) {
-    names_ = bodies;
-    config_.port = port_;
-    auto server = start_vicon_server(io_, config_, clock_);
-    ASSERT_TRUE(server) << server.error().text();
-    server_ = std::move(*server);
-    port_ = server_->port();
-    ASSERT_GT(port_, 0);
-  }
-  /// Connected, greeted, and the types said.
+  /// Connected and greeted, with the types sent.
   void open(StrictClient& client, const std::set<std::uint32_t>& types = client::kSegments) {
     client.connect(port_);
     clients_.push_back(&client);
@@ -38,17 +19,6 @@ class ViconServerTest : public ServerStage<StrictClient> {
     client.want(types);
     steps(3);
   }
-  void publish() { server_->publish(frame()); }
-
-  [[nodiscard]] std::vector<ClientStatus> status() const {
-    std::vector<ClientStatus> all;
-    server_->append_clients(all);
-    return all;
-  }
-
-  ViconConfig config_;
-  std::uint16_t port_{0};
-  std::unique_ptr<ViconStreamer> server_;
 };
 
 }  // namespace fiducap::vicon

@@ -1,11 +1,11 @@
-#include "streaming/vicon/subject_poses.hpp"
+#include "streaming/vicon/frame_board.hpp"
 
 #include <gtest/gtest.h>
 
 #include <limits>
 #include <random>
 
-#include "base/so3.hpp"
+#include "base/pose.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/scene_builder.hpp"
@@ -33,7 +33,7 @@ TEST(ViconSubjectPoses, MatrixAndRotationVectorTurnSegmentPointsIntoTheWorldInMi
     Pose& X_WP = frame->bodies[0].X_WP;
     X_WP = {exp_so3((i % 4 == 0 ? 1e-9 : 2.0) * vector()), 5 * vector()};
     if (i % 2 == 0) X_WP.q.coeffs() *= -1;
-    poses.take_over(*frame);
+    poses.update(*frame);
     const SegmentPose& segment = poses.all()[0].segment;
     const Eigen::Vector3d p_P = vector();
     const Eigen::Vector3d p_W_mm = 1000 * (X_WP * p_P);
@@ -50,7 +50,7 @@ TEST(ViconSubjectPoses, AnInvalidBodyIsListedButNotVisible) {
   auto frame = make_scene_frame({"a", "b"});
   frame->bodies[0].valid = false;
   auto poses = poses_with();
-  poses.take_over(*frame);
+  poses.update(*frame);
   EXPECT_TRUE(poses.all()[0].listed);
   EXPECT_FALSE(poses.all()[0].visible);
   EXPECT_EQ(poses.all()[0].quality, 0.0);
@@ -61,7 +61,7 @@ TEST(ViconSubjectPoses, StopTakesAnInvalidBodyOffTheList) {
   auto frame = make_scene_frame({"a"});
   frame->bodies[0].valid = false;
   auto poses = poses_with(WhenInvalid::kStop);
-  poses.take_over(*frame);
+  poses.update(*frame);
   EXPECT_FALSE(poses.all()[0].listed);
   EXPECT_FALSE(poses.all()[0].visible);
 }
@@ -70,19 +70,19 @@ TEST(ViconSubjectPoses, HoldRepeatsTheLastValidPoseWithoutQuality) {
   auto frame = make_scene_frame({"a"});
   auto poses = poses_with(WhenInvalid::kHold);
   frame->bodies[0].valid = false;
-  poses.take_over(*frame);
+  poses.update(*frame);
   EXPECT_FALSE(poses.all()[0].visible) << "nothing to hold yet";
   frame->bodies[0].valid = true;
-  poses.take_over(*frame);
+  poses.update(*frame);
   const Eigen::Vector3d seen = poses.all()[0].segment.t_mm;
   frame->bodies[0].valid = false;
   frame->bodies[0].X_WP.p += Eigen::Vector3d::Ones();
-  poses.take_over(*frame);
+  poses.update(*frame);
   EXPECT_TRUE(poses.all()[0].visible);
   EXPECT_EQ(poses.all()[0].segment.t_mm, seen);
   EXPECT_EQ(poses.all()[0].quality, 0.0);
   frame->axes = 1;
-  poses.take_over(*frame);
+  poses.update(*frame);
   EXPECT_FALSE(poses.all()[0].visible) << "held in axes that are no longer those of the room";
 }
 
@@ -91,7 +91,7 @@ TEST(ViconSubjectPoses, NumbersThatAreNoneMakeABodyInvalid) {
   frame->bodies[0].X_WP.p.x() = std::numeric_limits<double>::quiet_NaN();
   frame->bodies[1].X_WP.q.w() = std::numeric_limits<double>::infinity();
   auto poses = poses_with();
-  poses.take_over(*frame);
+  poses.update(*frame);
   EXPECT_FALSE(poses.all()[0].visible);
   EXPECT_FALSE(poses.all()[1].visible);
 }
@@ -114,9 +114,9 @@ TEST(ViconSubjectPoses, AllocateNothingAfterWarmUp) {
   const auto frame = make_scene_frame({"a", "b", "c"});
   for (const auto policy : {WhenInvalid::kFlag, WhenInvalid::kStop, WhenInvalid::kHold}) {
     auto poses = poses_with(policy);
-    poses.take_over(*frame);
+    poses.update(*frame);
     const AllocationCounter allocations;
-    for (int i = 0; i < 100; ++i) poses.take_over(*frame);
+    for (int i = 0; i < 100; ++i) poses.update(*frame);
     EXPECT_EQ(allocations.count(), 0u);
   }
 }

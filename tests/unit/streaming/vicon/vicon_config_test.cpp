@@ -1,4 +1,4 @@
-#include "streaming/vicon/vicon_config.hpp"
+#include "streaming/vicon/vicon.hpp"
 
 #include <gtest/gtest.h>
 

@@ -17,7 +17,7 @@ std::vector<std::string> many_bodies() {
   return many;
 }
 
-TEST_F(ViconServerTest, AStalledClientLosesFramesThenItsPlaceAndDisturbsNobody) {
+TEST_F(ViconServerTest, AStalledClientLosesFramesThenItsPlaceWithoutEffectOnOthers) {
   start(many_bodies());
   StrictClient stalled;
   StrictClient reading;
@@ -64,7 +64,7 @@ TEST_F(ViconServerTest, AClientThatWakesUpGetsTheNewestFrameAndEverythingThatCha
   model->bodies[3].name = "renamed";
   renamed->model = model;
   server_->publish(renamed);
-  for (int i = 0; i < 5; ++i) {  // the frame that tells the new name never leaves
+  for (int i = 0; i < 5; ++i) {  // the frame with the new name is never sent
     auto later = frame();
     later->model = model;
     server_->publish(later);
@@ -116,8 +116,8 @@ TEST_F(ViconServerTest, ReadsNamesAndFiltersOf64KiBAndForgetsThem) {
   start();
   StrictClient client;
   open(client);
-  client.send(client::packet(
-      77777, client::Bytes(65000, std::byte{'a'})));  // a name in an object that nobody knows
+  client.send(
+      client::packet(77777, client::Bytes(65000, std::byte{'a'})));  // a name in an unknown object
   std::set<std::uint32_t> ids;
   for (std::uint32_t i = 1; i < 16000; ++i) ids.insert(i * 2);
   client.send(client::filter({{9, ids}}));

@@ -1,4 +1,4 @@
-#include "streaming/vicon/vicon_server.hpp"
+#include "streaming/vicon/vicon.hpp"
 
 #include <gmock/gmock.h>
 
@@ -91,7 +91,7 @@ TEST_F(ViconServerTest, ModesCanBeSwitchedWhileRunning) {
   steps(3);
   publish();
   ASSERT_TRUE(until([&] { return client.view.frames == 1; }));
-  client.send(client::request_frame(false));  // stop pushing, or pull: cannot be told apart
+  client.send(client::request_frame(false));  // stop pushing or pull: the same request
   steps(3);
   publish();
   publish();

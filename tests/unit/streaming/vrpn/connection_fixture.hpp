@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "base/byte_writer.hpp"
+#include "base/bytes.hpp"
 #include "golden.hpp"
-#include "streaming/vrpn/connection.hpp"
+#include "streaming/vrpn/session.hpp"
 
 namespace fiducap::vrpn {
 

@@ -51,7 +51,7 @@ TEST_F(VrpnConnectionTest, RefusesUdpToLowPorts) {
   feed(connection, golden("cookie"));
   feed(connection, udp_description(53));
   EXPECT_FALSE(connection.udp_port());
-  EXPECT_THAT(connection.take_notes().at(0).text, HasSubstr("came 53"));
+  EXPECT_THAT(connection.take_notes().at(0).text, HasSubstr("got 53"));
 }
 
 TEST_F(VrpnConnectionTest, ExplainsAtMostFourUnknownBodies) {
@@ -182,7 +182,7 @@ TEST_F(VrpnConnectionTest, NotesAClientsTextWithoutControlCharacters) {
   EXPECT_TRUE(feed(connection, text).empty());
   const auto notes = connection.take_notes();
   ASSERT_EQ(notes.size(), 1u);
-  EXPECT_EQ(notes[0].text, "says: lost.[2J");
+  EXPECT_EQ(notes[0].text, "sent text: lost.[2J");
   for (int i = 0; i < 1000; ++i) feed(connection, text);
   EXPECT_LE(connection.take_notes().size(), 15u);
 }

@@ -1,13 +1,12 @@
-#include "streaming/vrpn/report_encoder.hpp"
+#include "streaming/vrpn/codec.hpp"
 
 #include <gtest/gtest.h>
 
 #include <limits>
 #include <numbers>
 
-#include "base/byte_reader.hpp"
-#include "base/so3.hpp"
-#include "streaming/vrpn/codec.hpp"
+#include "base/bytes.hpp"
+#include "base/pose.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/scene_builder.hpp"
 

@@ -1,4 +1,4 @@
-#include "streaming/vrpn/vrpn_config.hpp"
+#include "streaming/vrpn/vrpn.hpp"
 
 #include <gtest/gtest.h>
 
@@ -31,7 +31,7 @@ TEST(VrpnConfig, SensorsBelongToBodiesAndAreFew) {
   config.sensors.push_back({"", Pose{}});
   config.sensors.push_back({"drone", {Eigen::Quaterniond(2, 0, 0, 0), Eigen::Vector3d::Zero()}});
   const auto errors = config.check();
-  ASSERT_EQ(errors.size(), 7u);  // five of the arm, one of nobody, one that is no attitude
+  ASSERT_EQ(errors.size(), 7u);  // five of the arm, one without a body, one that is no attitude
   EXPECT_EQ(errors.back().path, "streaming.vrpn.sensors.7.X_PS");
 }
 

@@ -1,4 +1,4 @@
-#include "streaming/vrpn/vrpn_server.hpp"
+#include "streaming/vrpn/vrpn.hpp"
 
 #include <gmock/gmock.h>
 
@@ -146,7 +146,7 @@ TEST_F(VrpnServerTest, DescribesANewBodyBeforeItsFirstReport) {
   EXPECT_THAT(client.violations, IsEmpty());
 }
 
-TEST_F(VrpnServerTest, TellsEveryClientOfALostBodyAndStopsItsReports) {
+TEST_F(VrpnServerTest, ReportsALostBodyToEveryClientAndStopsItsReports) {
   start();
   StrictClient a;
   StrictClient b;

@@ -7,9 +7,9 @@
 #include "loopback_client.hpp"
 #include "proof/control_proof.hpp"
 #include "streaming/net/limits.hpp"
-#include "streaming/web/web_server.hpp"
+#include "streaming/web/web.hpp"
 #include "support/fake_clock.hpp"
-#include "support/fake_desk.hpp"
+#include "support/fake_operator_api.hpp"
 #include "temporary_page.hpp"
 
 namespace fiducap::web {
@@ -19,16 +19,16 @@ using namespace std::chrono_literals;
 
 class ControlSocketTest : public testing::Test {
  protected:
-  ControlSocketTest() { start(&desk_); }
+  ControlSocketTest() { start(&operator_api_); }
 
-  void start(OperatorDesk* desk) {
+  void start(OperatorApi* operator_api) {
     server_.reset();
     WebConfig config;
     config.port = 0;
     config.root = files_.root().string();
     config.hosts = {"hall"};
     WebSources sources;
-    sources.desk = desk;
+    sources.operator_api = operator_api;
     auto started =
         start_web_server(io_, config, std::move(sources), std::make_shared<SceneModel>(), clock_);
     ASSERT_TRUE(started.has_value()) << started.error().text();
@@ -58,7 +58,7 @@ class ControlSocketTest : public testing::Test {
     for (int i = 0; i < 4; ++i) length += static_cast<char>(message.size() >> (8 * i));
     return length + message;
   }
-  /// @return what the server says to a command with this token
+  /// @return the reply to a command with this token
   v1::ControlReply command(const std::string& token) {
     auto peer = client();
     upgrade(peer);
@@ -72,19 +72,19 @@ class ControlSocketTest : public testing::Test {
   boost::asio::io_context io_;
   FakeClock clock_{instant_from_ns(1'000'000'000)};
   TemporaryPage files_;
-  FakeDesk desk_;
-  std::unique_ptr<WebServer> server_;
+  FakeOperatorApi operator_api_;
+  std::unique_ptr<Streamer> server_;
 };
 
 TEST_F(ControlSocketTest, CarriesOutWhatIsProven) {
-  EXPECT_EQ(command(desk_.operator_token).result(), v1::ControlReply::RESULT_DONE);
-  ASSERT_EQ(desk_.changes.size(), 1u);
-  EXPECT_EQ(std::get<ForgetTag>(desk_.changes[0]).tag_id, 7);
+  EXPECT_EQ(command(operator_api_.operator_token).result(), v1::ControlReply::RESULT_DONE);
+  ASSERT_EQ(operator_api_.changes.size(), 1u);
+  EXPECT_EQ(std::get<ForgetTag>(operator_api_.changes[0]).tag_id, 7);
 }
 
-TEST_F(ControlSocketTest, SaysWhyTheDeskRefuses) {
-  desk_.refusal = "the map is frozen";
-  const auto said = command(desk_.operator_token);
+TEST_F(ControlSocketTest, RepliesWithTheReasonOfARefusal) {
+  operator_api_.refusal = "the map is frozen";
+  const auto said = command(operator_api_.operator_token);
   EXPECT_EQ(said.result(), v1::ControlReply::RESULT_REFUSED);
   EXPECT_EQ(said.text(), "the map is frozen");
 }
@@ -92,14 +92,14 @@ TEST_F(ControlSocketTest, SaysWhyTheDeskRefuses) {
 TEST_F(ControlSocketTest, AWrongTokenChangesNothingAndFiveKeepTheAddressOut) {
   for (int i = 0; i < net::WrongProofs::kAllowed; ++i)
     EXPECT_EQ(command("a guess").result(), v1::ControlReply::RESULT_FORBIDDEN);
-  EXPECT_EQ(command(desk_.operator_token).result(), v1::ControlReply::RESULT_BUSY);
-  EXPECT_TRUE(desk_.changes.empty());
+  EXPECT_EQ(command(operator_api_.operator_token).result(), v1::ControlReply::RESULT_BUSY);
+  EXPECT_TRUE(operator_api_.changes.empty());
 }
 
 TEST_F(ControlSocketTest, AServerWithoutATokenTakesNoCommand) {
-  desk_.operator_token.clear();
+  operator_api_.operator_token.clear();
   EXPECT_EQ(command("").result(), v1::ControlReply::RESULT_FORBIDDEN);
-  EXPECT_TRUE(desk_.changes.empty());
+  EXPECT_TRUE(operator_api_.changes.empty());
 }
 
 TEST_F(ControlSocketTest, WhatWasProvenElsewhereIsWorthNothing) {
@@ -107,9 +107,9 @@ TEST_F(ControlSocketTest, WhatWasProvenElsewhereIsWorthNothing) {
   upgrade(peer);
   ASSERT_TRUE(peer.wait_for_upgrade());
   (void)reply(peer);
-  peer.say(request(std::string(32, 'c'), desk_.operator_token));
+  peer.say(request(std::string(32, 'c'), operator_api_.operator_token));
   EXPECT_EQ(reply(peer).result(), v1::ControlReply::RESULT_FORBIDDEN);
-  EXPECT_TRUE(desk_.changes.empty());
+  EXPECT_TRUE(operator_api_.changes.empty());
 }
 
 TEST_F(ControlSocketTest, APageFromElsewhereDoesNotEvenGetIn) {
@@ -118,7 +118,7 @@ TEST_F(ControlSocketTest, APageFromElsewhereDoesNotEvenGetIn) {
     upgrade(peer, "Origin: http://elsewhere.example\r\n");
     EXPECT_TRUE(peer.wait_for("HTTP/1.1 403"));
   }
-  EXPECT_EQ(command(desk_.operator_token).result(), v1::ControlReply::RESULT_DONE)
+  EXPECT_EQ(command(operator_api_.operator_token).result(), v1::ControlReply::RESULT_DONE)
       << "nor can it use up its visitor's guesses";
 }
 
@@ -150,14 +150,14 @@ TEST_F(ControlSocketTest, OneAddressDoesNotKeepOthersOut) {
     upgrade(many.back());
     ASSERT_TRUE(many.back().wait_for_upgrade());
   }
-  EXPECT_EQ(command(desk_.operator_token).result(), v1::ControlReply::RESULT_DONE);
+  EXPECT_EQ(command(operator_api_.operator_token).result(), v1::ControlReply::RESULT_DONE);
 }
 
 TEST_F(ControlSocketTest, ARequestMayComeInPieces) {
   auto peer = client();
   upgrade(peer);
   ASSERT_TRUE(peer.wait_for_upgrade());
-  const std::string whole = request(reply(peer).hello().challenge(), desk_.operator_token);
+  const std::string whole = request(reply(peer).hello().challenge(), operator_api_.operator_token);
   peer.say(whole.substr(0, 3));
   peer.say(whole.substr(3));
   EXPECT_EQ(reply(peer).result(), v1::ControlReply::RESULT_DONE);

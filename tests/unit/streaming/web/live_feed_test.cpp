@@ -1,14 +1,84 @@
-#include "streaming/web/live_feed.hpp"
-
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
 #include "base/log.hpp"
+#include "streaming/web/live_feed.hpp"
 #include "support/scene_builder.hpp"
 
 namespace fiducap::web {
 namespace {
+
+using namespace std::chrono_literals;
+
+Message text(const char* content) { return std::make_shared<const std::string>(content); }
+
+class LiveConnectionTest : public testing::Test {
+ protected:
+  std::string take() {
+    const Message message = connection_.next(now_);
+    if (!message) return "";
+    connection_.written();
+    return *message;
+  }
+
+  Instant now_ = instant_from_ns(1'000);
+  LiveConnection connection_{net::Peer{0x7f000001, 5}, now_};
+};
+
+TEST_F(LiveConnectionTest, HelloLeavesFirstWhateverCameFirst) {
+  connection_.offer_log(text("log"), 3);
+  connection_.offer(Topic::kClients, text("clients"));
+  connection_.offer(Topic::kFrame, text("frame"));
+  connection_.offer(Topic::kMap, text("map"));
+  connection_.offer(Topic::kHello, text("hello"));
+  for (const char* expected : {"hello", "map", "frame", "clients", "log", ""})
+    EXPECT_EQ(take(), expected);
+}
+
+TEST_F(LiveConnectionTest, NewestFrameWinsAndTheOlderOneIsCounted) {
+  connection_.offer(Topic::kFrame, text("1"));
+  connection_.offer(Topic::kFrame, text("2"));
+  connection_.offer(Topic::kFrame, text("3"));
+  EXPECT_EQ(take(), "3");
+  EXPECT_EQ(take(), "");
+  EXPECT_EQ(connection_.status(now_).frames_sent, 1);
+  EXPECT_EQ(connection_.status(now_).frames_dropped, 2);
+}
+
+TEST_F(LiveConnectionTest, OneMessageIsUnderWayAtATime) {
+  connection_.offer(Topic::kHello, text("hello"));
+  connection_.offer(Topic::kFrame, text("frame"));
+  ASSERT_NE(connection_.next(now_), nullptr);
+  EXPECT_EQ(connection_.next(now_), nullptr);
+  connection_.written();
+  EXPECT_EQ(take(), "frame");
+}
+
+TEST_F(LiveConnectionTest, WaitingLogLinesAreNeverReplaced) {
+  EXPECT_EQ(connection_.log_wanted_after(), 0);
+  connection_.offer_log(text("lines"), 17);
+  EXPECT_EQ(connection_.log_wanted_after(), std::nullopt);
+  EXPECT_EQ(take(), "lines");
+  EXPECT_EQ(connection_.log_wanted_after(), 17);
+}
+
+TEST_F(LiveConnectionTest, IsStuckOnlyWhileOneWriteTakesTooLong) {
+  EXPECT_FALSE(connection_.is_stuck(now_ + 1h, 5s));
+  connection_.offer(Topic::kFrame, text("frame"));
+  ASSERT_NE(connection_.next(now_), nullptr);
+  EXPECT_FALSE(connection_.is_stuck(now_ + 5s, 5s));
+  EXPECT_TRUE(connection_.is_stuck(now_ + 6s, 5s));
+  connection_.written();
+  EXPECT_FALSE(connection_.is_stuck(now_ + 6s, 5s));
+}
+
+TEST_F(LiveConnectionTest, StatusHasPeerAndTimeConnected) {
+  const auto status = connection_.status(now_ + 2500ms);
+  EXPECT_EQ(status.protocol, "web");
+  EXPECT_EQ(status.peer, "127.0.0.1:5 tcp");
+  EXPECT_EQ(status.connected_s, 2.5);
+}
 
 using namespace std::chrono_literals;
 using Json = nlohmann::json;
@@ -90,23 +160,23 @@ TEST_F(LiveFeedTest, HowWellTagsAreSeenComesOnceASecondOfThoseJustSeen) {
   };
   publish(0ms);
   const auto page = feed.join(kPeer, start_);
-  const auto tags_told = [&] {
+  const auto sent_tags = [&] {
     std::vector<int> ids;
     while (const auto message = page->next(start_)) {
       page->written();
-      const auto told = Json::parse(*message);
-      if (told["type"] == "fits")
-        for (const auto& tag : told["tags"]) ids.push_back(tag["id"]);
+      const auto json = Json::parse(*message);
+      if (json["type"] == "fits")
+        for (const auto& tag : json["tags"]) ids.push_back(tag["id"]);
     }
     return ids;
   };
-  EXPECT_EQ(tags_told(), (std::vector{4, 7})) << "all, at first";
+  EXPECT_EQ(sent_tags(), (std::vector{4, 7})) << "all, at first";
   fits[1].seen_at = start_ + 8s;
   publish(9s);
-  EXPECT_EQ(tags_told(), (std::vector{7}));
+  EXPECT_EQ(sent_tags(), (std::vector{7}));
   publish(9500ms);
   publish(20s);
-  EXPECT_TRUE(tags_told().empty());
+  EXPECT_TRUE(sent_tags().empty());
 }
 
 TEST_F(LiveFeedTest, PageOfAFreshServerGetsHelloBeforeAnyFrame) {
@@ -212,10 +282,10 @@ TEST_F(LiveFeedTest, EventsComeWhenTheyChangeAtMostTwiceASecond) {
   feed_.tick(start_ + 400ms);
   EXPECT_TRUE(types(*page).empty());
   feed_.tick(start_ + 500ms);
-  const auto told = Json::parse(*page->next(start_));
+  const auto json = Json::parse(*page->next(start_));
   page->written();
-  EXPECT_EQ(told["type"], "events");
-  EXPECT_EQ(told["standing"][0]["subject"], "drone");
+  EXPECT_EQ(json["type"], "events");
+  EXPECT_EQ(json["standing"][0]["subject"], "drone");
   events_.end("drone", "lost", "it is back");
   feed_.tick(start_ + 990ms);
   EXPECT_TRUE(types(*page).empty());
@@ -232,7 +302,7 @@ TEST_F(LiveFeedTest, EventsComeWhenTheyChangeAtMostTwiceASecond) {
 TEST_F(LiveFeedTest, StateIsOneJsonObjectWithAndWithoutFrames) {
   EXPECT_TRUE(Json::parse(*feed_.state(start_).plain)["frame"].is_null());
   feed_.publish(frame_at(0ms));
-  events_.tell({.subject = "map", .kind = "saved", .text = "version 2"});
+  events_.report({.subject = "map", .kind = "saved", .text = "version 2"});
   const auto state = Json::parse(*feed_.state(start_ + Prepared::kPeriod).plain);
   EXPECT_EQ(state["frame"]["number"], 1);
   EXPECT_EQ(state["hello"]["server"], "hall");
@@ -272,7 +342,8 @@ TEST_F(LiveFeedTest, HealthCountsStandingAlarms) {
                  .kind = "unsynchronised",
                  .text = "why"});
   events_.begin({.severity = Severity::kError, .subject = "drone", .kind = "lost", .text = "why"});
-  events_.tell({.severity = Severity::kError, .subject = "map", .kind = "refused", .text = "why"});
+  events_.report(
+      {.severity = Severity::kError, .subject = "map", .kind = "refused", .text = "why"});
   EXPECT_EQ(feed_.health(start_).alarms, (std::array<std::size_t, 3>{0, 1, 1}));
 }
 

@@ -32,7 +32,7 @@ class MetricsTest : public testing::Test {
   std::vector<Event> alarms_;
 };
 
-TEST_F(MetricsTest, TellOfServerProtocolsEventsAndProcess) {
+TEST_F(MetricsTest, HaveServerProtocolsEventsAndProcess) {
   for (const char* line :
        {"fiducap_build_info{version=\"0.1.0\"} 1", "fiducap_healthy 1",
         "fiducap_frames_published_total 9", "fiducap_protocol_clients{protocol=\"vrpn\"} 2",
@@ -43,7 +43,7 @@ TEST_F(MetricsTest, TellOfServerProtocolsEventsAndProcess) {
     EXPECT_TRUE(has(line)) << line << "\n" << text();
 }
 
-TEST_F(MetricsTest, TellOfEachBodyByName) {
+TEST_F(MetricsTest, HaveEachBodyByName) {
   frame_->bodies[1].images_dropped = 4;
   for (const char* line : {"fiducap_body_valid{body=\"drone\"} 1",
                            "fiducap_body_state{body=\"drone\",state=\"tracking\"} 1",

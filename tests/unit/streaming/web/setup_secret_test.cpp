@@ -1,12 +1,12 @@
-// Who leads a set-up, over real sockets: who brings its secret, and no page from elsewhere.
+// Access to a set-up over real sockets: with its secret, never from foreign pages.
 #include <gtest/gtest.h>
 
 #include <boost/asio/io_context.hpp>
 
 #include "loopback_client.hpp"
 #include "streaming/net/limits.hpp"
-#include "streaming/web/setup_routes.hpp"
-#include "streaming/web/web_server.hpp"
+#include "streaming/web/http_routes.hpp"
+#include "streaming/web/web.hpp"
 #include "support/fake_clock.hpp"
 #include "support/noted_setup.hpp"
 #include "temporary_page.hpp"
@@ -65,7 +65,7 @@ class SetupSecretTest : public testing::Test {
   FakeClock clock_{instant_from_ns(1'000'000'000)};
   TemporaryPage files_;
   NotedSetup setup_;
-  std::unique_ptr<WebServer> server_;
+  std::unique_ptr<Streamer> server_;
 };
 
 TEST_F(SetupSecretTest, EveryRequestWithoutItIsRefused) {
@@ -86,7 +86,7 @@ TEST_F(SetupSecretTest, EverySocketWithoutItIsRefused) {
   EXPECT_EQ(setup_.asked, 0);
 }
 
-TEST_F(SetupSecretTest, WhoHasClosedItsSocketIsNotTakenForAnybodyElse) {
+TEST_F(SetupSecretTest, AClosedSocketIsNotMistakenForAnother) {
   use_up_the_budget();
   for (const SetupRoute& route : setup_routes())
     for (const std::string& wrong : {std::string(), with("1")})

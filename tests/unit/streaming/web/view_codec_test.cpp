@@ -11,10 +11,11 @@ namespace {
 using Json = nlohmann::json;
 
 TEST(ViewCodec, ReadsWishes) {
-  const auto wishes = parse_wishes("1/0/640/10/1 2/3/320/2/0");
-  ASSERT_TRUE(wishes.has_value());
-  EXPECT_EQ(*wishes, (std::vector<NamedWish>{{1, 0, {640, 10, true}}, {2, 3, {320, 2, false}}}));
-  EXPECT_TRUE(parse_wishes("")->empty());
+  const auto requests = parse_view_requests("1/0/640/10/1 2/3/320/2/0");
+  ASSERT_TRUE(requests.has_value());
+  EXPECT_EQ(*requests,
+            (std::vector<CameraRequest>{{1, 0, {640, 10, true}}, {2, 3, {320, 2, false}}}));
+  EXPECT_TRUE(parse_view_requests("")->empty());
 }
 
 TEST(ViewCodec, ReadsNothingElse) {
@@ -23,17 +24,18 @@ TEST(ViewCodec, ReadsNothingElse) {
         "-1/0/640/10/0", "1/0/79/10/0", "1/0/4097/10/0", "1/0/640/0/0", "1/0/640/11/0",
         "1/0/640/10/0/5", "1/0/640/10/0  2/0/640/10/0", "a/0/640/10/0",
         "1/0/99999999999999999999/10/0", "1/0/640/10/0\n", "+1/0/640/10/0", "1 /0/640/10/0"}) {
-    const auto wishes = parse_wishes(text);
-    ASSERT_FALSE(wishes.has_value()) << text;
-    EXPECT_NE(wishes.error().what.find("BODY/CAMERA"), std::string::npos) << wishes.error().what;
+    const auto requests = parse_view_requests(text);
+    ASSERT_FALSE(requests.has_value()) << text;
+    EXPECT_NE(requests.error().what.find("BODY/CAMERA"), std::string::npos)
+        << requests.error().what;
   }
 }
 
 TEST(ViewCodec, TakesNoMoreWishesThanAScreenHasPlaceFor) {
   std::string text = "1/0/640/10/0";
-  for (std::size_t i = 1; i < kMostWishes; ++i) text += " 1/0/640/10/0";
-  EXPECT_EQ(parse_wishes(text)->size(), kMostWishes);
-  const auto more = parse_wishes(text + " 1/0/640/10/0");
+  for (std::size_t i = 1; i < kMostViewRequests; ++i) text += " 1/0/640/10/0";
+  EXPECT_EQ(parse_view_requests(text)->size(), kMostViewRequests);
+  const auto more = parse_view_requests(text + " 1/0/640/10/0");
   ASSERT_FALSE(more.has_value());
   EXPECT_EQ(more.error().what, "expected at most 16 cameras at once");
 }
@@ -79,14 +81,14 @@ TEST_F(ViewMessageTest, HasTheHeadersLengthTheHeaderAndThePicture) {
   const std::vector<std::uint8_t> jpeg{0xff, 0xd8, 0x00};
   const std::string message = encode_view(view_, picture_, jpeg);
   EXPECT_EQ(message.substr(message.size() - 3), std::string("\xff\xd8\0", 3));
-  const Json told = header(message);
-  EXPECT_EQ(told["body"], 3);
-  EXPECT_EQ(told["camera"], 1);
-  EXPECT_EQ(told["utc_ms"], 1'790'000'000'123);
-  EXPECT_EQ(told["rate_hz"], 20.0);
-  EXPECT_TRUE(told["exposure"].is_null()) << "there are no pixels";
-  EXPECT_TRUE(told["speed_px_s"].is_null()) << "nobody knows";
-  const Json tag = told["outlines"][0];
+  const Json json = header(message);
+  EXPECT_EQ(json["body"], 3);
+  EXPECT_EQ(json["camera"], 1);
+  EXPECT_EQ(json["utc_ms"], 1'790'000'000'123);
+  EXPECT_EQ(json["rate_hz"], 20.0);
+  EXPECT_TRUE(json["exposure"].is_null()) << "there are no pixels";
+  EXPECT_TRUE(json["speed_px_s"].is_null()) << "unknown";
+  const Json tag = json["outlines"][0];
   EXPECT_EQ(tag["kind"], "rejected");
   EXPECT_EQ(tag["why"], "gate");
   EXPECT_EQ(tag["margin"], 61.3);
@@ -94,7 +96,7 @@ TEST_F(ViewMessageTest, HasTheHeadersLengthTheHeaderAndThePicture) {
   EXPECT_EQ(tag["px"], Json::parse("[0.13,5,1.13,5,2.13,5,3.13,5]"));
 }
 
-TEST_F(ViewMessageTest, TellsExposureAndCandidates) {
+TEST_F(ViewMessageTest, HasExposureAndCandidates) {
   ImageMeasures measures;
   measures.mean = 101.26;
   measures.histogram[63] = 9;
@@ -103,16 +105,16 @@ TEST_F(ViewMessageTest, TellsExposureAndCandidates) {
   const std::vector<TagCandidate> candidates{{TagCandidate::Why::kLowMargin, 5, 1, 12, {}},
                                              {TagCandidate::Why::kUnread, -1, 0, 0, {}}};
   picture_.candidates = candidates;
-  const Json told = header(encode_view(view_, picture_, {}));
-  EXPECT_EQ(told["exposure"]["mean"], 101.3);
-  EXPECT_EQ(told["exposure"]["histogram"].size(), 64u);
-  EXPECT_EQ(told["exposure"]["histogram"][63], 9);
-  EXPECT_TRUE(told["candidates"]);
-  ASSERT_EQ(told["outlines"].size(), 3u);
-  EXPECT_EQ(told["outlines"][0]["kind"], "candidate");
-  EXPECT_EQ(told["outlines"][0]["id"], 5);
-  EXPECT_EQ(told["outlines"][0]["why"], "low_margin");
-  EXPECT_TRUE(told["outlines"][1]["id"].is_null());
+  const Json json = header(encode_view(view_, picture_, {}));
+  EXPECT_EQ(json["exposure"]["mean"], 101.3);
+  EXPECT_EQ(json["exposure"]["histogram"].size(), 64u);
+  EXPECT_EQ(json["exposure"]["histogram"][63], 9);
+  EXPECT_TRUE(json["candidates"]);
+  ASSERT_EQ(json["outlines"].size(), 3u);
+  EXPECT_EQ(json["outlines"][0]["kind"], "candidate");
+  EXPECT_EQ(json["outlines"][0]["id"], 5);
+  EXPECT_EQ(json["outlines"][0]["why"], "low_margin");
+  EXPECT_TRUE(json["outlines"][1]["id"].is_null());
 }
 
 TEST_F(ViewMessageTest, ANumberThatIsNoneIsNull) {

@@ -29,8 +29,8 @@ class ViewFeedTest : public testing::Test {
     }
     return all;
   }
-  void wish(ViewConnection& viewer, std::string_view text) {
-    feed_.wish(viewer, parse_wishes(text).value());
+  void request(ViewConnection& viewer, std::string_view text) {
+    feed_.request(viewer, parse_view_requests(text).value());
   }
   Kind access(ViewRule rule, const net::Peer& peer, bool proxy = false, bool token = true) {
     return ViewFeed(rule, &views_).access(peer, proxy, token).kind;
@@ -66,7 +66,7 @@ TEST_F(ViewFeedTest, SaysWhatToDoForThoseWhoMayNot) {
   EXPECT_EQ(ViewFeed(ViewRule::kEveryone, nullptr).access(kHere, false, true).kind, Kind::kDenied);
 }
 
-TEST_F(ViewFeedTest, NothingIsMadeWhileNobodyWishesAnything) {
+TEST_F(ViewFeedTest, EncodesNothingWithoutRequests) {
   const auto viewer = join();
   EXPECT_EQ(views_.asked, 0);
   views_.make(0, "old");
@@ -74,10 +74,10 @@ TEST_F(ViewFeedTest, NothingIsMadeWhileNobodyWishesAnything) {
   EXPECT_TRUE(sent(*viewer, start_).empty());
 }
 
-TEST_F(ViewFeedTest, PicturesReachThoseWhoWishThem) {
+TEST_F(ViewFeedTest, PicturesReachTheirRequesters) {
   const auto one = join(), other = join(kElsewhere);
-  wish(*one, "1/0/640/10/0 2/0/640/10/0");
-  wish(*other, "2/0/640/10/0");
+  request(*one, "1/0/640/10/0 2/0/640/10/0");
+  request(*other, "2/0/640/10/0");
   views_.make(0, "first");
   views_.make(2, "third");
   feed_.tick(start_);
@@ -85,42 +85,42 @@ TEST_F(ViewFeedTest, PicturesReachThoseWhoWishThem) {
   EXPECT_EQ(sent(*other, start_), std::vector<std::string>{"third"});
 }
 
-TEST_F(ViewFeedTest, TheLargestWishDecidesAndTheLastOneEndsIt) {
+TEST_F(ViewFeedTest, TheLargestRequestCountsAndTheLastOneEndsTheView) {
   const auto one = join(), other = join(kElsewhere);
-  wish(*one, "1/1/640/2/0");
-  EXPECT_EQ(views_.watched[1], (ViewWish{640, 2, false}));
-  wish(*other, "1/1/320/10/1");
-  EXPECT_EQ(views_.watched[1], (ViewWish{640, 10, true}));
+  request(*one, "1/1/640/2/0");
+  EXPECT_EQ(views_.watched[1], (ViewRequest{640, 2, false}));
+  request(*other, "1/1/320/10/1");
+  EXPECT_EQ(views_.watched[1], (ViewRequest{640, 10, true}));
   feed_.leave(*other);
-  EXPECT_EQ(views_.watched[1], (ViewWish{640, 2, false}));
-  wish(*one, "");
+  EXPECT_EQ(views_.watched[1], (ViewRequest{640, 2, false}));
+  request(*one, "");
   EXPECT_FALSE(views_.watched[1].has_value());
   EXPECT_FALSE(views_.watched.contains(0));
 }
 
 TEST_F(ViewFeedTest, AsksOnlyForWhatChanges) {
   const auto one = join();
-  wish(*one, "1/0/640/10/0");
-  wish(*one, "1/0/640/10/0");
+  request(*one, "1/0/640/10/0");
+  request(*one, "1/0/640/10/0");
   EXPECT_EQ(views_.asked, 1);
 }
 
 TEST_F(ViewFeedTest, ACameraThatDoesNotExistGivesNothing) {
   const auto one = join();
-  wish(*one, "9/0/640/10/0 1/7/640/10/0");
+  request(*one, "9/0/640/10/0 1/7/640/10/0");
   EXPECT_EQ(views_.asked, 0);
 }
 
 TEST_F(ViewFeedTest, PlacesAreBounded) {
   std::vector<std::shared_ptr<ViewConnection>> all;
   for (std::size_t i = 0; i < ViewFeed::kMostPerAddress; ++i) {
-    ASSERT_TRUE(feed_.has_room(kHere));
+    ASSERT_TRUE(feed_.has_place(kHere));
     all.push_back(join());
   }
-  EXPECT_FALSE(feed_.has_room(kHere)) << "this address has enough";
+  EXPECT_FALSE(feed_.has_place(kHere)) << "this address has enough";
   for (std::size_t i = ViewFeed::kMostPerAddress; i < ViewFeed::kMostViewers; ++i) {
     const net::Peer peer(static_cast<std::uint32_t>(0x0a000001 + i), 5);
-    ASSERT_TRUE(feed_.has_room(peer));
+    ASSERT_TRUE(feed_.has_place(peer));
     all.push_back(join(peer));
   }
   (void)join(kElsewhere);
@@ -133,7 +133,7 @@ TEST_F(ViewFeedTest, TheMachineItselfGetsAPlaceOfWhoHasMost) {
   std::vector<std::shared_ptr<ViewConnection>> all;
   for (std::size_t i = 0; i < ViewFeed::kMostViewers; ++i)
     all.push_back(join({static_cast<std::uint32_t>(0x0a000001 + i % 2), 5}));
-  EXPECT_TRUE(feed_.has_room(kHere));
+  EXPECT_TRUE(feed_.has_place(kHere));
   EXPECT_FALSE(join()->dismissed());
   const auto dismissed = [](const auto& one) { return one->dismissed(); };
   EXPECT_EQ(std::count_if(all.begin(), all.end(), dismissed), 1);
@@ -141,7 +141,7 @@ TEST_F(ViewFeedTest, TheMachineItselfGetsAPlaceOfWhoHasMost) {
 
 TEST_F(ViewFeedTest, ASlowReaderGetsTheNewestAndLosesTheRest) {
   const auto viewer = join();
-  wish(*viewer, "1/0/640/10/0");
+  request(*viewer, "1/0/640/10/0");
   Instant now = start_;
   views_.make(0, "1");
   feed_.tick(now);
@@ -163,7 +163,7 @@ TEST_F(ViewFeedTest, ASlowReaderGetsTheNewestAndLosesTheRest) {
 
 TEST_F(ViewFeedTest, ACameraComesNoFasterThanWished) {
   const auto viewer = join();
-  wish(*viewer, "1/0/640/2/0");
+  request(*viewer, "1/0/640/2/0");
   std::size_t came = 0;
   for (int i = 0; i < 40; ++i) {  // 20 Hz for two seconds
     const Instant now = start_ + i * 50ms;
@@ -182,7 +182,7 @@ TEST_F(ViewFeedTest, AllCamerasTogetherComeNoFasterThanTheBound) {
   const auto other = join();
   std::string text;
   for (int i = 0; i < 16; ++i) text += (i > 0 ? " " : "") + std::to_string(i) + "/0/320/10/0";
-  wish(*other, text);
+  request(*other, text);
   std::size_t came = 0;
   for (int i = 0; i < 100; ++i) {  // ten seconds
     const Instant now = start_ + i * 100ms;

@@ -1,4 +1,4 @@
-// Pictures of cameras over real sockets: who gets in, what he gets, and what hostile ones do not.
+// Pictures of cameras over real sockets: access, content, hostile clients.
 #include <gtest/gtest.h>
 
 #include <boost/asio/io_context.hpp>
@@ -8,9 +8,9 @@
 #include "loopback_client.hpp"
 #include "proof/control_proof.hpp"
 #include "streaming/web/view_feed.hpp"
-#include "streaming/web/web_server.hpp"
+#include "streaming/web/web.hpp"
 #include "support/fake_clock.hpp"
-#include "support/fake_desk.hpp"
+#include "support/fake_operator_api.hpp"
 #include "support/fake_views.hpp"
 #include "support/scene_builder.hpp"
 #include "temporary_page.hpp"
@@ -32,7 +32,7 @@ class ViewSocketTest : public testing::Test {
     config.hosts = {"hall"};
     config.camera_views = rule;
     WebSources sources;
-    sources.desk = &desk_;
+    sources.operator_api = &operator_api_;
     sources.views = &views_;
     auto started =
         start_web_server(io_, config, std::move(sources), std::make_shared<SceneModel>(), clock_);
@@ -92,14 +92,14 @@ class ViewSocketTest : public testing::Test {
   boost::asio::io_context io_;
   FakeClock clock_{instant_from_ns(1'000'000'000)};
   TemporaryPage files_;
-  FakeDesk desk_;
+  FakeOperatorApi operator_api_;
   FakeViews views_;
-  std::unique_ptr<WebServer> server_;
+  std::unique_ptr<Streamer> server_;
 };
 
 // A close by policy (1008), without words.
 const std::string kClosed = "\x88\x02\x03\xf0";
-// A proxy on this machine passes on what somebody elsewhere asks.
+// A proxy on this machine forwards requests of other machines.
 constexpr const char* kProxied = "X-Forwarded-For: 10.0.0.9\r\n";
 
 TEST_F(ViewSocketTest, ThePageOfTheMachineItselfWatchesWithoutAsking) {
@@ -114,7 +114,7 @@ TEST_F(ViewSocketTest, ThePageOfTheMachineItselfWatchesWithoutAsking) {
   EXPECT_TRUE(is_left_alone(0));
 }
 
-TEST_F(ViewSocketTest, NobodyIsWatchedAnyMoreWhenTheViewerHasLeft) {
+TEST_F(ViewSocketTest, ViewsEndWhenTheViewerLeaves) {
   {
     auto peer = client();
     upgrade(peer);
@@ -125,7 +125,7 @@ TEST_F(ViewSocketTest, NobodyIsWatchedAnyMoreWhenTheViewerHasLeft) {
   EXPECT_TRUE(is_left_alone(0));
 }
 
-TEST_F(ViewSocketTest, APlainRequestIsToldWhoMayLookAtWhat) {
+TEST_F(ViewSocketTest, APlainRequestGetsTheRulesOfAccess) {
   EXPECT_NE(get().find("\"access\":\"granted\""), std::string::npos);
   const std::string answer = get(kProxied);
   EXPECT_NE(answer.find("\"access\":\"proof\""), std::string::npos) << answer;
@@ -134,14 +134,14 @@ TEST_F(ViewSocketTest, APlainRequestIsToldWhoMayLookAtWhat) {
   EXPECT_NE(get().find("\"access\":\"denied\""), std::string::npos);
 }
 
-TEST_F(ViewSocketTest, WhoMayNotIsToldWhy) {
+TEST_F(ViewSocketTest, RefusalsHaveTheReason) {
   start(ViewRule::kLoopback);
   auto peer = client();
   upgrade(peer, kProxied);
   ASSERT_TRUE(peer.wait_for("HTTP/1.1 403"));
   EXPECT_TRUE(peer.wait_for("streaming.web.camera_views"));
   start(ViewRule::kOperator);
-  desk_.operator_token.clear();
+  operator_api_.operator_token.clear();
   auto other = client();
   upgrade(other, kProxied);
   EXPECT_TRUE(other.wait_for("HTTP/1.1 403"));
@@ -158,7 +158,7 @@ TEST_F(ViewSocketTest, WhoKnowsTheTokenProvesItFirst) {
   auto peer = client();
   upgrade(peer, kProxied);
   ASSERT_TRUE(peer.wait_for_upgrade());
-  peer.say(proof_of(desk_.operator_token, reply(peer).hello().challenge()));
+  peer.say(proof_of(operator_api_.operator_token, reply(peer).hello().challenge()));
   EXPECT_EQ(reply(peer).result(), v1::ControlReply::RESULT_DONE);
   say(peer, "2/0/640/10/0");
   ASSERT_TRUE(is_watched(2));
@@ -178,7 +178,7 @@ TEST_F(ViewSocketTest, AWrongTokenShowsNothingAndFiveKeepTheAddressOut) {
   auto peer = client();
   upgrade(peer, kProxied);
   ASSERT_TRUE(peer.wait_for_upgrade());
-  peer.say(proof_of(desk_.operator_token, reply(peer).hello().challenge()));
+  peer.say(proof_of(operator_api_.operator_token, reply(peer).hello().challenge()));
   EXPECT_EQ(reply(peer).result(), v1::ControlReply::RESULT_BUSY);
   EXPECT_EQ(views_.asked, 0);
 }
@@ -201,7 +201,7 @@ TEST_F(ViewSocketTest, WhoSaysNothingBeforeTheProofIsClosed) {
   EXPECT_TRUE(peer.wait_for_close());
 }
 
-TEST_F(ViewSocketTest, WhatIsNoWishEndsTheConversationInWords) {
+TEST_F(ViewSocketTest, AnInvalidRequestClosesTheConnectionWithTheReason) {
   for (const std::string bad : {"1/0/640/99/0", "give me all", "1/0/640/10/0 "}) {
     auto peer = client();
     upgrade(peer);
@@ -214,7 +214,7 @@ TEST_F(ViewSocketTest, WhatIsNoWishEndsTheConversationInWords) {
   upgrade(binary);
   ASSERT_TRUE(binary.wait_for_upgrade());
   binary.say("1/0/640/10/0");
-  EXPECT_TRUE(binary.wait_for("expected a wish as text"));
+  EXPECT_TRUE(binary.wait_for("expected a request as text"));
   auto loud = client();
   upgrade(loud);
   ASSERT_TRUE(loud.wait_for_upgrade());
@@ -223,7 +223,7 @@ TEST_F(ViewSocketTest, WhatIsNoWishEndsTheConversationInWords) {
   EXPECT_EQ(views_.asked, 0);
 }
 
-TEST_F(ViewSocketTest, TooManyViewersAreToldSo) {
+TEST_F(ViewSocketTest, TooManyViewersGetTheReason) {
   std::vector<LoopbackClient> many;
   for (std::size_t i = 0; i < ViewFeed::kMostPerAddress; ++i) {
     many.push_back(client());
@@ -233,7 +233,7 @@ TEST_F(ViewSocketTest, TooManyViewersAreToldSo) {
   auto late = client();
   upgrade(late);
   EXPECT_TRUE(late.wait_for("HTTP/1.1 503"));
-  EXPECT_TRUE(late.wait_for("too many watch cameras"));
+  EXPECT_TRUE(late.wait_for("too many pages show cameras"));
   auto other = client("127.0.0.2");
   upgrade(other);
   EXPECT_TRUE(other.wait_for_upgrade()) << "another address has its own places";
@@ -264,12 +264,12 @@ TEST_F(ViewSocketTest, AProofDoesNotHelpWhereAllPlacesAreTaken) {
   auto late = client();
   upgrade(late, kProxied);
   ASSERT_TRUE(late.wait_for_upgrade());
-  late.say(proof_of(desk_.operator_token, reply(late).hello().challenge()));
-  EXPECT_TRUE(late.wait_for("too many watch cameras"));
+  late.say(proof_of(operator_api_.operator_token, reply(late).hello().challenge()));
+  EXPECT_TRUE(late.wait_for("too many pages show cameras"));
   EXPECT_EQ(views_.asked, 0);
 }
 
-TEST_F(ViewSocketTest, AReaderThatStopsIsClosedAndHoldsNobodyUp) {
+TEST_F(ViewSocketTest, ClosesAStoppedReaderAndDelaysNoOther) {
   auto slow = client("127.0.0.1", 4096);
   upgrade(slow);
   ASSERT_TRUE(slow.wait_for_upgrade());

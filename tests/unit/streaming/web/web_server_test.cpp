@@ -1,4 +1,4 @@
-#include "streaming/web/web_server.hpp"
+#include "streaming/web/web.hpp"
 
 #include <gtest/gtest.h>
 
@@ -63,7 +63,7 @@ class WebServerTest : public Test {
   FakeClock clock_{instant_from_ns(1'000'000'000)};
   TemporaryPage files_;
   WebConfig config_;
-  std::unique_ptr<WebServer> server_;
+  std::unique_ptr<Streamer> server_;
   std::uint64_t number_{0};
 };
 
@@ -76,7 +76,7 @@ TEST_F(WebServerTest, ServesThePageWithItsSecurityPolicy) {
   EXPECT_NE(answer.find("\r\n\r\n<!doctype html>"), std::string::npos);
 }
 
-TEST_F(WebServerTest, HeadTellsTheLengthAndSendsNothing) {
+TEST_F(WebServerTest, HeadReturnsTheLengthWithoutABody) {
   auto peer = client();
   peer.send("HEAD / HTTP/1.1\r\nHost: hall\r\nConnection: close\r\n\r\n");
   ASSERT_TRUE(peer.wait_for_close());
@@ -171,7 +171,7 @@ TEST_F(WebServerTest, MetricsAreServed) {
   EXPECT_NE(get("/metrics").find("\nfiducap_frames_published_total 1\n"), std::string::npos);
 }
 
-TEST_F(WebServerTest, WhoAsksTooOftenIsToldToComeLaterAndReadNoFurther) {
+TEST_F(WebServerTest, TooFrequentRequestsGet429AndAreReadNoFurther) {
   publish();
   auto flood = client();
   const std::string request = "GET /healthz HTTP/1.1\r\nHost: hall\r\n\r\n";
@@ -256,7 +256,7 @@ TEST_F(WebServerTest, LiveSocketIsRefusedToAForeignPage) {
   EXPECT_TRUE(clients().empty());
 }
 
-TEST_F(WebServerTest, OneMorePageThanAllowedIsToldToComeLater) {
+TEST_F(WebServerTest, OnePageAboveTheLimitGets503) {
   config_.max_clients = 1;
   start();
   auto first = client();
@@ -288,7 +288,7 @@ TEST_F(WebServerTest, PageThatTalksIsClosed) {
   EXPECT_TRUE(clients().empty());
 }
 
-TEST_F(WebServerTest, SlowReaderLosesFramesThenItsConnectionAndNobodyElseNotices) {
+TEST_F(WebServerTest, ASlowReaderLosesFramesThenItsConnectionWithoutEffectOnOthers) {
   LoopbackClient slow(io_, server_->port(), 4096);
   slow.upgrade();
   ASSERT_TRUE(run_until(io_, [&] { return clients().size() == 1; }));

@@ -9,8 +9,7 @@
 #include "capture/recording/recording.hpp"
 #include "support/simulated_camera.hpp"
 #include "support/temporary_folder.hpp"
-#include "tools/camera/cameras_command.hpp"
-#include "tools/camera/capture_command.hpp"
+#include "tools/camera/camera_verbs.hpp"
 
 namespace fiducap {
 namespace {

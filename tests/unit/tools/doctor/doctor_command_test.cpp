@@ -1,4 +1,4 @@
-#include "tools/doctor/doctor_command.hpp"
+#include "tools/doctor/doctor.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -28,8 +28,8 @@ TEST(Doctor, NamesEachPortThatNobodyHears) {
   const std::vector<ListeningPort> listening{{Transport::kTcp, "10.0.0.5", 3883},
                                              {Transport::kUdp, "127.0.0.1", 3884}};
   EXPECT_THAT(faults_of(vrpn_on("127.0.0.1"), listening, kInterfaces),
-              ElementsAre(HasSubstr("nobody listens on 3883 tcp"),
-                          HasSubstr("nobody listens on 3883 udp")));
+              ElementsAre(HasSubstr("no program listens on 3883 tcp"),
+                          HasSubstr("no program listens on 3883 udp")));
 }
 
 TEST(Doctor, NamesAnAddressOfAnotherMachine) {
@@ -49,7 +49,7 @@ TEST(Doctor, FindsAParticipantOfTheDomainAtItsPort) {
   };
   EXPECT_THAT(faults_at(7910), IsEmpty());
   EXPECT_THAT(faults_at(7914), IsEmpty());
-  const auto nobody = ElementsAre(HasSubstr("nobody listens on 7910 udp"));
+  const auto nobody = ElementsAre(HasSubstr("no program listens on 7910 udp"));
   EXPECT_THAT(faults_at(7908), nobody);
   EXPECT_THAT(faults_at(7911), nobody) << "a data port";
   EXPECT_THAT(faults_at(7916), nobody) << "of a fourth participant";

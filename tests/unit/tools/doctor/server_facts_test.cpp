@@ -1,4 +1,4 @@
-#include "tools/doctor/server_facts.hpp"
+#include "tools/doctor/doctor.hpp"
 
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
@@ -10,7 +10,6 @@
 
 #include "mapping/store/map_store.hpp"
 #include "support/temporary_folder.hpp"
-#include "tools/doctor/http_get.hpp"
 
 namespace fiducap {
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/doctor/server_findings.hpp"
+#include "tools/doctor/doctor.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -100,12 +100,12 @@ TEST(ServerFindings, SaysWhoMayListen) {
   lab.config.streaming.vrpn.address = "10.0.0.5";
   const auto all = lab.all();
   EXPECT_THAT(all, has(Grade::kOk, "attached to, 10.1.0.0/16"));
-  EXPECT_THAT(all, has(Grade::kOk, "vrpn on 10.0.0.5 is for whoever reaches the port"));
+  EXPECT_THAT(all, has(Grade::kOk, "vrpn on 10.0.0.5 is open to all machines that reach the port"));
   lab.config.streaming.vrpn.address = "127.0.0.1";
   EXPECT_THAT(lab.all(), has(Grade::kOk, "vrpn is for this machine only"));
   lab.config.streaming.web.enabled = true;
   lab.config.streaming.web.address = "0.0.0.0";
-  EXPECT_THAT(lab.all(), has(Grade::kOk, "web on 0.0.0.0 is for whoever"));
+  EXPECT_THAT(lab.all(), has(Grade::kOk, "web on 0.0.0.0 is open to all machines"));
 }
 
 TEST(ServerFindings, AnAddressOfTheInternetIsAWarning) {
@@ -164,7 +164,7 @@ TEST(ServerFindings, TheProcessor) {
 
 TEST(ServerFindings, RealTimePriority) {
   Sound lab;
-  lab.facts.servers.front().urgent = false;
+  lab.facts.servers.front().realtime = false;
   EXPECT_THAT(lab.all(), has(Grade::kWarning, "process 4711", "LimitRTPRIO"));
   lab.facts.servers.clear();
   lab.facts.machine.realtime_most = 0;
@@ -216,7 +216,7 @@ TEST(ServerFindings, TheStore) {
   lab.facts.servers.clear();
   EXPECT_THAT(lab.all(), has(Grade::kWarning, "held by process 4711", "end that one"));
   lab.facts.store.reset();
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "forgotten", "map.store"));
+  EXPECT_THAT(lab.all(), has(Grade::kWarning, "is lost when the server ends", "map.store"));
 }
 
 TEST(ServerFindings, RoomForRecordingsIsSaidInMinutes) {

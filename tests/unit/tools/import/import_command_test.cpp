@@ -1,4 +1,4 @@
-#include "tools/import/import_command.hpp"
+#include "tools/import/import.hpp"
 
 #include <gmock/gmock.h>
 
@@ -8,7 +8,7 @@
 #include <sstream>
 
 #include "capture/recording/recording.hpp"
-#include "capture/recording/recording_streams.hpp"
+#include "capture/recording/recording_source.hpp"
 #include "support/log_files.hpp"
 #include "support/ros_bytes.hpp"
 #include "support/temporary_folder.hpp"
@@ -181,7 +181,7 @@ TEST_F(ImportCommandTest, AVideoAndATableShareTheVideosTime) {
   EXPECT_EQ(readings[0].sampled_at - images[0].exposed_at, std::chrono::milliseconds(20));
   EXPECT_EQ(images[5].exposed_at - images[0].exposed_at, std::chrono::milliseconds(500));
   EXPECT_NEAR(readings[0].f_B.z(), 9.80665, 1e-9);
-  EXPECT_THAT(out_.str(), AllOf(HasSubstr("time is taken for ms"), HasSubstr("taken for deg/s"),
+  EXPECT_THAT(out_.str(), AllOf(HasSubstr("time is assumed in ms"), HasSubstr("assumed in deg/s"),
                                 HasSubstr("missing: lens of walk.avi")));
 }
 
@@ -233,7 +233,7 @@ TEST_F(PhoneTest, GravityIsAddedAndTheSignIsThatOfSpecificForce) {
   ASSERT_EQ(images.size(), 2u);
   EXPECT_EQ(to_ns(images[0].exposed_at), kBegin_ns + 100'000'000);
   EXPECT_THAT(out_.str(), AllOf(HasSubstr("Accelerometer.csv + Gravity.csv"),
-                                HasSubstr("the sign of specific force is turned"),
+                                HasSubstr("the sign of specific force is inverted"),
                                 Not(HasSubstr("missing: place"))));
   // Image x runs down the phone, z looks out of its back.
   const Eigen::Matrix3d R_BV = recording().cameras[0].X_BV.rotation();

@@ -5,13 +5,12 @@
 #include <fstream>
 #include <sstream>
 
-#include "capture/recording/recording_streams.hpp"
+#include "capture/recording/recording_source.hpp"
 #include "support/log_files.hpp"
 #include "support/ros_bytes.hpp"
 #include "support/temporary_folder.hpp"
-#include "tools/import/import_command.hpp"
-#include "tools/replay/replay_command.hpp"
-#include "tools/replay/simulate_command.hpp"
+#include "tools/import/import.hpp"
+#include "tools/replay/replay_verbs.hpp"
 
 namespace fiducap {
 namespace {

@@ -1,0 +1,221 @@
+#include "capture/gray_image.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <string>
+
+#include <opencv2/imgcodecs.hpp>
+
+#include "base/bytes.hpp"
+#include "capture/output_file.hpp"
+
+namespace fiducap {
+namespace {
+
+constexpr std::array<std::uint8_t, 8> kPng{0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
+
+bool begins_with(std::span<const std::byte> image, std::span<const std::uint8_t> magic) {
+  return image.size() >= magic.size() &&
+         std::equal(magic.begin(), magic.end(), image.begin(),
+                    [](std::uint8_t a, std::byte b) { return std::byte{a} == b; });
+}
+
+Expected<PixelSize> png_size(std::span<const std::byte> image) {
+  BigEndianReader from(image.subspan(kPng.size()));
+  from.u32();  // length of the first chunk
+  const std::uint32_t type = from.u32();
+  const std::uint32_t width = from.u32();
+  const std::uint32_t height = from.u32();
+  if (auto whole = from.check("PNG header"); !whole) return tl::unexpected(whole.error());
+  constexpr std::uint32_t kHeaderChunk = 0x49484452;  // IHDR
+  constexpr std::uint32_t kLargest = 0x7fffffff;
+  if (type != kHeaderChunk || width > kLargest || height > kLargest)
+    return fail(ErrorCode::kInvalid, "does not begin with a PNG header");
+  return PixelSize{static_cast<int>(width), static_cast<int>(height)};
+}
+
+bool is_frame_start(std::uint8_t marker) {
+  return marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
+}
+
+bool has_no_length(std::uint8_t marker) {
+  return marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8);
+}
+
+Expected<PixelSize> jpeg_size(std::span<const std::byte> image) {
+  BigEndianReader from(image.subspan(2));
+  while (!from.failed() && from.left() > 0) {
+    if (from.u8() != 0xff) break;
+    std::uint8_t marker = from.u8();
+    while (marker == 0xff && from.left() > 0) marker = from.u8();  // fill
+    if (has_no_length(marker)) continue;
+    if (marker == 0xd9 || marker == 0xda) break;  // end, or pixels before any size
+    const std::uint16_t length = from.u16();
+    if (from.failed() || length < 2) break;
+    if (!is_frame_start(marker)) {
+      from.bytes(length - 2u);
+      continue;
+    }
+    from.u8();  // bits
+    const int height = from.u16();
+    const int width = from.u16();
+    if (from.failed()) break;
+    return PixelSize{width, height};
+  }
+  if (auto whole = from.check("JPEG header"); !whole) return tl::unexpected(whole.error());
+  return fail(ErrorCode::kInvalid, "has no JPEG size before its pixels");
+}
+
+constexpr int kQuality = 80;  // edges of tags stay sharp; a third of the bytes of 95
+
+/// The share of source pixel `i` that lies in [from, to).
+float share_of(int i, double from, double to) {
+  return static_cast<float>(std::min(i + 1.0, to) - std::max(double(i), from));
+}
+
+/// Adds a row of the source, averaged to the width of `sums`.
+void add_row(const std::uint8_t* row, int width, float weight, std::vector<float>& sums) {
+  const double step = double(width) / static_cast<double>(sums.size());
+  for (std::size_t x = 0; x < sums.size(); ++x) {
+    const double from = static_cast<double>(x) * step;
+    const double to = std::min(double(width), from + step);
+    float sum = 0;
+    const int first = static_cast<int>(from);
+    const int last = std::min(width - 1, static_cast<int>(std::ceil(to)) - 1);
+    for (int i = first; i <= last; ++i) sum += share_of(i, from, to) * row[i];
+    sums[x] += weight * sum;
+  }
+}
+
+constexpr std::uintmax_t kMaxImageFile_bytes = 256 << 20;
+constexpr std::int64_t kMostPixels = 1 << 27;
+
+Expected<void> read_bytes(const std::filesystem::path& path, std::vector<std::uint8_t>& bytes) {
+  std::error_code error;
+  const std::uintmax_t size = std::filesystem::file_size(path, error);
+  if (error) return fail(ErrorCode::kNotFound, "no such image", path.string());
+  if (size == 0 || size > kMaxImageFile_bytes)
+    return fail(ErrorCode::kInvalid, "is no image: " + std::to_string(size) + " bytes",
+                path.string());
+  bytes.resize(static_cast<std::size_t>(size));
+  std::ifstream file(path, std::ios::binary);
+  if (file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size)))
+    return {};
+  return fail(ErrorCode::kUnavailable, "cannot be read", path.string());
+}
+
+/// Before decoding: an image of a few bytes may claim gigabytes.
+Expected<void> check_size(const PixelSize& size, const GrayImage* wanted,
+                          const std::filesystem::path& file) {
+  const std::string is = "is " + size_text(size);
+  if (wanted != nullptr && size != PixelSize{wanted->width, wanted->height})
+    return fail(ErrorCode::kInvalid,
+                is + ", the calibration is for " + size_text(wanted->width, wanted->height),
+                file.string());
+  if (std::int64_t{size.width} * size.height > kMostPixels)
+    return fail(ErrorCode::kInvalid, is + ": larger than any camera image", file.string());
+  return {};
+}
+
+/// Ignores the rotation tag of a JPEG: the calibration is for the image as it was read out.
+/// @param wanted  the size it must have; nullptr: any
+Expected<void> read_gray(const std::filesystem::path& file, std::vector<std::uint8_t>& scratch,
+                         const GrayImage* wanted, GrayImage& out) {
+  if (const auto read = read_bytes(file, scratch); !read) return tl::unexpected(read.error());
+  if (const auto size = encoded_size(std::as_bytes(std::span(scratch)))) {
+    if (const auto fits = check_size(*size, wanted, file); !fits)
+      return tl::unexpected(fits.error());
+  }
+  // Not decoded into `out`: OpenCV 4.6 leaves its target unchanged without an error when the bytes
+  // are no image.
+  cv::Mat decoded;
+  try {
+    decoded = cv::imdecode(scratch, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
+  } catch (const cv::Exception& broken) {
+    return fail(ErrorCode::kInvalid, "is no image that can be read: " + broken.err, file.string());
+  }
+  if (decoded.empty())
+    return fail(ErrorCode::kInvalid, "is no image that can be read", file.string());
+  if (const auto fits = check_size({decoded.cols, decoded.rows}, wanted, file); !fits)
+    return tl::unexpected(fits.error());
+  out.resize(decoded.cols, decoded.rows);
+  decoded.copyTo(cv::Mat(out.height, out.width, CV_8UC1, out.pixels.data()));
+  return {};
+}
+
+}  // namespace
+
+std::string size_text(std::int64_t width, std::int64_t height) {
+  return std::to_string(width) + " x " + std::to_string(height);
+}
+
+Expected<PixelSize> encoded_size(std::span<const std::byte> image) {
+  if (begins_with(image, kPng)) return png_size(image);
+  constexpr std::array<std::uint8_t, 2> kJpeg{0xff, 0xd8};
+  if (begins_with(image, kJpeg)) return jpeg_size(image);
+  return fail(ErrorCode::kUnsupported, "is neither JPEG nor PNG");
+}
+
+void scale_down(const GrayImage& image, int width, GrayImage& out, std::vector<float>& sums) {
+  if (width >= image.width || image.width <= 0 || image.height <= 0) {
+    out = image;
+    return;
+  }
+  const double scale = double(image.width) / width;
+  const int height = std::max(1, static_cast<int>(std::lround(image.height / scale)));
+  out.resize(width, height);
+  const double step = double(image.height) / height;
+  const auto area = static_cast<float>(scale * step);
+  for (int y = 0; y < height; ++y) {
+    sums.assign(static_cast<std::size_t>(width), 0.0F);
+    const double from = y * step;
+    const double to = std::min(double(image.height), from + step);
+    const int last = std::min(image.height - 1, static_cast<int>(std::ceil(to)) - 1);
+    for (int i = static_cast<int>(from); i <= last; ++i) {
+      const std::uint8_t* row =
+          image.pixels.data() + static_cast<std::size_t>(i) * static_cast<std::size_t>(image.width);
+      add_row(row, image.width, share_of(i, from, to), sums);
+    }
+    std::uint8_t* to_row =
+        out.pixels.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
+    for (std::size_t x = 0; x < sums.size(); ++x)
+      to_row[x] = static_cast<std::uint8_t>(std::clamp(sums[x] / area + 0.5F, 0.0F, 255.0F));
+  }
+}
+
+void encode_jpeg(const GrayImage& image, std::vector<std::uint8_t>& bytes) {
+  bytes.clear();
+  if (image.width <= 0 || image.height <= 0) return;
+  const cv::Mat pixels(image.height, image.width, CV_8UC1,
+                       const_cast<std::uint8_t*>(image.pixels.data()));
+  if (!cv::imencode(".jpg", pixels, bytes, {cv::IMWRITE_JPEG_QUALITY, kQuality})) bytes.clear();
+}
+
+Expected<void> read_gray_file(const std::filesystem::path& file, std::vector<std::uint8_t>& scratch,
+                              GrayImage& out) {
+  return read_gray(file, scratch, &out, out);
+}
+
+Expected<void> read_gray_file_of_any_size(const std::filesystem::path& file,
+                                          std::vector<std::uint8_t>& scratch, GrayImage& out) {
+  return read_gray(file, scratch, nullptr, out);
+}
+
+Expected<std::uint64_t> write_gray_file(const std::filesystem::path& file,
+                                        std::vector<std::uint8_t>& scratch,
+                                        const GrayImage& image) {
+  const cv::Mat pixels(image.height, image.width, CV_8UC1,
+                       const_cast<std::uint8_t*>(image.pixels.data()));
+  constexpr int kQuickest = 1;
+  try {
+    cv::imencode(".png", pixels, scratch, {cv::IMWRITE_PNG_COMPRESSION, kQuickest});
+  } catch (const cv::Exception& broken) {
+    return fail(ErrorCode::kInvalid, "cannot be encoded: " + broken.err, file.string());
+  }
+  return write_output_file(
+      file, std::string_view(reinterpret_cast<const char*>(scratch.data()), scratch.size()));
+}
+
+}  // namespace fiducap

@@ -1,0 +1,117 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/time.hpp"
+#include "capture/import/import_source.hpp"
+#include "capture/import/message_log.hpp"
+#include "capture/imu_sample.hpp"
+#include "capture/lens/camera_model.hpp"
+#include "capture/sensor_source.hpp"
+
+/// The kinds of imports, and their common parts.
+namespace fiducap {
+
+/// Messages of ROS from a bag, rosbag2 or MCAP.
+[[nodiscard]] Expected<std::unique_ptr<ImportSource>> open_log_import(
+    const std::string& path, const ImportOptions& options, const ImportProgress& progress);
+
+/// A folder in the EuRoC/ASL layout of another program, also without calibration or lists of
+/// images, or with images of 16 bits (TUM-VI). Includes truth and tags.
+[[nodiscard]] Expected<std::unique_ptr<ImportSource>> open_asl_import(const std::string& path,
+                                                                      const ImportOptions& options);
+
+/// A video file, alone or with a table of an IMU (`options.imu_csv`).
+///
+/// A video has no absolute time. A table whose first time is within a minute of zero counts from
+/// the video's first image; any other begins with it. `options.imu_offset` is added.
+[[nodiscard]] Expected<std::unique_ptr<ImportSource>> open_video_import(
+    const std::string& path, const ImportOptions& options);
+
+/// A recording of the app Sensor Logger (iOS, Android): its ZIP archive, or the folder with
+/// Gyroscope.csv, Accelerometer.csv and Gravity.csv (or TotalAcceleration.csv) and Camera/.
+///
+/// Axes are the phone's (x right, y up, z out of the screen), and specific force has Android's
+/// sign; iOS has the other one unless the app standardises it, which Metadata.csv records.
+[[nodiscard]] Expected<std::unique_ptr<ImportSource>> open_sensor_logger(
+    const std::string& path, const ImportOptions& options);
+
+/// Gyroscope.csv is there.
+[[nodiscard]] bool is_sensor_logger_folder(const std::string& path);
+
+/// Messages of ROS that are imported.
+enum class RosType { kImage, kCompressedImage, kImu, kCameraInfo, kOther };
+
+[[nodiscard]] RosType ros_type(const LoggedTopic& topic);
+
+/// Content of a log.
+struct LogSurvey {
+  std::vector<FoundStream> streams;  ///< In order of appearance.
+  std::vector<std::string> others;
+  std::vector<std::string> remarks;
+};
+
+/// Reads a log to its end: counts, stamps, sizes, lenses. Images are not decoded.
+/// @param log_stamps  the recorder's time instead of that in the header
+[[nodiscard]] Expected<LogSurvey> survey_log(MessageLog& log, bool log_stamps,
+                                             const ImportProgress& progress);
+
+/// An image file and its stamp.
+struct ListedImage {
+  std::int64_t ns{};
+  std::string file;
+};
+
+/// An import whose readings and images are in different files. Its source has first the IMU, then
+/// one camera after the other. Unreadable images and those of another size are left out and logged
+/// once.
+class PartsImport : public ImportSource {
+ public:
+  const std::vector<FoundStream>& streams() const final { return streams_; }
+  std::vector<std::string> remarks() const final { return remarks_; }
+  Expected<std::unique_ptr<SensorSource>> open(const ImportChoice& choice,
+                                               const std::vector<CameraMount>& cameras) final;
+
+ protected:
+  /// Image files, or a video.
+  struct Camera {
+    std::vector<ListedImage> files;
+    std::string video;
+    Duration begins{0};  ///< Stamp of the video's first image.
+  };
+  /// @param clock  of videos
+  explicit PartsImport(const Clock* clock) : clock_(clock) {}
+
+  void add_camera(FoundStream found, Camera camera);
+  /// A stream of `files`, which are not empty. @return Error when the first is not readable
+  [[nodiscard]] static Expected<FoundStream> stream_of(std::string name,
+                                                       const std::vector<ListedImage>& files);
+  void add_imu(FoundStream found, std::vector<ImuSample> samples);
+
+  std::vector<FoundStream> streams_;
+  std::vector<std::string> remarks_;
+
+ private:
+  const Clock* clock_;
+  std::vector<Camera> cameras_;  ///< Per stream; the IMU's is empty.
+  std::vector<ImuSample> imu_;
+};
+
+/// Image files of a folder whose names are numbers, sorted by them.
+/// @param unit_ns  of the numbers
+[[nodiscard]] std::vector<ListedImage> pictures_by_number(const std::string& folder,
+                                                          std::int64_t unit_ns);
+
+/// A video file, not paced; its images are stamped by their time in it.
+/// @param model  width 0: any size
+[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_video_file(const std::string& path,
+                                                                      const CameraModel& model,
+                                                                      const Clock& clock);
+
+/// Name, size and rate of a video.
+[[nodiscard]] Expected<FoundStream> look_at_video(const std::string& path, const Clock& clock);
+
+}  // namespace fiducap

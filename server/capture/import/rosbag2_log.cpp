@@ -1,0 +1,284 @@
+#include <algorithm>
+#include <filesystem>
+#include <map>
+
+#include <sqlite3.h>
+
+#include "base/yaml_section.hpp"
+#include "capture/import/message_log.hpp"
+#include "capture/recording/recording_layout.hpp"
+
+namespace fiducap {
+namespace {
+
+struct CloseDb3 {
+  void operator()(sqlite3* file) const { sqlite3_close_v2(file); }
+  void operator()(sqlite3_stmt* rows) const { sqlite3_finalize(rows); }
+};
+using Db3Rows = std::unique_ptr<sqlite3_stmt, CloseDb3>;
+
+class Db3Log final : public MessageLog {
+ public:
+  explicit Db3Log(std::string path) : path_(std::move(path)) {}
+
+  Expected<void> begin() {
+    if (const auto opened = open(); !opened) return opened;
+    if (const auto there = require_tables(); !there) return there;
+    if (const auto read = read_topics(); !read) return read;
+    if (const Db3Rows last = prepare("SELECT max(rowid) FROM messages");
+        last && sqlite3_step(last.get()) == SQLITE_ROW)
+      last_row_ = sqlite3_column_int64(last.get(), 0);
+    // In recorded order, without sorting.
+    messages_ = prepare("SELECT topic_id, timestamp, data, rowid FROM messages");
+    if (!messages_)
+      return fail(ErrorCode::kInvalid, "its table 'messages' is not that of rosbag2", path_);
+    return {};
+  }
+
+  const std::vector<LoggedTopic>& topics() const override { return topics_; }
+
+  Expected<bool> next(LoggedMessage& out) override {
+    for (;;) {
+      const int code = sqlite3_step(messages_.get());
+      if (code != SQLITE_ROW) {
+        if (code != SQLITE_DONE && failure_.empty()) failure_ = sqlite3_errmsg(file_.get());
+        return false;
+      }
+      row_ = sqlite3_column_int64(messages_.get(), 3);
+      const auto topic = by_id_.find(sqlite3_column_int64(messages_.get(), 0));
+      if (topic == by_id_.end()) {
+        ++lost_;
+        continue;
+      }
+      const auto* data = static_cast<const std::byte*>(sqlite3_column_blob(messages_.get(), 2));
+      const auto size = static_cast<std::size_t>(sqlite3_column_bytes(messages_.get(), 2));
+      out = {topic->second, sqlite3_column_int64(messages_.get(), 1), {data, data ? size : 0}};
+      return true;
+    }
+  }
+
+  double share() const override {
+    return last_row_ > 0 ? static_cast<double>(row_) / static_cast<double>(last_row_) : 0.0;
+  }
+
+  std::vector<std::string> remarks() const override {
+    std::vector<std::string> all;
+    if (!failure_.empty())
+      all.push_back("is damaged after row " + std::to_string(row_) + " of " +
+                    std::to_string(last_row_) + " (" + failure_ + "): read up to there");
+    if (lost_ > 0) all.push_back("has " + std::to_string(lost_) + " messages of no topic");
+    return all;
+  }
+
+ private:
+  Expected<void> open() {
+    sqlite3* file = nullptr;
+    const int code = sqlite3_open_v2(path_.c_str(), &file, SQLITE_OPEN_READONLY, nullptr);
+    file_.reset(file);
+    if (code != SQLITE_OK) return fail(ErrorCode::kUnavailable, "cannot be opened", path_);
+    // Runs nothing that the file defines, and limits sizes to that of a message.
+    sqlite3_db_config(file, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
+    sqlite3_db_config(file, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+    sqlite3_limit(file, SQLITE_LIMIT_LENGTH, static_cast<int>(kLargestChunk_bytes));
+    return {};
+  }
+
+  /// Plain tables: a view or a virtual table could compute without end.
+  Expected<void> require_tables() const {
+    const Db3Rows rows = prepare(
+        "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND rootpage > 0 AND name IN "
+        "('topics', 'messages')");
+    if (!rows || sqlite3_step(rows.get()) != SQLITE_ROW)
+      return fail(ErrorCode::kInvalid,
+                  std::string("is no readable SQLite file: ") + sqlite3_errmsg(file_.get()), path_);
+    if (sqlite3_column_int(rows.get(), 0) == 2) return {};
+    return fail(ErrorCode::kInvalid,
+                "is no recording of rosbag2: it has no tables 'topics' and 'messages'", path_);
+  }
+
+  Expected<void> read_topics() {
+    const Db3Rows rows = prepare("SELECT id, name, type, serialization_format FROM topics");
+    if (!rows) return fail(ErrorCode::kInvalid, "its table 'topics' is not that of rosbag2", path_);
+    while (sqlite3_step(rows.get()) == SQLITE_ROW && topics_.size() < kMostTopics) {
+      by_id_[sqlite3_column_int64(rows.get(), 0)] = topics_.size();
+      const bool cdr = text(rows.get(), 3) == "cdr";
+      topics_.push_back({text(rows.get(), 1), plain_type(text(rows.get(), 2)),
+                         cdr ? MessageFormat::kCdr : MessageFormat::kOther});
+    }
+    return {};
+  }
+
+  Db3Rows prepare(const char* sql) const {
+    sqlite3_stmt* rows = nullptr;
+    sqlite3_prepare_v2(file_.get(), sql, -1, &rows, nullptr);
+    return Db3Rows(rows);
+  }
+
+  [[nodiscard]] std::string text(sqlite3_stmt* rows, int column) const {
+    const auto* begin = reinterpret_cast<const char*>(sqlite3_column_text(rows, column));
+    return begin == nullptr
+               ? std::string()
+               : std::string(begin, static_cast<std::size_t>(sqlite3_column_bytes(rows, column)));
+  }
+
+  std::string path_;
+  std::unique_ptr<sqlite3, CloseDb3> file_;
+  Db3Rows messages_;
+  std::vector<LoggedTopic> topics_;
+  std::map<std::int64_t, std::size_t> by_id_;
+  std::int64_t row_{0};
+  std::int64_t last_row_{0};
+  std::uint64_t lost_{0};
+  std::string failure_;
+};
+
+struct Rosbag2Parts {
+  std::vector<std::filesystem::path> files;
+  bool messages_packed{false};
+  std::vector<std::string> remarks;
+};
+
+class Rosbag2Folder final : public MessageLog {
+ public:
+  explicit Rosbag2Folder(Rosbag2Parts parts) : parts_(std::move(parts)) {}
+
+  Expected<void> begin() { return open_part(); }
+  const std::vector<LoggedTopic>& topics() const override { return topics_; }
+
+  Expected<bool> next(LoggedMessage& out) override {
+    while (log_) {
+      const auto more = log_->next(out);
+      if (!more) return more;
+      if (!*more) {
+        keep_remarks();
+        if (++part_ == parts_.files.size()) return false;
+        if (const auto opened = open_part(); !opened) return tl::unexpected(opened.error());
+        continue;
+      }
+      out.topic = topic_of(out.topic);
+      if (!parts_.messages_packed) return true;
+      if (unpack_chunk("zstd", out.bytes, 0, unpacked_)) {
+        out.bytes = unpacked_;
+        return true;
+      }
+      ++damaged_;
+    }
+    return false;
+  }
+
+  double share() const override {
+    const double whole = static_cast<double>(parts_.files.size());
+    return (static_cast<double>(part_) + (log_ ? log_->share() : 0.0)) / whole;
+  }
+
+  std::vector<std::string> remarks() const override {
+    std::vector<std::string> all = parts_.remarks;
+    if (damaged_ > 0)
+      all.push_back("has " + std::to_string(damaged_) + " messages that cannot be unpacked");
+    return all;
+  }
+
+ private:
+  Expected<void> open_part() {
+    const std::string path = parts_.files[part_].string();
+    auto log = path.ends_with(".mcap") ? open_mcap(path) : open_db3(path);
+    if (!log) return tl::unexpected(log.error());
+    log_ = std::move(*log);
+    of_part_.clear();
+    return {};
+  }
+
+  std::size_t topic_of(std::size_t in_part) {
+    while (of_part_.size() <= in_part) {
+      const LoggedTopic& topic = log_->topics()[of_part_.size()];
+      const auto known = std::find_if(topics_.begin(), topics_.end(), [&](const LoggedTopic& t) {
+        return t.name == topic.name && t.type == topic.type;
+      });
+      of_part_.push_back(static_cast<std::size_t>(known - topics_.begin()));
+      if (known == topics_.end()) topics_.push_back(topic);
+    }
+    return of_part_[in_part];
+  }
+
+  void keep_remarks() {
+    for (const std::string& remark : log_->remarks())
+      parts_.remarks.push_back(parts_.files[part_].filename().string() + " " + remark);
+    log_.reset();
+  }
+
+  Rosbag2Parts parts_;
+  std::size_t part_{0};
+  std::unique_ptr<MessageLog> log_;
+  std::vector<LoggedTopic> topics_;
+  std::vector<std::size_t> of_part_;  ///< Our topic for each of the open file.
+  std::vector<std::byte> unpacked_;
+  std::uint64_t damaged_{0};
+};
+
+bool is_part(const std::filesystem::path& file) {
+  return file.extension() == ".db3" || file.extension() == ".mcap";
+}
+
+Expected<Rosbag2Parts> parts_by_name(const std::filesystem::path& folder) {
+  Rosbag2Parts parts;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error))
+    if (is_part(entry.path()) && is_file(entry.path())) parts.files.push_back(entry.path());
+  if (error)
+    return fail(ErrorCode::kUnavailable, "cannot be read: " + error.message(), folder.string());
+  std::sort(parts.files.begin(), parts.files.end());
+  parts.remarks.emplace_back("has no metadata.yaml: its files were read in order of their names");
+  return parts;
+}
+
+Expected<Rosbag2Parts> parts_by_metadata(const std::filesystem::path& folder) {
+  const auto yaml = YamlSection::load(folder / "metadata.yaml");
+  if (!yaml) return tl::unexpected(yaml.error());
+  const YamlSection bag = yaml->section("rosbag2_bagfile_information");
+  std::vector<std::string> names;
+  bag.read("relative_file_paths", names);
+  const std::string packing = bag.text("compression_format").value_or("");
+  const std::string mode = bag.text("compression_mode").value_or("");
+  if (const auto sound = yaml->check(); !sound) return tl::unexpected(sound.error());
+  Rosbag2Parts parts;
+  parts.messages_packed = mode == "MESSAGE" || mode == "message";
+  if (parts.messages_packed && packing != "zstd")
+    return fail(ErrorCode::kUnsupported,
+                "its messages are packed by '" + printable_name(packing) + "'; supported is zstd",
+                folder.string());
+  for (const std::string& name : names) {
+    // Older recorders include the folder's name; nothing outside of the folder is opened.
+    const std::filesystem::path file = folder / std::filesystem::path(name).filename();
+    if (file.extension() == ".zstd")
+      return fail(ErrorCode::kUnsupported,
+                  "is packed as a whole: unpack it (zstd -d --rm " + file.filename().string() +
+                      ") and remove .zstd and the compression keys from metadata.yaml",
+                  file.string());
+    if (is_file(file))
+      parts.files.push_back(file);
+    else
+      parts.remarks.push_back("lacks " + printable_name(name) + ", which metadata.yaml lists");
+  }
+  return parts;
+}
+
+}  // namespace
+
+Expected<std::unique_ptr<MessageLog>> open_db3(const std::string& path) {
+  auto log = std::make_unique<Db3Log>(path);
+  if (const auto begun = log->begin(); !begun) return tl::unexpected(begun.error());
+  return log;
+}
+
+Expected<std::unique_ptr<MessageLog>> open_rosbag2_folder(const std::string& path) {
+  auto parts = is_file(std::filesystem::path(path) / "metadata.yaml") ? parts_by_metadata(path)
+                                                                      : parts_by_name(path);
+  if (!parts) return tl::unexpected(parts.error());
+  if (parts->files.empty())
+    return fail(ErrorCode::kNotFound, "contains no file of rosbag2 (.db3, .mcap)", path);
+  auto folder = std::make_unique<Rosbag2Folder>(std::move(*parts));
+  if (const auto begun = folder->begin(); !begun) return tl::unexpected(begun.error());
+  return folder;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <charconv>
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <system_error>
+
+/// Texts of clients.
+namespace fiducap {
+
+/// Bytes as text, up to the first zero or the end.
+[[nodiscard]] inline std::string_view until_zero(std::span<const std::byte> bytes) {
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  return text.substr(0, text.find('\0'));
+}
+
+[[nodiscard]] inline std::string_view trimmed(std::string_view text,
+                                              std::string_view blanks = " \t\r\n") {
+  const auto first = text.find_first_not_of(blanks);
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(blanks) - first + 1);
+}
+
+/// @return nullopt unless the whole text is a number of this type
+template <class Number>
+[[nodiscard]] std::optional<Number> whole_number(std::string_view text) {
+  Number value{};
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+/// Printable ASCII, other bytes as `?`.
+[[nodiscard]] inline std::string printable(std::string_view text) {
+  std::string safe(text);
+  for (char& c : safe) {
+    if (c < ' ' || c > '~') c = '?';
+  }
+  return safe;
+}
+
+}  // namespace fiducap

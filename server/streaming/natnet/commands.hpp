@@ -1,0 +1,76 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/expected.hpp"
+#include "scene/scene_frame.hpp"
+#include "streaming/natnet/codec.hpp"
+#include "streaming/natnet/natnet.hpp"
+#include "streaming/natnet/registry.hpp"
+#include "streaming/operator_api.hpp"
+
+namespace fiducap::natnet {
+
+/// The data for replies to commands.
+struct ServerView {
+  NatNetConfig config;
+  OperatorApi* operator_api{};  ///< nullptr: read-only.
+  double rate_hz{};
+  std::shared_ptr<const SceneModel> model;
+  std::vector<BodyDescription> announced;   ///< The model with names for clients.
+  std::shared_ptr<const SceneFrame> frame;  ///< The newest; may be nullptr.
+};
+
+/// @return this peer may change the server's state; the protocol has no password
+[[nodiscard]] bool may_change(const ServerView& server, const Peer& from);
+/// @param node  name for clients, our own name, or streaming id; also of disabled bodies
+[[nodiscard]] std::optional<OperatorApi::Body> find_body(const ServerView& server,
+                                                         std::string_view node);
+
+/// `GetProperty,<node>,<name>`, `GetProperty,,<name>` or `GetProperty,<name>`. Case and blanks in
+/// names do not matter. Of a body: Name, Active (Enabled), StreamingID (AssetID, ID),
+/// TrackingValid. Of the server: FrameRate (Master Rate), UpAxis, Units, Bitstream, Name,
+/// DataPort, MulticastAddress, CommandPort, TransmissionType.
+/// @return nullopt: no such node or property
+[[nodiscard]] std::optional<std::string> get_property(const Command& command,
+                                                      const ServerView& server);
+
+/// `SetProperty,<node>,<name>,<value>`. Of a body: Name, Active (Enabled). Those of the server are
+/// set in its configuration.
+/// @pre may_change for the client
+[[nodiscard]] Expected<void> set_property(const Command& command, const ServerView& server);
+
+/// Replies to all text commands that clients are known to send; others: UNRECOGNIZED_REQUEST.
+///
+/// A reply is a number in 4 bytes (0: done, else refused) or text. Commands of the timeline are
+/// accepted and do nothing, because clients send them with others. Commands that change something
+/// are executed by OperatorApi, if may_change.
+class CommandWords final {
+ public:
+  struct Asker {
+    Peer peer;
+    bool multicast{};
+    Bitstream version;         ///< Current.
+    Subscriber* subscriber{};  ///< nullptr: no unicast frames. Its selection may be changed.
+  };
+  struct Answer {
+    Datagram datagram;
+    std::optional<Bitstream> switch_to{};  ///< Its new version.
+    bool leaves{};
+  };
+
+  [[nodiscard]] Answer answer(std::string_view text, const ServerView& server, const Asker& asker);
+  /// A command that an old vendor library requires and that is not supported (reference, 4.4).
+  [[nodiscard]] static bool is_legacy_check(std::string_view text) {
+    return text.starts_with("service20,");
+  }
+
+ private:
+  std::string next_take_;  ///< Name of the next recording; empty: date and time.
+};
+
+}  // namespace fiducap::natnet

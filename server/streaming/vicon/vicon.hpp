@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/config_check.hpp"
+#include "base/expected.hpp"
+#include "base/time.hpp"
+#include "streaming/conventions/protocol_conventions.hpp"
+#include "streaming/streamer.hpp"
+
+namespace fiducap::vicon {
+
+struct ViconConfig {
+  bool enabled{false};               ///< The usual port needs a permission.
+  std::string address{"127.0.0.1"};  ///< IPv4 only. 0.0.0.0: all interfaces.
+  std::uint16_t port{801};           ///< TCP. 0: any free one, see Streamer::port.
+  int max_clients{64};
+  int max_clients_per_address{32};
+  WhenInvalid when_invalid{conventions_of("vicon").when_invalid};
+  NameAliases aliases;
+
+  [[nodiscard]] std::vector<ConfigError> check() const;
+  [[nodiscard]] ServedProtocol served() const;
+};
+
+template <class V>
+void describe(V& v, ViconConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.value("max_clients", c.max_clients);
+  v.value("max_clients_per_address", c.max_clients_per_address);
+  v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
+  v.value("aliases", c.aliases);
+}
+
+using ProtocolConfig = ViconConfig;
+
+/// @param clock  outlives all handlers of `io`
+/// @return Error `kUnavailable` naming port and remedy when it cannot bind.
+[[nodiscard]] Expected<std::unique_ptr<Streamer>> start_vicon_server(boost::asio::io_context& io,
+                                                                     const ViconConfig& config,
+                                                                     const Clock& clock);
+
+/// For the list of protocols (streaming/CMakeLists.txt).
+[[nodiscard]] inline Expected<std::unique_ptr<Streamer>> serve(const ProtocolContext& context,
+                                                               const ViconConfig& config) {
+  return start_vicon_server(context.io, config, context.clock);
+}
+
+}  // namespace fiducap::vicon

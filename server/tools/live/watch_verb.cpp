@@ -1,0 +1,285 @@
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+
+#include <fmt/format.h>
+#include <Eigen/Geometry>
+#include <nlohmann/json.hpp>
+
+#include "fiducap/client.hpp"
+#include "tools/live/live_verbs.hpp"
+#include "tools/terminal.hpp"
+#include "tools/verb_options.hpp"
+
+namespace fiducap {
+namespace {
+
+constexpr double kDegrees = 180 / std::numbers::pi;
+constexpr std::size_t kAngleWidth = 8;
+constexpr std::size_t kRateWidth = 7;
+
+const char* name_of(Tracking tracking) {
+  switch (tracking) {
+    case Tracking::kSearching:
+      return "searching";
+    case Tracking::kTracking:
+      return "tracking";
+    case Tracking::kCoasting:
+      return "coasting";
+    case Tracking::kLost:
+      return "lost";
+  }
+  return "lost";
+}
+
+double length(const std::array<double, 3>& v) { return std::hypot(v[0], v[1], v[2]); }
+
+/// Heading, then pitch, then roll (z-y'-x''), degrees.
+std::array<double, 3> yaw_pitch_roll_deg(const std::array<double, 4>& wxyz) {
+  const Eigen::Matrix3d R =
+      Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]).toRotationMatrix();
+  return {kDegrees * std::atan2(R(1, 0), R(0, 0)),
+          kDegrees * std::atan2(-R(2, 0), std::hypot(R(0, 0), R(1, 0))),
+          kDegrees * std::atan2(R(2, 1), R(2, 2))};
+}
+
+std::string milliseconds(double seconds) {
+  return std::isfinite(seconds) ? fixed(1000 * seconds, 2) + " ms" : "unknown";
+}
+
+std::string right(const std::string& text, std::size_t width) {
+  return text.size() >= width ? text : std::string(width - text.size(), ' ') + text;
+}
+
+std::string column_names() {
+  std::string text = "body             state    ";
+  for (const char* name : {"x [m]", "y [m]", "z [m]"}) text += ' ' + right(name, 8);
+  for (const char* name : {"yaw[deg]", "pitch", "roll"}) text += ' ' + right(name, kAngleWidth);
+  for (const char* name : {"[m/s]", "[deg/s]"}) text += ' ' + right(name, kRateWidth);
+  for (const char* name : {"1s [mm]", "1s[deg]", "age[ms]"}) text += ' ' + right(name, 7);
+  return text + " tags\n";
+}
+
+std::string row(const Body& body) {
+  std::array<char, 96> head{};
+  std::snprintf(head.data(), head.size(), "%-16.32s %-9s", body.name.c_str(),
+                name_of(body.tracking));
+  std::string text = head.data();
+  // Invalid poses are not shown.
+  const auto add = [&](double value, int decimals, std::size_t width) {
+    text += ' ' + right(body.valid && std::isfinite(value) ? fixed(value, decimals) : "-", width);
+  };
+  for (const double p : body.position_m) add(p, 3, 8);
+  for (const double angle : yaw_pitch_roll_deg(body.orientation_wxyz)) add(angle, 1, kAngleWidth);
+  add(length(body.velocity_m_s), 2, kRateWidth);
+  add(kDegrees * length(body.body_rate_rad_s), 0, kRateWidth);
+  add(1000 * body.position_sigma_m, 1, 7);
+  add(kDegrees * body.rotation_sigma_rad, 2, 7);
+  text += ' ' + right(std::isfinite(body.age_s) ? fixed(1000 * body.age_s, 0) : "-", 7) + ' ' +
+          right(std::to_string(body.tags_in_view), 4);
+  return text + '\n';
+}
+
+std::string summary(const Frame& frame, const ClientStatistics& s) {
+  return fmt::format("frame {}  {:.1f} Hz  latency p50 {} p99 {}  lost {}  map v{}", frame.number,
+                     s.rate_hz, milliseconds(s.latency_p50_s), milliseconds(s.latency_p99_s),
+                     s.lost, frame.map_version);
+}
+
+using SteadyTime = std::chrono::steady_clock::time_point;
+constexpr std::chrono::seconds kTimeout{2};  // without a frame, then it is reported
+constexpr std::chrono::milliseconds kLivePeriod{100};
+constexpr std::chrono::seconds kLinePeriod{1};
+
+ClientOptions options(const ServerAddress& address) {
+  ClientOptions options;
+  options.server = address.host;
+  options.port = address.port;
+  options.name = "fiducap watch";
+  return options;
+}
+
+class Watch final {
+ public:
+  Watch(const ServerAddress& address, bool json, const Terminal& terminal)
+      : name_(address.host + ":" + std::to_string(address.port)),
+        json_(json),
+        terminal_(terminal),
+        client_(options(address)) {}
+
+  int run(std::optional<SteadyTime> end) {
+    while (!interrupted() && terminal_.out) {
+      const SteadyTime now = std::chrono::steady_clock::now();
+      if (end && now >= *end) break;
+      if (client_.wait_for_frame(newest_, std::chrono::milliseconds(100)) &&
+          client_.latest(frame_)) {
+        newest_ = frame_.number;
+        last_frame_ = now;
+        seen_ = true;
+        reported_ = false;
+      } else if (now - last_frame_ > kTimeout) {
+        report_silence();
+      }
+      if (seen_) show(now);
+    }
+    if (!seen_) report_silence();
+    return seen_ ? kExitOk : kExitFailed;
+  }
+
+ private:
+  void report_silence() {
+    if (reported_) return;
+    reported_ = true;
+    const std::string problem = client_.statistics().problem;
+    terminal_.err << "fiducap: no Fiducap server answers at " << name_
+                  << (problem.empty() ? "" : " (" + problem + ")")
+                  << ". Start one (fiducapd --config config/demo.yaml), check its streaming.native "
+                     "section, or name another with --server HOST:PORT."
+                  << std::endl;
+    lines_shown_ = 0;  // the message has scrolled the screen
+  }
+
+  void show(SteadyTime now) {
+    if (json_) {
+      if (frame_.number == shown_frame_) return;
+      terminal_.out << watch_json(frame_, client_.statistics()) << std::flush;
+    } else if (terminal_.out_is_live) {
+      if (now - last_shown_ < kLivePeriod) return;
+      redraw(watch_table(name_, frame_, client_.statistics()));
+    } else {
+      if (now - last_shown_ < kLinePeriod || frame_.number == shown_frame_) return;
+      terminal_.out << watch_lines(frame_, client_.statistics()) << std::flush;
+    }
+    shown_frame_ = frame_.number;
+    last_shown_ = now;
+  }
+
+  /// Redraws the table in place and clears the rest of the screen.
+  void redraw(const std::string& table) {
+    std::string text;
+    if (lines_shown_ > 0) text += "\x1b[" + std::to_string(lines_shown_) + "A\r";
+    for (const char c : table) text += c == '\n' ? std::string("\x1b[K\n") : std::string(1, c);
+    terminal_.out << text << "\x1b[J" << std::flush;
+    lines_shown_ = std::count(table.begin(), table.end(), '\n');
+  }
+
+  std::string name_;
+  bool json_;
+  const Terminal& terminal_;
+  Client client_;
+  Frame frame_;
+  std::uint64_t newest_{0};
+  std::uint64_t shown_frame_{0};
+  SteadyTime last_frame_{std::chrono::steady_clock::now()};
+  SteadyTime last_shown_{};
+  std::ptrdiff_t lines_shown_{0};
+  bool seen_{false};
+  bool reported_{false};
+};
+
+}  // namespace
+
+std::string watch_table(const std::string& server, const Frame& frame,
+                        const ClientStatistics& statistics) {
+  std::string text = server + (statistics.connected ? "  " : "  NOT ANSWERING  ") +
+                     summary(frame, statistics) + "\n";
+  text += column_names();
+  for (const Body& body : frame.bodies) text += row(body);
+  if (frame.bodies.empty()) text += "(the server has no bodies)\n";
+  return text;
+}
+
+std::string watch_lines(const Frame& frame, const ClientStatistics& statistics) {
+  std::string text = summary(frame, statistics) + "\n";
+  for (const Body& body : frame.bodies) text += "  " + row(body);
+  return text;
+}
+
+std::string watch_json(const Frame& frame, const ClientStatistics& statistics) {
+  // nlohmann writes NaN as null.
+  nlohmann::ordered_json json{{"frame", frame.number},
+                              {"at_server_ns", frame.at_server_ns},
+                              {"at_utc_ns", frame.at_utc_ns},
+                              {"map_version", frame.map_version},
+                              {"server_rate_hz", frame.rate_hz},
+                              {"received_rate_hz", statistics.rate_hz},
+                              {"lost", statistics.lost},
+                              {"latency_p50_s", statistics.latency_p50_s},
+                              {"latency_p99_s", statistics.latency_p99_s},
+                              {"bodies", nlohmann::ordered_json::array()}};
+  for (const Body& body : frame.bodies)
+    json["bodies"].push_back({{"id", body.id},
+                              {"name", body.name},
+                              {"tracking", name_of(body.tracking)},
+                              {"valid", body.valid},
+                              {"position_m", body.position_m},
+                              {"orientation_wxyz", body.orientation_wxyz},
+                              {"velocity_m_s", body.velocity_m_s},
+                              {"body_rate_rad_s", body.body_rate_rad_s},
+                              {"acceleration_m_s2", body.acceleration_m_s2},
+                              {"position_sigma_m", body.position_sigma_m},
+                              {"rotation_sigma_rad", body.rotation_sigma_rad},
+                              {"age_s", body.age_s},
+                              {"tags_in_view", body.tags_in_view}});
+  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+Expected<ServerAddress> parse_server_address(std::string_view text, std::uint16_t default_port) {
+  const auto wrong = fail(ErrorCode::kInvalid,
+                          "--server must be HOST or HOST:PORT, is '" + std::string(text) + "'");
+  ServerAddress address{std::string(text), default_port};
+  const bool bracketed = text.starts_with('[');
+  const std::size_t close = bracketed ? text.find(']') : 0;
+  if (close == std::string_view::npos) return wrong;
+  if (bracketed) address.host = text.substr(1, close - 1);
+  const std::size_t colon = text.find(':', close);
+  // More than one colon without brackets is a bare IPv6 address.
+  const bool bare_ipv6 = !bracketed && colon != std::string_view::npos &&
+                         text.find(':', colon + 1) != std::string_view::npos;
+  if (colon != std::string_view::npos && !bare_ipv6) {
+    if (!bracketed) address.host = text.substr(0, colon);
+    const std::string_view port = text.substr(colon + 1);
+    const auto parsed = std::from_chars(port.data(), port.data() + port.size(), address.port);
+    if (parsed.ec != std::errc{} || parsed.ptr != port.data() + port.size() || address.port == 0)
+      return wrong;
+  } else if (bracketed && close + 1 != text.size()) {
+    return wrong;
+  }
+  if (address.host.empty()) return wrong;
+  return address;
+}
+
+int run_watch(const WatchArguments& arguments, const Terminal& terminal) {
+  const auto address = parse_server_address(arguments.server, ClientOptions{}.port);
+  if (!address) {
+    report(terminal, address.error());
+    return kExitUsage;
+  }
+  catch_interrupt();
+  std::optional<SteadyTime> end;
+  if (arguments.duration_s > 0)
+    end = std::chrono::steady_clock::now() +
+          std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+              std::chrono::duration<double>(arguments.duration_s));
+  return Watch(*address, arguments.json, terminal).run(end);
+}
+
+void add_watch(CLI::App& app, ChosenVerb& chosen) {
+  auto* verb =
+      app.add_subcommand("watch", "Live poses, rates, latency and loss as a client receives them");
+  auto& a = arguments_of<WatchArguments>(*verb, chosen, run_watch);
+  add_server_option(*verb, a.server);
+  verb->add_option("--duration", a.duration_s,
+                   "End after this many seconds; fails when nothing arrived")
+      ->check(kPositive);
+  verb->add_flag("--json", a.json, "One JSON object per frame and line");
+  verb->footer(
+      "Example:\n  fiducap watch --server robot-hall:21600\n"
+      "  fiducap watch --json --duration 10 | jq '.bodies[0].position_m'");
+}
+
+}  // namespace fiducap

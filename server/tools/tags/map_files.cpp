@@ -1,0 +1,106 @@
+#include "tools/tags/map_files.hpp"
+
+#include <filesystem>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "base/whole_file.hpp"
+#include "daemon/system.hpp"
+#include "mapping/formats/map_format.hpp"
+
+namespace fiducap {
+namespace {
+
+/// The newest undamaged version; skipped versions are reported.
+Expected<TagMap> newest_of(const MapStore& store, const Terminal& terminal) {
+  auto sound = store.newest_sound();
+  if (!sound) return tl::unexpected(sound.error());
+  for (const DamagedVersion& one : sound->damaged)
+    terminal.err << "fiducap: passed over version " << one.version << ", it " << one.fault << "\n";
+  return std::move(sound->map);
+}
+
+}  // namespace
+
+Expected<ImportedMap> import_map_file(const std::string& path, std::optional<MapFormat> format,
+                                      const MapImportOptions& options) {
+  const auto text = read_whole_file(path);
+  if (!text) return tl::unexpected(text.error());
+  if (!format) {
+    const auto recognised = map_format_of(path, *text);
+    if (!recognised) return tl::unexpected(recognised.error());
+    format = *recognised;
+  }
+  return read_map(*format, *text, options, path);
+}
+
+Expected<TagMap> read_map_file(const std::string& path) {
+  const auto text = read_whole_file(path);
+  if (!text) return tl::unexpected(text.error());
+  const auto format = map_format_of(path, *text);
+  if (!format) return tl::unexpected(format.error());
+  if (*format == MapFormat::kFiducap) return map_from_yaml(*text, path);
+  if (*format == MapFormat::kCsv) return map_from_csv(*text, path);
+  return fail(ErrorCode::kUnsupported,
+              "is a map of the format " + std::string(name_of(*format)) +
+                  ", here must be one of ours (.yaml, .csv); fiducap map import takes it, and "
+                  "fiducap map export makes one of ours",
+              path);
+}
+
+Expected<std::vector<std::string>> write_map_file(const std::string& path, const TagMap& map,
+                                                  std::optional<MapFormat> format,
+                                                  std::optional<FieldSize> field) {
+  if (!format) {
+    const auto named = map_format_of(path);
+    if (!named) return tl::unexpected(named.error());
+    format = *named;
+  }
+  ExportedMap exported = write_map(*format, map, field);
+  if (auto written = write_whole_file(path, exported.text); !written)
+    return tl::unexpected(written.error());
+  return std::move(exported.remarks);
+}
+
+Expected<MapStore> open_existing_store(const std::string& path) {
+  if (!std::filesystem::exists(path))
+    return fail(ErrorCode::kNotFound,
+                "no such map store; fiducapd makes it at map.store, or fill one with "
+                "fiducap map import",
+                path);
+  return MapStore::open_to_read(path);
+}
+
+Expected<TagMap> version_of(const MapStore& store, std::optional<std::int64_t> version,
+                            const Terminal& terminal) {
+  return version ? store.load(*version) : newest_of(store, terminal);
+}
+
+Expected<TagMap> stored_version(const std::string& path, std::optional<std::int64_t> version,
+                                const Terminal& terminal) {
+  const auto store = open_existing_store(path);
+  if (!store) return tl::unexpected(store.error());
+  return version_of(*store, version, terminal);
+}
+
+Expected<TagMap> store_next_version(const std::string& path, TagMap map, const std::string& comment,
+                                    const Terminal& terminal, MapOrigin origin) {
+  auto store = MapStore::open(path);
+  if (!store) return tl::unexpected(store.error());
+  if (auto claimed = store->claim(); !claimed) return tl::unexpected(claimed.error());
+  const auto newest = newest_of(*store, terminal);
+  if (!newest) return tl::unexpected(newest.error());
+  if (origin == MapOrigin::kFile) map.version = newest->version;
+  if (map.created_utc_ns == 0 || origin == MapOrigin::kStore) map.created_utc_ns = utc_now_ns();
+  return store->commit(map, comment);
+}
+
+std::string version_json(const std::string& file, const TagMap& map) {
+  const nlohmann::ordered_json json{{"file", file},         {"version", map.version},
+                                    {"parent", map.parent}, {"tags", map.tags.size()},
+                                    {"hash", map.hash},     {"comment", map.comment}};
+  return json.dump(2) + "\n";
+}
+
+}  // namespace fiducap

@@ -1,0 +1,154 @@
+// Without an IMU only the images decide which of a tag's two poses is right: until then there is no
+// pose.
+#include <gtest/gtest.h>
+
+#include "example_room.hpp"
+
+namespace fiducap {
+namespace {
+
+// So far away that four corners do not decide, at some 10 px of edge and 0.4 px of noise …
+constexpr double kFar_m = 6.0;
+constexpr double kEdge_m = 0.13;
+// … and so near that they do.
+constexpr double kNear_m = 0.8;
+constexpr double kNoise_px = 0.3;
+// The other branch is turned by twice as much; the second image alone separates no better.
+constexpr double kSameBranch_rad = 0.45;
+constexpr double kSigmas = 4.0;
+const Eigen::Quaterniond kOblique = exp_so3({0, 0.5, 0}) * exp_so3({3.0, 0.1, 0});
+
+/// Of the corners' noise: every test begins with the same draws, independent of earlier tests.
+std::mt19937_64 random_engine;
+
+BodySensors rig_of(int cameras) {
+  BodySensors sensors;
+  for (int k = 0; k < cameras; ++k) {
+    CameraMount mount;
+    mount.model = example_camera();
+    mount.X_BV.q = exp_so3({0, 1.5 * k, 0});
+    sensors.cameras.push_back(mount);
+  }
+  return sensors;
+}
+
+Instant instant_at(double t_s) { return instant_from_ns(1'000'000'000) + from_seconds(t_s); }
+
+TagObservations image_of(const BodySensors& sensors, int camera, double t_s, int tag_id,
+                         const Pose& X_BT) {
+  const CameraMount& mount = sensors.cameras[static_cast<std::size_t>(camera)];
+  TagObservations seen;
+  seen.camera = camera;
+  seen.exposed_at = instant_at(t_s);
+  seen.tags.push_back(
+      example_observation(tag_id, kEdge_m, mount.X_BV.inverse() * X_BT, mount.model));
+  TagObservation& tag = seen.tags.front();
+  std::normal_distribution<double> pixel(0, kNoise_px);
+  for (std::size_t k = 0; k < 4; ++k) {
+    tag.ideal_from_raw[k].setIdentity();
+    tag.corners_px[k] += Eigen::Vector2d(pixel(random_engine), pixel(random_engine));
+    tag.raw_px[k] = tag.corners_px[k];
+  }
+  return seen;
+}
+
+/// The tag in front of the camera, on its axis.
+Pose before(const BodySensors& sensors, int camera, double distance_m,
+            const Eigen::Quaterniond& q_VT) {
+  return sensors.cameras[static_cast<std::size_t>(camera)].X_BV *
+         Pose{q_VT, {0.1, 0.05, distance_m}};
+}
+
+KnownTag known(int tag_id, const Pose& X_WT) { return {tag_id, kEdge_m, X_WT, Matrix6d::Zero()}; }
+
+class UndecidedBranch : public testing::TestWithParam<std::string> {
+ protected:
+  void SetUp() override { random_engine.seed(5); }
+  static std::unique_ptr<BodyFilter> filter_of(const BodySensors& sensors) {
+    return make_body_filter(GetParam(), sensors, {}, {});
+  }
+};
+INSTANTIATE_TEST_SUITE_P(BothFilters, UndecidedBranch, testing::Values("robocentric", "world"),
+                         [](const auto& one) { return one.param; });
+
+TEST_P(UndecidedBranch, GivesNoPoseForAnyNumberOfSightings) {
+  const BodySensors sensors = rig_of(1);
+  const auto filter = filter_of(sensors);
+  const Pose X_BT = before(sensors, 0, kFar_m, kOblique);
+  for (int i = 0; i < 200; ++i) {
+    const UpdateReport report = filter->update(image_of(sensors, 0, 0.05 * i, 1, X_BT), {{}, true});
+    EXPECT_EQ(report.tags_pending, 1);
+    EXPECT_FALSE(filter->running()) << i;
+  }
+}
+
+TEST_P(UndecidedBranch, GivesOneAtOnceWhenTheTagIsNear) {
+  const BodySensors sensors = rig_of(1);
+  const auto filter = filter_of(sensors);
+  const Pose X_BT = before(sensors, 0, kNear_m, kOblique);
+  (void)filter->update(image_of(sensors, 0, 0.0, 1, X_BT), {{}, true});
+  ASSERT_TRUE(filter->running());
+  const Pose X_TB = filter->estimate().X_WB;  // the tag is the workspace
+  constexpr double kNearAngle_rad = 0.05;     // by one view of 75 px
+  EXPECT_LT(angle_between(X_TB.q, X_BT.inverse().q), kNearAngle_rad);
+}
+
+/// A body that knows two tags, and does not know where it is.
+struct Returning {
+  explicit Returning(const BodySensors& rig, std::unique_ptr<BodyFilter> a_filter)
+      : sensors(rig), filter(std::move(a_filter)) {
+    X_WT1 = before(sensors, 0, kFar_m, kOblique);
+    X_WT2 = before(sensors, 1, kFar_m, exp_so3({0.4, -0.3, 0.2}) * kOblique);
+    // By a tag right before it, to be anchored; then the motion is lost.
+    const Pose X_WT3 = before(sensors, 0, kNear_m, kOblique);
+    const std::vector<KnownTag> near{known(3, X_WT3)};
+    for (int i = 0; i < 5; ++i)
+      (void)filter->update(image_of(sensors, 0, 0.05 * i, 3, X_WT3), {near, false});
+    EXPECT_TRUE(filter->running());
+    filter->lose_motion();
+  }
+
+  /// One image of both cameras; the body is at W.
+  void look(double t_s, bool second_camera) {
+    const std::vector<KnownTag> one{known(1, X_WT1)};
+    const std::vector<KnownTag> two{known(2, X_WT2)};
+    (void)filter->update(image_of(sensors, 0, t_s, 1, X_WT1), {one, false});
+    if (second_camera) (void)filter->update(image_of(sensors, 1, t_s, 2, X_WT2), {two, false});
+  }
+
+  BodySensors sensors;
+  std::unique_ptr<BodyFilter> filter;
+  Pose X_WT1, X_WT2;
+};
+
+TEST_P(UndecidedBranch, OfASingleKnownTagDoesNotRelocaliseABody) {
+  const BodySensors sensors = rig_of(2);
+  Returning body(sensors, filter_of(sensors));
+  for (int i = 0; i < 100; ++i) {
+    body.look(1 + 0.05 * i, false);
+    ASSERT_FALSE(body.filter->running()) << i;
+  }
+}
+
+TEST_P(UndecidedBranch, IsDecidedByTheOtherCameraOfTheRig) {
+  constexpr int kRuns = 40;
+  constexpr int kMostImages = 25;  // of each camera: corners are noisy, some pairs do not decide
+  const BodySensors sensors = rig_of(2);
+  int at_once = 0;
+  for (int run = 0; run < kRuns; ++run) {
+    SCOPED_TRACE(run);
+    Returning body(sensors, filter_of(sensors));
+    int images = 0;
+    while (!body.filter->running() && images < kMostImages) body.look(1 + 0.05 * images++, true);
+    ASSERT_TRUE(body.filter->running());
+    at_once += images == 1 ? 1 : 0;
+    const BodyEstimate now = body.filter->estimate();
+    EXPECT_LT(angle_between(now.X_WB.q, Eigen::Quaterniond::Identity()), kSameBranch_rad);
+    const double sigma_m = std::sqrt(now.covariance.topLeftCorner<3, 3>().trace());
+    EXPECT_LT(now.X_WB.p.norm(), kSigmas * sigma_m);
+  }
+  EXPECT_GT(at_once, 0) << "one image of each may be enough";
+}
+
+}  // namespace
+}  // namespace fiducap

@@ -1,0 +1,153 @@
+#include <gtest/gtest.h>
+
+#include <chrono>
+
+#include "base/pose.hpp"
+#include "scene/scene.hpp"
+#include "streaming/conventions/frame_sequence.hpp"
+#include "support/allocation_counter.hpp"
+#include "support/scene_builder.hpp"
+
+namespace fiducap {
+namespace {
+
+using namespace std::chrono_literals;
+
+class PoseJumpsTest : public testing::Test {
+ protected:
+  void step() {
+    frame_->at += 10ms;
+    BodyPose& body = frame_->bodies[0];
+    body.X_WP.p += 0.01 * body.v_WP;
+    body.X_WP.q = (body.X_WP.q * exp_so3(0.01 * body.w_WP_P)).normalized();
+    jumps_.observe(*frame_);
+  }
+  std::shared_ptr<SceneFrame> frame_ = make_scene_frame({"drone", "rover"});
+  PoseJumps jumps_;
+};
+
+TEST_F(PoseJumpsTest, FastMotionIsNoJump) {
+  frame_->bodies[0].v_WP = {20, 0, 0};
+  frame_->bodies[0].w_WP_P = {0, 0, 15};
+  for (int i = 0; i < 100; ++i) step();
+  EXPECT_EQ(jumps_.count(0), 0u);
+}
+
+TEST_F(PoseJumpsTest, AStepOfTheMapIsOne) {
+  step();
+  frame_->bodies[0].X_WP.p.y() += 0.3;
+  step();
+  step();
+  EXPECT_EQ(jumps_.count(0), 1u);
+  EXPECT_EQ(jumps_.count(1), 0u) << "the other body did not move";
+}
+
+TEST_F(PoseJumpsTest, AnAlignmentIsOneHoweverSmall) {
+  step();
+  frame_->axes = 1;
+  step();
+  step();
+  EXPECT_EQ(jumps_.count(0), 1u);
+}
+
+// As the scene publishes it: little by little, or away for a moment and back elsewhere.
+TEST(PoseJumps, ACorrectionOfTheMapIsOneOnlyWhereThePoseJumps) {
+  const auto count = [](double correction_m, double ramp_s) {
+    SceneBody body;
+    body.description = {1, "drone"};
+    body.sensors.imu = ImuNoise{};
+    body.ramp.seconds = ramp_s;
+    Scene scene({body});
+    PoseJumps jumps;
+    const auto at_ms = [](int ms) { return instant_from_ns(1'000'000'000) + ms * 1ms; };
+    for (int ms = 0; ms < 4000; ms += 10) {
+      scene.add_imu(0, {at_ms(ms), Eigen::Vector3d::Zero(), {0, 0, 9.81}});
+      if (ms % 50 == 0) {
+        BodyEstimate estimate;
+        estimate.at = at_ms(ms);
+        estimate.covariance = Matrix15d::Identity() * 1e-5;
+        estimate.anchored = true;
+        if (ms >= 1000) estimate.X_WB.p.x() = correction_m;
+        UpdateReport report;
+        report.exposed_at = at_ms(ms);
+        report.tags_used = 2;
+        if (ms == 1000) report.map_shift = estimate.X_WB;
+        scene.ingest(0, estimate, report, {}, 0);
+      }
+      jumps.observe(*scene.sample(at_ms(ms), at_ms(ms), {}, 100.0, nullptr));
+    }
+    return jumps.count(0);
+  };
+  EXPECT_EQ(count(0.2, 2), 0u);
+  EXPECT_EQ(count(0.5, 2), 1u) << "more than a valid pose may be off";
+  EXPECT_EQ(count(0.2, 0), 1u);
+}
+
+TEST_F(PoseJumpsTest, ATurnOfTheMapIsOne) {
+  step();
+  frame_->bodies[0].X_WP.q = exp_so3({0, 0, 0.4}) * frame_->bodies[0].X_WP.q;
+  step();
+  EXPECT_EQ(jumps_.count(0), 1u);
+}
+
+TEST_F(PoseJumpsTest, TheReturnOfALostBodyIsOneTheFirstAppearanceIsNone) {
+  frame_->bodies[0].valid = false;
+  step();
+  frame_->bodies[0].valid = true;
+  step();
+  EXPECT_EQ(jumps_.count(0), 0u);
+  frame_->bodies[0].valid = false;
+  step();
+  frame_->bodies[0].valid = true;
+  step();
+  EXPECT_EQ(jumps_.count(0), 1u);
+}
+
+TEST_F(PoseJumpsTest, AnotherBodyAtTheSameIndexStartsAgain) {
+  step();
+  frame_->bodies[0].body_id = 17;
+  frame_->bodies[0].X_WP.p.x() += 5;
+  step();
+  EXPECT_EQ(jumps_.count(0), 0u);
+}
+
+TEST_F(PoseJumpsTest, AllocatesNothingWhileTheBodiesAreTheSame) {
+  step();
+  const AllocationCounter counter;
+  for (int i = 0; i < 100; ++i) step();
+  EXPECT_EQ(counter.count(), 0u);
+}
+
+using namespace std::chrono_literals;
+
+int sent_of(int frames, double frame_rate_hz, double rate_hz) {
+  SendSchedule schedule(rate_hz);
+  int sent = 0;
+  for (int i = 0; i < frames; ++i) {
+    sent += schedule.is_due(instant_from_ns(7) + from_seconds(i / frame_rate_hz), frame_rate_hz)
+                ? 1
+                : 0;
+  }
+  return sent;
+}
+
+TEST(SendSchedule, MeetsInTheMeanRatesThatDoNotDivideTheFrameRate) {
+  EXPECT_EQ(sent_of(10'000, 100, 50), 5000);
+  EXPECT_NEAR(sent_of(10'000, 100, 30), 3000, 1);
+  EXPECT_NEAR(sent_of(10'000, 240, 50), 2083, 1);
+}
+
+TEST(SendSchedule, SendsEveryFrameWhenFramesAreSlower) { EXPECT_EQ(sent_of(100, 20, 50), 100); }
+
+TEST(SendSchedule, DoesNotMakeUpForAGap) {
+  SendSchedule schedule(10);
+  Instant at = instant_from_ns(0);
+  EXPECT_TRUE(schedule.is_due(at, 100));
+  at += 10s;
+  EXPECT_TRUE(schedule.is_due(at, 100));
+  EXPECT_FALSE(schedule.is_due(at + 10ms, 100));
+  EXPECT_TRUE(schedule.is_due(at + 100ms, 100));
+}
+
+}  // namespace
+}  // namespace fiducap
