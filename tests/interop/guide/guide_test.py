@@ -22,7 +22,7 @@ import stand_ins
 from commands import PROGRAMS, Command, Words, blocks, commands
 
 RUN = ("docs/guide.md", "docs/calibration.md", "docs/import.md")
-LOOKED_UP = ("README.md", "ARCHITECTURE.md", "docs/setups.md", "docs/natnet-clients.md", "docs/clients.md",
+LOOKED_UP = ("README.md", "docs/setups.md", "docs/natnet-clients.md", "docs/clients.md",
              "docs/maps.md", "docs/operation.md", "docs/recording.md",
              "docs/experiments.md")
 NO_COMMANDS = ("cpp", "python", "yaml", "text", "mermaid")
@@ -89,7 +89,7 @@ class Walk:
 
     def look_up_dev(self, where, verb):
         self.looked_up += 1
-        if not re.search(rf"^  [^)\n]*\b{verb}\b[^)\n]*\) ", self.dev, re.M):
+        if not re.search(rf"^  [^)\n]*\b{verb}\b[^)\n]*\)(?: |$)", self.dev, re.M):
             self.faults.append(f"{where}: ./dev has no {verb}")
 
     def rewritten(self, command):
