@@ -3,7 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <map>
+#include <set>
 #include <string>
+#include <vector>
 
 #include "architecture/source_files.hpp"
 
@@ -13,6 +17,7 @@ namespace {
 constexpr std::size_t kLongestHeader = 200;
 constexpr std::size_t kLongestSource = 400;
 constexpr std::ptrdiff_t kLongestLine = 100;
+constexpr std::size_t kMostSingleUserHeaders = 40;  // one fewer whenever one is merged
 
 /// Templates have their sources in headers.
 std::size_t longest(const SourceFile& file) {
@@ -41,6 +46,29 @@ TEST(Measures, NoLineIsLongerThan100Columns) {
       EXPECT_LE(width(file.lines[i]), kLongestLine) << file.path.string() << ":" << i + 1;
     }
   }
+}
+
+// A header with one user besides its own source belongs to that user.
+TEST(Measures, FewHeadersHaveASingleUser) {
+  std::map<std::string, std::set<std::string>> users;
+  const auto files = source_files({"server"});
+  for (const SourceFile& file : files) {
+    for (const std::string& line : file.lines) {
+      const std::string included = included_by(line);
+      const std::string user = file.path.lexically_relative("server").replace_extension();
+      if (std::filesystem::path(included).replace_extension() != user) {
+        users[included].insert(file.path.string());
+      }
+    }
+  }
+  std::vector<std::string> single;
+  for (const SourceFile& file : files) {
+    if (!file.is_header()) continue;
+    const std::string name = file.path.lexically_relative("server");
+    if (users[name].size() < 2) single.push_back(name);
+  }
+  EXPECT_GT(single.size(), 0u) << "the test did not find the headers";
+  EXPECT_LE(single.size(), kMostSingleUserHeaders) << ::testing::PrintToString(single);
 }
 
 }  // namespace
