@@ -33,7 +33,8 @@ limited() {
 
 # verify_slice LABEL TARGETS: builds and tests; adds to the part's figures and sets $result
 verify_slice() {
-  local label=$1 targets=$2 begin=$SECONDS code=0 log=$VERIFY_FOLDER/$part
+  local label=$1 targets=$2 begin=$SECONDS code=0 log=$VERIFY_FOLDER/$part order=()
+  [ "$verify_until" -eq 0 ] || order=(--schedule-random) # so that each test runs sometimes
   # shellcheck disable=SC2086  # words on purpose
   [ -z "$targets" ] || limited ./dev build release $targets || code=$?
   build_s=$((build_s + SECONDS - begin))
@@ -43,7 +44,7 @@ verify_slice() {
     return
   fi
   begin=$SECONDS
-  limited ./dev ctest "$log" -L "^part-$part\$" -L "^$label\$" --no-tests=error || code=$?
+  limited ./dev ctest "$log" -L "^part-$part\$" -L "^$label\$" --no-tests=error "${order[@]}" || code=$?
   test_s=$((test_s + SECONDS - begin))
   ran=$((ran + $(grep -cE '^ *[0-9]+/[0-9]+ Test +#' "$log.txt" || true)))
   skipped=$((skipped + $(grep -cE '^ *[0-9]+/[0-9]+ Test .*\*\*\*(Skipped|Not Run)' "$log.txt" || true)))

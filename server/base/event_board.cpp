@@ -36,8 +36,8 @@ std::string Event::sentence() const {
 }
 
 std::span<const std::shared_ptr<const Event>> EventSnapshot::after(std::uint64_t number) const {
-  const auto first = std::find_if(happened.begin(), happened.end(),
-                                  [&](const auto& event) { return event->number > number; });
+  const auto first =
+      std::ranges::find_if(happened, [&](const auto& event) { return event->number > number; });
   return {first, happened.end()};
 }
 
@@ -100,7 +100,7 @@ void EventBoard::start(Event event) {
 bool EventBoard::has_room_for(Severity severity) {
   if (standing_.size() + 1 < kStanding) return true;
   if (severity != Severity::kError) return false;
-  const auto less = std::find_if(standing_.begin(), standing_.end(), [](const auto& one) {
+  const auto less = std::ranges::find_if(standing_, [](const auto& one) {
     return one.second->severity < Severity::kError && Order::View(one.first) != kOverflow;
   });
   if (less == standing_.end()) return false;

@@ -105,7 +105,7 @@ class Log {
   std::vector<Line> lines_after(std::uint64_t number) {
     const std::lock_guard lock(mutex_);
     const auto first =
-        std::find_if(kept_.begin(), kept_.end(), [&](const Line& l) { return l.number > number; });
+        std::ranges::find_if(kept_, [&](const Line& l) { return l.number > number; });
     return {first, kept_.end()};
   }
 

@@ -5,16 +5,20 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <numbers>
 #include <vector>
 
 #include "base/time.hpp"
 
 namespace fiducap {
 
+inline constexpr double kDegree = std::numbers::pi / 180;
+inline constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
+
 /// The value below which `share` of the values lie, linear between neighbours; 0 when empty.
 [[nodiscard]] inline double quantile(std::vector<double> values, double share) {
   if (values.empty()) return 0;
-  std::sort(values.begin(), values.end());
+  std::ranges::sort(values);
   const double place = share * static_cast<double>(values.size() - 1);
   const auto below = static_cast<std::size_t>(place);
   const std::size_t above = std::min(below + 1, values.size() - 1);
@@ -38,9 +42,8 @@ class DurationHistogram final {
     const double wanted = share * static_cast<double>(count_);
     double below = 0;
     std::size_t bin = 0;
-    while (bin + 1 < bins_.size() && below + static_cast<double>(bins_[bin]) < wanted) {
+    while (bin + 1 < bins_.size() && below + static_cast<double>(bins_[bin]) < wanted)
       below += static_cast<double>(bins_[bin++]);
-    }
     return from_seconds(kSmallest_s * std::pow(kGrowth, static_cast<double>(bin) + 1));
   }
 

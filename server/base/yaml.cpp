@@ -8,8 +8,6 @@
 
 #include <yaml-cpp/eventhandler.h>
 
-#include "base/text.hpp"
-
 namespace fiducap {
 namespace {
 
@@ -168,9 +166,8 @@ template <typename Value>
 Broken read_list(const YAML::Node& node, const char* rule, std::vector<Value>& out) {
   if (!node.IsSequence()) return rule;
   std::vector<Value> values(node.size());
-  for (std::size_t i = 0; i < values.size(); ++i) {
+  for (std::size_t i = 0; i < values.size(); ++i)
     if (read_value(node[i], values[i])) return rule;
-  }
   out = std::move(values);
   return std::nullopt;
 }
@@ -257,9 +254,8 @@ Broken read_value(const YAML::Node& node, std::string& out) {
 Broken read_numbers(const YAML::Node& node, std::span<double> out) {
   const std::string rule = "must be a list of " + std::to_string(out.size()) + " numbers";
   if (!node.IsSequence() || node.size() != out.size()) return rule;
-  for (std::size_t i = 0; i < out.size(); ++i) {
+  for (std::size_t i = 0; i < out.size(); ++i)
     if (read_value(node[i], out[i])) return rule;
-  }
   return std::nullopt;
 }
 

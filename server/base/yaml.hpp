@@ -104,9 +104,8 @@ template <typename E>
 }
 template <typename E>
 [[nodiscard]] std::string text_of_word(std::span<const words::Word<E>> vocabulary, E value) {
-  for (const auto& word : vocabulary) {
+  for (const auto& word : vocabulary)
     if (word.value == value) return std::string(word.text);
-  }
   return "null";
 }
 

@@ -1,13 +1,11 @@
 #include "base/yaml_section.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include <Eigen/LU>
 
 #include "base/text.hpp"
 #include "base/whole_file.hpp"
-#include "base/yaml.hpp"
 
 namespace fiducap {
 namespace {
@@ -30,15 +28,13 @@ std::string shown(const YAML::Node& node) {
 
 /// The pose of a row-major 4 x 4 matrix; Error when the matrix is not rigid.
 Expected<Pose> pose_of_matrix(const std::vector<double>& m) {
-  if (m.size() != 16) {
+  if (m.size() != 16)
     return fail(ErrorCode::kInvalid,
                 "needs 16 numbers (4 x 4, row by row), has " + std::to_string(m.size()));
-  }
   const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> X(m.data());
   const Eigen::Matrix3d R = X.topLeftCorner<3, 3>();
-  if (!((X.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).norm() < 1e-6)) {
+  if (!((X.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).norm() < 1e-6))
     return fail(ErrorCode::kInvalid, "needs 0 0 0 1 as its last row");
-  }
   if (!((R.transpose() * R - Eigen::Matrix3d::Identity()).norm() < kRotationTolerance) ||
       R.determinant() < 0) {
     return fail(ErrorCode::kInvalid, "has no rotation in its upper left 3 x 3");
@@ -49,7 +45,7 @@ Expected<Pose> pose_of_matrix(const std::vector<double>& m) {
 }  // namespace
 
 bool YamlReading::is_overridden(const std::string& path) const {
-  return std::any_of(overridden.begin(), overridden.end(), [&](const std::string& set) {
+  return std::ranges::any_of(overridden, [&](const std::string& set) {
     return path == set || path.rfind(set + ".", 0) == 0;
   });
 }
@@ -101,9 +97,8 @@ YAML::Node YamlSection::take(const std::string& key) const {
   known_.push_back(key);
   YAML::Node node = find(key);
   const std::string path = path_of(key);
-  if (node.IsDefined() && !reading_->is_overridden(path)) {
+  if (node.IsDefined() && !reading_->is_overridden(path))
     reading_->places[path] = reading_->file + ":" + std::to_string(node.Mark().line + 1);
-  }
   return node;
 }
 
@@ -129,9 +124,8 @@ std::vector<YamlSection> YamlSection::sections(const std::string& key) const {
   const YAML::Node list = take(key);
   if (!list.IsDefined() || list.IsNull()) return found;
   if (!list.IsSequence()) report(key, list, "must be a list");
-  for (std::size_t i = 0; list.IsSequence() && i < list.size(); ++i) {
+  for (std::size_t i = 0; list.IsSequence() && i < list.size(); ++i)
     found.push_back(below(list[i], key + "." + std::to_string(i)));
-  }
   return found;
 }
 

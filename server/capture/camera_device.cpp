@@ -43,8 +43,8 @@ std::string libcamera_pipeline(const CameraDeviceConfig& config, const CameraMod
          " ! videoconvert ! video/x-raw,format=GRAY8 ! appsink max-buffers=1 drop=true sync=false";
 }
 
-Expected<std::unique_ptr<SensorSource>> open_device(const CameraDeviceConfig& config,
-                                                    const CameraModel& camera, const Clock& clock) {
+OpenedSource open_device(const CameraDeviceConfig& config, const CameraModel& camera,
+                         const Clock& clock) {
   const std::string device = is_number(config.open) ? "/dev/video" + config.open : config.open;
   auto port = v4l2::open_port(device);
   if (!port) return tl::unexpected(port.error());
@@ -98,9 +98,8 @@ std::vector<ConfigError> CameraDeviceConfig::check(const std::string& prefix) co
   return checker.errors;
 }
 
-Expected<std::unique_ptr<SensorSource>> open_camera_device(const CameraDeviceConfig& config,
-                                                           const CameraModel& camera,
-                                                           const Clock& clock) {
+OpenedSource open_camera_device(const CameraDeviceConfig& config, const CameraModel& camera,
+                                const Clock& clock) {
   const Kind kind = kind_of(config.open);
   if (kind == Kind::kDevice) return open_device(config, camera, clock);
   const std::string what =

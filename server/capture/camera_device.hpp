@@ -90,8 +90,8 @@ void describe(V& v, CameraDeviceConfig& c) {
 /// s, the others between two images.
 /// @param camera  width 0: not calibrated yet, any size
 /// @return Error with device, wanted and given size when it cannot be opened.
-[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_camera_device(
-    const CameraDeviceConfig& config, const CameraModel& camera, const Clock& clock);
+[[nodiscard]] OpenedSource open_camera_device(const CameraDeviceConfig& config,
+                                              const CameraModel& camera, const Clock& clock);
 
 /// @param camera  width 0: not calibrated, any size   @param name  for messages
 [[nodiscard]] Expected<void> fits_calibration(PixelSize size, const CameraModel& camera,
@@ -106,9 +106,9 @@ class Port;
 /// Ends with an Error when images stop. Copies the gray pixels (a JPEG is decoded) and allocates
 /// nothing after the first images, except in libjpeg.
 /// @param device  for messages
-[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_v4l2_camera(
-    std::unique_ptr<Port> port, const std::string& device, const CameraDeviceConfig& config,
-    const CameraModel& camera, const Clock& clock);
+[[nodiscard]] OpenedSource open_v4l2_camera(std::unique_ptr<Port> port, const std::string& device,
+                                            const CameraDeviceConfig& config,
+                                            const CameraModel& camera, const Clock& clock);
 }  // namespace v4l2
 
 /// The configured value of a control of a camera.

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <fstream>
-#include <string>
 
 #include <opencv2/imgcodecs.hpp>
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <utility>
 
 #include "base/text.hpp"
 
@@ -203,7 +204,7 @@ ImageWatch::ImageWatch(Nominal nominal) : nominal_(nominal) {
   changes_.reserve(kImageFaults);
 }
 
-bool ImageWatch::holds(ImageFault fault) const { return reported_[index_of(fault)]; }
+bool ImageWatch::holds(ImageFault fault) const { return holds_[index_of(fault)]; }
 
 std::span<const ImageCondition> ImageWatch::take(const CameraFrame& frame) {
   changes_.clear();
@@ -291,8 +292,7 @@ void ImageWatch::report_changes(const CameraFrame& frame) {
     // Of two with the same cause only the worse one is reported.
     if (fault == ImageFault::kDuplicated) holds = holds && !is_on(ImageFault::kFrozen);
     if (fault == ImageFault::kMotionBlur) holds = holds && !is_on(ImageFault::kUnfocused);
-    if (holds == reported_[i]) continue;
-    reported_[i] = holds;
+    if (std::exchange(holds_[i], holds) == holds) continue;
     changes_.push_back({fault, holds, holds ? text_of(fault, frame) : std::string(kRules[i].over),
                         holds ? std::string(kRules[i].remedy) : std::string()});
   }
@@ -305,15 +305,13 @@ std::string ImageWatch::text_of(ImageFault fault, const CameraFrame& frame) cons
       return "its images are too dark to see tags (night, a lens cap, a very short exposure)";
     case ImageFault::kOverexposed:
       return "more than half of its image is white (exposure or gain too high, a lamp or the sun "
-             "in "
-             "view)";
+             "in view)";
     case ImageFault::kFrozen:
       return "gives the same image again and again with new stamps: it, or its driver, hangs";
     case ImageFault::kDuplicated:
       return percent(share) +
              " of its images repeat the one before with a new stamp (it does not support this "
-             "rate, "
-             "or exposes too long for it)";
+             "rate, or exposes too long for it)";
     case ImageFault::kHalf:
       return percent(share) +
              " of its images are incomplete, or end with the one before (cable, hub, power, a full "

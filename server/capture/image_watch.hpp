@@ -105,8 +105,8 @@ class ImageWatch final {
   [[nodiscard]] std::string text_of(ImageFault fault, const CameraFrame& frame) const;
 
   Nominal nominal_;
-  std::vector<LastingShare> shares_;  ///< By fault.
-  std::array<bool, kImageFaults> reported_{};
+  std::vector<LastingShare> shares_;        ///< By fault.
+  std::array<bool, kImageFaults> holds_{};  ///< By fault; of two with one cause the worse only.
   std::vector<ImageCondition> changes_;
   std::optional<Instant> last_at_;
   std::optional<ImageTraits> last_;

@@ -2,11 +2,11 @@
 
 #include <array>
 #include <cctype>
-#include <cmath>
 #include <numbers>
 
 #include <Eigen/LU>
 
+#include "base/numeric.hpp"
 #include "base/text.hpp"
 #include "base/yaml_section.hpp"
 
@@ -33,7 +33,6 @@ std::string rows_of(const Eigen::Matrix3d& M) {
   return text + "]";
 }
 
-constexpr double kDegree_rad = std::numbers::pi / 180;
 constexpr double kG_m_s2 = 9.80665;
 // A mounted part is noisier than its data sheet, which is measured at rest: vibration, temperature,
 // misalignment and aliasing. Two to five times is usual; this is the geometric mean. Too small a
@@ -117,12 +116,10 @@ std::string plain(std::string_view name) {
 
 const Chip* find_chip(std::string_view part) {
   const std::string wanted = plain(part);
-  for (const Chip& chip : kChips) {
+  for (const Chip& chip : kChips)
     if (plain(chip.name) == wanted) return &chip;
-  }
-  for (const Carrier& carrier : kCarriers) {
+  for (const Carrier& carrier : kCarriers)
     if (plain(carrier.name) == wanted) return find_chip(carrier.chip);
-  }
   return nullptr;
 }
 
@@ -183,12 +180,12 @@ std::optional<ImuNoise> noise_of_part(std::string_view part, double rate_hz) {
   const Chip* chip = find_chip(part);
   if (chip == nullptr) return std::nullopt;
   ImuNoise noise;
-  noise.gyro_noise_rad_s_rtHz = kMounted * chip->gyro_mdps * 1e-3 * kDegree_rad;
+  noise.gyro_noise_rad_s_rtHz = kMounted * chip->gyro_mdps * 1e-3 * kDegree;
   noise.accel_noise_m_s2_rtHz = kMounted * chip->accel_ug * 1e-6 * kG_m_s2;
   noise.gyro_walk_rad_s2_rtHz = kWalkPerNoise * noise.gyro_noise_rad_s_rtHz;
   noise.accel_walk_m_s3_rtHz = kWalkPerNoise * noise.accel_noise_m_s2_rtHz;
   noise.rate_hz = rate_hz;
-  noise.gyro_range_rad_s = chip->gyro_range_dps * kDegree_rad;
+  noise.gyro_range_rad_s = chip->gyro_range_dps * kDegree;
   noise.accel_range_m_s2 = chip->accel_range_g * kG_m_s2;
   return noise;
 }

@@ -1,7 +1,6 @@
 #include "capture/ros_image.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <tuple>
@@ -44,8 +43,7 @@ constexpr std::array<Encoding, 18> kEncodings{{
 }};
 
 const Encoding* find(std::string_view name) {
-  const auto* found = std::find_if(kEncodings.begin(), kEncodings.end(),
-                                   [name](const Encoding& one) { return one.name == name; });
+  const auto* found = std::ranges::find(kEncodings, name, &Encoding::name);
   return found == kEncodings.end() ? nullptr : found;
 }
 
@@ -170,7 +168,7 @@ Expected<CameraModel> camera_model(const CameraInfo& info, bool of_rectified) {
         std::tie(info.K[0], info.K[4], info.K[2], info.K[5]);
     if (const auto read = read_distortion(info, model); !read) return tl::unexpected(read.error());
     const auto is_zero = [](double k) { return k == 0; };
-    if (of_rectified && !std::all_of(info.coefficients.begin(), info.coefficients.end(), is_zero))
+    if (of_rectified && !std::ranges::all_of(info.coefficients, is_zero))
       return fail(ErrorCode::kUnsupported,
                   "the images are rectified, but camera_info has only the lens of the unrectified "
                   "ones (P is empty): use those, or describe the camera in the configuration");

@@ -122,9 +122,9 @@ int camera_of(const SensorSample& sample) {
 }
 
 bool has_finite_corners(const CornerFrame& frame) {
-  return std::all_of(frame.tags.begin(), frame.tags.end(), [](const TagSighting& tag) {
-    return std::all_of(tag.corners_px.begin(), tag.corners_px.end(),
-                       [](const Eigen::Vector2d& px) { return px.allFinite(); });
+  return std::ranges::all_of(frame.tags, [](const TagSighting& tag) {
+    return std::ranges::all_of(tag.corners_px,
+                               [](const Eigen::Vector2d& px) { return px.allFinite(); });
   });
 }
 
@@ -208,13 +208,12 @@ void SampleMerger::set_clock_shift(int camera, Duration shift) {
   if (std::optional<Instant>& newest = newest_image_[static_cast<std::size_t>(camera)])
     *newest += shift - applied;
   applied = shift;
-  for (SensorSample& image : images_) {
+  for (SensorSample& image : images_)
     if (camera_of(image) == camera) apply_shift(image, shift);
-  }
   // Those that are now before the last released sample are late.
   statistics_.late_dropped +=
       std::erase_if(images_, [this](const SensorSample& image) { return is_late(time_of(image)); });
-  std::sort(images_.begin(), images_.end(), comes_before);
+  std::ranges::sort(images_, comes_before);
 }
 
 bool SampleMerger::is_late(Instant image) const {
@@ -267,12 +266,12 @@ bool SampleMerger::imu_wait_is_over() const {
 }
 
 bool SampleMerger::some_camera_is_active() const {
-  return std::any_of(newest_image_.begin(), newest_image_.end(),
-                     [this](const auto& newest) { return newest && !has_passed_window(*newest); });
+  return std::ranges::any_of(
+      newest_image_, [this](const auto& newest) { return newest && !has_passed_window(*newest); });
 }
 
 bool SampleMerger::images_are_complete_before(Instant at) const {
-  return std::all_of(newest_image_.begin(), newest_image_.end(), [&](const auto& newest) {
+  return std::ranges::all_of(newest_image_, [&](const auto& newest) {
     return !newest || *newest >= at || has_passed_window(*newest);
   });
 }

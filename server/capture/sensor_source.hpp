@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <stop_token>
 #include <variant>
@@ -42,6 +43,7 @@ class SensorSource {
   /// @return nullopt when exhausted or stopped; Error when the device is lost.
   virtual Expected<std::optional<SensorSample>> next(std::stop_token stop) = 0;
 };
+using OpenedSource = Expected<std::unique_ptr<SensorSource>>;
 
 /// The rest of a body's configuration, for the rules of its source.
 struct SourceSurroundings {

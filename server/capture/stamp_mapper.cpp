@@ -96,9 +96,8 @@ double ArrivalOffset::slope_below() const {
     x[corners] = px;
     y[corners++] = py;
   }
-  for (std::size_t k = 1; k < corners; ++k) {
+  for (std::size_t k = 1; k < corners; ++k)
     if (x[k] >= middle) return (y[k] - y[k - 1]) / (x[k] - x[k - 1]);
-  }
   return 0;
 }
 

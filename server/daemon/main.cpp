@@ -107,11 +107,10 @@ int main(int argc, char** argv) {
       ->needs(setup_file);
   app.add_option("--set", sets, "path.to.key=value, before checking; list entries by number")
       ->allow_extra_args(false);
-  auto* checking =
-      app.add_flag("--check-config", check,
-                   "open all files, devices and ports of the configuration, print what is wrong, "
-                   "doubtful and would run, and end")
-          ->excludes(setup_file);
+  auto* checking = app.add_flag("--check-config", check,
+                                "open all files, devices and ports of the configuration, print "
+                                "what is wrong, doubtful and would run, and end")
+                       ->excludes(setup_file);
   app.add_flag("--json", as_json, "with --check-config: for scripts")->needs(checking);
   app.add_flag("--print-config", print, "write the effective configuration, and end")
       ->excludes(setup_file);

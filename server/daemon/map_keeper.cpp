@@ -14,8 +14,8 @@ constexpr std::size_t kMostCached = 8;
 constexpr std::size_t kMostWanted = 8;  // further ones are requested again
 
 bool contains(const VersionCache::Log& log, std::int64_t version) {
-  return std::any_of(log.begin(), log.end(),
-                     [&](const MapVersionInfo& one) { return one.version == version; });
+  return std::ranges::any_of(log,
+                             [&](const MapVersionInfo& one) { return one.version == version; });
 }
 
 // Longest delay of a requested commit.
@@ -70,8 +70,8 @@ VersionCache::Content VersionCache::version(std::int64_t version) {
   if (!contains(*log_, version))
     return fail(ErrorCode::kNotFound,
                 "there is no version " + std::to_string(version) + " in the store");
-  const auto found = std::find_if(cached_.begin(), cached_.end(),
-                                  [&](const auto& one) { return one.first == version; });
+  const auto found =
+      std::ranges::find_if(cached_, [&](const auto& one) { return one.first == version; });
   if (found != cached_.end()) return found->second;
   const bool is_asked_for = std::find(wanted_.begin(), wanted_.end(), version) != wanted_.end();
   if (!is_asked_for && wanted_.size() < kMostWanted) wanted_.push_back(version);

@@ -52,20 +52,18 @@ Expected<TagMap> first_map(const MapSettings& settings, const TagSetConfig& tags
 
 Expected<void> check_against(const TagMap& map, const MapSettings& settings,
                              const TagSetConfig& tags) {
-  if (map.family != tags.family) {
+  if (map.family != tags.family)
     return fail(ErrorCode::kInvalid,
                 "holds " + map.family + " tags, but tags.family is " + tags.family +
                     "; use another map.store",
                 settings.store.empty() ? settings.file : settings.store);
-  }
   if (const std::string warning = tag_family_warning(tags.family); !warning.empty())
     log::warning("detection", warning);
-  if (map.reference_tag && settings.reference_tag && map.reference_tag != settings.reference_tag) {
+  if (map.reference_tag && settings.reference_tag && map.reference_tag != settings.reference_tag)
     log::warning("mapping", "the origin of the stored map is tag " +
                                 std::to_string(*map.reference_tag) +
                                 ", map.reference_tag = " + std::to_string(*settings.reference_tag) +
                                 " has an effect only for a new map");
-  }
   return {};
 }
 

@@ -38,11 +38,10 @@ class TokenFile final {
 Expected<void> check_owner(const struct stat& file, const std::string& path) {
   if (!S_ISREG(file.st_mode)) return fail(ErrorCode::kInvalid, "must be a plain file", path);
   if (file.st_uid != 0 && file.st_uid != ::geteuid())
-    return fail(
-        ErrorCode::kInvalid,
-        "belongs to another user, which could change the token: `chown` it to root or to the "
-        "user of the server",
-        path);
+    return fail(ErrorCode::kInvalid,
+                "belongs to another user, which could change the token: `chown` it to root or to "
+                "the user of the server",
+                path);
   if ((file.st_mode & kOfOthers) != 0)
     return fail(ErrorCode::kInvalid,
                 "can be read or changed by others: `chmod 600` it, and choose a new token", path);
@@ -52,7 +51,7 @@ Expected<void> check_owner(const struct stat& file, const std::string& path) {
 Expected<std::string> check_token(std::string_view text, const std::string& path) {
   while (!text.empty() && (text.back() == '\n' || text.back() == '\r')) text.remove_suffix(1);
   const bool one_line =
-      std::all_of(text.begin(), text.end(), [](unsigned char c) { return c >= 0x20 && c != 0x7f; });
+      std::ranges::all_of(text, [](unsigned char c) { return c >= 0x20 && c != 0x7f; });
   if (!one_line) return fail(ErrorCode::kInvalid, "must be one line of printable characters", path);
   if (!text.empty() && text.size() < kShortestToken)
     return fail(ErrorCode::kInvalid,

@@ -111,15 +111,16 @@ bool RefinementLoop::solve(Solver& solver, const std::stop_token& stop) {
 }
 
 void RefinementLoop::report_lateness(bool is_late) {
-  events_.set(is_late,
-              {.severity = Severity::kWarning,
-               .subject = "map",
-               .kind = "map_late",
-               .text = "is refined late because of other work. Tags join late, and moved tags are "
-                       "noticed late",
-               .remedy = "End other programs, lower the cameras' rates, or take a computer with "
-                         "more cores"},
-              "is refined in time again");
+  events_.set(
+      is_late,
+      {.severity = Severity::kWarning,
+       .subject = "map",
+       .kind = "map_late",
+       .text =
+           "is refined late because of other work. Tags join late, and moved tags are noticed late",
+       .remedy =
+           "End other programs, lower the cameras' rates, or take a computer with more cores"},
+      "is refined in time again");
 }
 
 }  // namespace fiducap

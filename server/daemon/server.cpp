@@ -118,10 +118,9 @@ Expected<void> Server::Impl::build() {
   if (config_.map.builder.refine_period_s > 0)
     refinement_.emplace(*map_, config_.map.builder.refine_period_s, clock_, events_,
                         [this](const RefinementTurn& turn) { recorder_.take_refinement(turn); });
-  if (start->store) {
+  if (start->store)
     keeper_.emplace(std::move(*start->store), *map_, config_.map.builder.commit_period_s, clock_,
                     events_, [this] { return bodies_.learned(); });
-  }
   build_setup();
   build_scene(*bodies);
   build_workers(std::move(*bodies));
@@ -264,11 +263,10 @@ void Server::Impl::show_setup_address() const {
 }
 
 void Server::Impl::serve() {
-  if (!set_realtime_priority()) {
+  if (!set_realtime_priority())
     log::info("daemon",
               "real-time scheduling is not permitted: with all cores busy a frame may wait for a "
               "millisecond or two (LimitRTPRIO=10 in the unit fiducapd.service permits it)");
-  }
   frames_.run();
 }
 

@@ -1,7 +1,6 @@
 #include "detection/planar_target.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include <opencv2/calib3d.hpp>

@@ -88,10 +88,9 @@ TagSighting to_sighting(const apriltag_detection_t& d, const ImageRegion& region
   out.hamming = d.hamming;
   out.decision_margin = static_cast<double>(d.decision_margin);
   // The library has our order of corners.
-  for (std::size_t i = 0; i < 4; ++i) {
+  for (std::size_t i = 0; i < 4; ++i)
     out.corners_px[i] = {d.p[i][0] - kEdgeToCentre_px + region.left,
                          d.p[i][1] - kEdgeToCentre_px + region.top};
-  }
   return out;
 }
 

@@ -217,8 +217,7 @@ std::string tag_family_warning(std::string_view name) {
   if (found == nullptr || !found->is_weak) return {};
   return std::string(found->name) +
          " has few bits and yields false detections: prefer tag36h11 or DICT_6X6_250, or list the "
-         "ids "
-         "that are not in use in tags.ignore";
+         "ids that are not in use in tags.ignore";
 }
 
 TagFamily::Handle TagFamily::make(const TagFamilyFacts& facts) {

@@ -147,9 +147,8 @@ const CornerFrame& TagSearch::search(const CameraFrame& frame,
 }
 
 void TagSearch::search_regions(const GrayImage& image, int contrast) {
-  for (const SearchRegion& region : regions_) {
+  for (const SearchRegion& region : regions_)
     detector_.detect(image, region.pixels, {double(region.decimate), contrast}, out_.tags);
-  }
   statistics_.regions += regions_.size();
 }
 
@@ -178,9 +177,8 @@ bool TagSearch::note_found(Camera& camera, const GrayImage& image,
     ++statistics_.expected;
     statistics_.found += found ? 1 : 0;
     auto steady = std::ranges::lower_bound(camera.steady, tag.tag_id, {}, &Steady::tag_id);
-    if (steady == camera.steady.end() || steady->tag_id != tag.tag_id) {
+    if (steady == camera.steady.end() || steady->tag_id != tag.tag_id)
       steady = camera.steady.insert(steady, {tag.tag_id, 0});
-    }
     steady_one_missing = steady_one_missing || (!found && steady->images >= kSteadyImages);
     steady->images = found ? steady->images + 1 : 0;
   }

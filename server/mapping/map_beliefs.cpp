@@ -1,5 +1,4 @@
 // MapBuilder without a graph: the belief of the body that knows a tag best is copied.
-#include <algorithm>
 #include <cmath>
 
 #include "base/pose.hpp"
@@ -78,12 +77,11 @@ bool MapBuilder::quarantine_locked(const MapContribution& contribution, int tag_
   if (kept_at && contribution.at - *kept_at < kRecheckAfter) return false;
   owner = {.quarantined_at = contribution.at, .before = entry->state, .kept_at = kept_at};
   entry->state = TagState::kQuarantined;
-  if (!kept_at) {
+  if (!kept_at)
     note_locked(MapEvent::Kind::kTagQuarantined, tag_id,
                 "tag " + std::to_string(tag_id) + " is not where the map has it, as seen by body " +
                     std::to_string(contribution.body_id) +
                     "; it is not used until its new place is known");
-  }
   return true;
 }
 
@@ -95,12 +93,11 @@ bool MapBuilder::find_moved_locked(int body_id, const TagBelief& belief, MapTag&
   if (moved_m < kMove_m && angle_between(belief.tag.X_WT.q, entry.tag.X_WT.q) < kMove_rad) {
     // Map and body differ by more than their covariances. Adopting one tag after the other would
     // bend the map towards this body.
-    if (!owner.kept_at) {
+    if (!owner.kept_at)
       note_locked(MapEvent::Kind::kTagDisputed, id,
                   "tag " + std::to_string(id) + " is " + fixed(moved_m, 3) +
                       " m from its place as seen by body " + std::to_string(body_id) +
                       ", too little for a move; its place is kept");
-    }
     entry.state = owner.before;
     owner = {.kept_at = belief.last_seen};
     return false;

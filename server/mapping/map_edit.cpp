@@ -62,9 +62,8 @@ Expected<void> survey(TagMap& map, const SurveyedTag& tag) {
   MapTag* entry = map.find(tag.tag_id);
   if (auto good = check_survey(tag, entry); !good) return good;
   if (entry == nullptr) {
-    const auto place = std::find_if(map.tags.begin(), map.tags.end(), [&](const MapTag& other) {
-      return other.tag.tag_id > tag.tag_id;
-    });
+    const auto place = std::ranges::find_if(
+        map.tags, [&](const MapTag& other) { return other.tag.tag_id > tag.tag_id; });
     entry = &*map.tags.insert(place, MapTag{});
     entry->tag.tag_id = tag.tag_id;
   }

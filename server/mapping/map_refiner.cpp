@@ -11,8 +11,8 @@ namespace {
 TagMap with(TagMap map, std::span<const KnownTag> surveyed) {
   for (const KnownTag& tag : surveyed)
     if (map.find(tag.tag_id) == nullptr) map.tags.push_back({tag, TagState::kSurveyed});
-  std::stable_sort(map.tags.begin(), map.tags.end(),
-                   [](const MapTag& a, const MapTag& b) { return a.tag.tag_id < b.tag.tag_id; });
+  std::ranges::stable_sort(
+      map.tags, [](const MapTag& a, const MapTag& b) { return a.tag.tag_id < b.tag.tag_id; });
   return map;
 }
 

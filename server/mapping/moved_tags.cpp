@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <ctime>
 #include <utility>
 
 #include <Eigen/Cholesky>
 
+#include "base/numeric.hpp"
 #include "base/pose.hpp"
 #include "base/text.hpp"
 
@@ -41,7 +41,6 @@ constexpr double kOtherPlace = 27.9;
 constexpr Duration kKeptFor = std::chrono::minutes(1);
 // Places nearer than this are the same one.
 constexpr double kSamePlace_m = 0.1;
-constexpr double kDegrees = 180 / M_PI;
 
 void forget_before(Instant since, std::map<int, Instant>& times) {
   std::erase_if(times, [&](const auto& entry) { return entry.second < since; });
@@ -77,8 +76,8 @@ double distance(const GraphTagEstimate& a, const KnownTag& b) {
 }
 
 bool was_at(const Pose& place, std::span<const Pose> places) {
-  return std::any_of(places.begin(), places.end(),
-                     [&](const Pose& other) { return (place.p - other.p).norm() < kSamePlace_m; });
+  return std::ranges::any_of(
+      places, [&](const Pose& other) { return (place.p - other.p).norm() < kSamePlace_m; });
 }
 
 /// It was found at a place that it had left.
@@ -100,10 +99,9 @@ std::string likely_cause(const std::vector<Pose>& places) {
   }
   if (places.size() < 2)
     return "it is never still for long: it is attached to something that moves";
-  if (widest_m < kSamePlace_m) {
+  if (widest_m < kSamePlace_m)
     return "its places are " + fixed(1e3 * widest_m, 0) +
            " mm apart: its size may differ from the configured one, or it is loosely attached";
-  }
   const std::string where = "it was found at " + place(places.front()) + " and " + place(*far) +
                             ", " + fixed(widest_m, 2) + " m apart: ";
   return where + (has_come_back(places)
@@ -138,9 +136,8 @@ std::vector<TagDisplacement> TagWatch::report(int body_id, Instant at, std::span
     return gone;
   }
   for (const int tag_id : contradicted) tags_[tag_id].reports.push_back({body_id, at});
-  for (const int tag_id : contradicted) {
+  for (const int tag_id : contradicted)
     if (auto displacement = decide(tag_id, at)) gone.push_back(std::move(*displacement));
-  }
   return gone;
 }
 
@@ -157,9 +154,8 @@ void TagWatch::discard_reports_of(int body_id) {
 bool TagWatch::is_reliable(OfBody& body, Instant at) {
   forget_before(at - kJustNow, body.fitted);
   forget_before(at - kRecently, body.contradicted);
-  const auto fits = static_cast<std::size_t>(
-      std::count_if(body.fitted.begin(), body.fitted.end(),
-                    [&](const auto& entry) { return !body.contradicted.contains(entry.first); }));
+  const auto fits = static_cast<std::size_t>(std::ranges::count_if(
+      body.fitted, [&](const auto& entry) { return !body.contradicted.contains(entry.first); }));
   const std::size_t contradicted = body.contradicted.size();
   return fits >= (contradicted > 1 ? kFittingPerContradicted * contradicted : kFittingBesideOne);
 }
@@ -256,7 +252,7 @@ std::optional<MovedTags::Found> MovedTags::locate(const GraphTagEstimate& found,
   }
   const bool is_back =
       was_at(found.X_WT, std::span(history.places).first(history.places.size() - 1));
-  const double turned = kDegrees * angle_between(found.X_WT.q, before.X_WT.q);
+  const double turned = kDegreesPerRadian * angle_between(found.X_WT.q, before.X_WT.q);
   return Found{
       {MapEvent::Kind::kTagMoved, found.tag_id,
        name(found.tag_id) + " was moved by " + fixed(1e3 * moved_m, 0) + " mm and " +

@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "base/bytes.hpp"
+#include "base/numeric.hpp"
 
 namespace fiducap {
 
@@ -30,9 +31,8 @@ std::string number(double value) {
 
 std::optional<std::string> fault_in(const Pose& pose) {
   if (!pose.p.allFinite()) return "position must be finite";
-  if (!(std::abs(pose.q.norm() - 1.0) <= kUnitTolerance)) {
+  if (!(std::abs(pose.q.norm() - 1.0) <= kUnitTolerance))
     return "quaternion has length " + number(pose.q.norm()) + ": must be 1";
-  }
   return std::nullopt;
 }
 
@@ -94,8 +94,7 @@ MapTag* TagMap::find(int tag_id) {
 }
 
 bool TagMap::has_workspace() const {
-  return std::any_of(tags.begin(), tags.end(),
-                     [](const MapTag& entry) { return entry.is_usable(); });
+  return std::ranges::any_of(tags, [](const MapTag& entry) { return entry.is_usable(); });
 }
 
 void TagMap::known_among(const TagObservations& seen, std::vector<KnownTag>& out) const {
@@ -109,9 +108,8 @@ void TagMap::known_among(const TagObservations& seen, std::vector<KnownTag>& out
 std::optional<std::string> fault_in(const MapTag& entry) {
   const KnownTag& tag = entry.tag;
   if (tag.tag_id < 0) return "id = " + std::to_string(tag.tag_id) + ": must be >= 0";
-  if (!std::isfinite(tag.edge_m) || tag.edge_m <= 0) {
+  if (!std::isfinite(tag.edge_m) || tag.edge_m <= 0)
     return "edge_m = " + number(tag.edge_m) + ": must be finite and > 0";
-  }
   if (auto fault = fault_in(tag.X_WT)) return fault;
   if (!tag.covariance.allFinite()) return "covariance must be finite";
   if (tag.covariance.diagonal().minCoeff() < 0) return "covariance has a negative variance";
@@ -171,10 +169,9 @@ std::vector<TagChange> diff(const TagMap& before, const TagMap& after) {
     } else {
       const double distance = (a->tag.X_WT.p - b->tag.X_WT.p).norm();
       const double angle = angle_between(b->tag.X_WT.q, a->tag.X_WT.q);
-      if (distance > kDiffers_m || angle > kDiffers_rad) {
+      if (distance > kDiffers_m || angle > kDiffers_rad)
         changes.push_back(
-            {a->tag.tag_id, TagChange::Kind::kMoved, distance * 1e3, angle * 180.0 / M_PI});
-      }
+            {a->tag.tag_id, TagChange::Kind::kMoved, distance * 1e3, angle * kDegreesPerRadian});
       ++a;
       ++b;
     }

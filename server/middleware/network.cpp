@@ -28,7 +28,7 @@ bool is_plain_name(const std::string& text) {
     return std::isalnum(static_cast<unsigned char>(c)) != 0 ||
            std::string_view(".:-_%[]").find(c) != std::string_view::npos;
   };
-  return !text.empty() && text.size() <= 253 && std::all_of(text.begin(), text.end(), good);
+  return !text.empty() && text.size() <= 253 && std::ranges::all_of(text, good);
 }
 
 std::string interface_xml(const std::string& interface, bool multicast) {
@@ -100,10 +100,10 @@ std::vector<std::uint32_t> look_up(std::string peer) {
 }
 
 void add_peer(AllowedSenders& to, std::uint32_t peer) {
-  const bool is_attached =
-      peer >> 24 == IN_LOOPBACKNET ||
-      std::any_of(to.networks.begin(), to.networks.end(),
-                  [peer](const Ipv4Network& network) { return network.contains(peer); });
+  const bool is_attached = peer >> 24 == IN_LOOPBACKNET ||
+                           std::ranges::any_of(to.networks, [peer](const Ipv4Network& network) {
+                             return network.contains(peer);
+                           });
   if (is_attached) return;
   to.attached_only = false;
   to.networks.push_back({peer, INADDR_NONE});
@@ -186,10 +186,9 @@ std::vector<ConfigError> NetworkConfig::check() const {
       .within("announce_s", announce_s, 0.1, 60)
       .require(peers.size() <= 64, "peers", std::to_string(peers.size()) + " entries",
                "must be at most 64");
-  for (const auto& peer : peers) {
+  for (const auto& peer : peers)
     checker.require(is_plain_name(peer), "peers", '"' + peer + '"',
                     "must be hosts or addresses, e.g. 192.168.1.7");
-  }
   return checker.errors;
 }
 

@@ -49,11 +49,10 @@ Expected<std::shared_ptr<Participant>> Participant::open(const NetworkConfig& co
   const std::string xml = cyclone_xml(config, senders.attached_only);
   dds_set_log_sink(log_some, nullptr);
   Entity domain(dds_create_domain(static_cast<dds_domainid_t>(config.domain), xml.c_str()));
-  if (domain.handle() == DDS_RETCODE_PRECONDITION_NOT_MET) {
+  if (domain.handle() == DDS_RETCODE_PRECONDITION_NOT_MET)
     return fail(ErrorCode::kUnavailable,
                 "this process takes part in the domain already: set dds.domain to another one",
                 where);
-  }
   const std::string remedy =
       "cannot take part: is dds.interface = \"" + config.interface +
       "\" one of this machine's (`ip address` lists them), and are there fewer than " +

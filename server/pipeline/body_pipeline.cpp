@@ -102,8 +102,9 @@ void BodyPipeline::note_late(int camera, Instant stamp, bool was_dropped) {
   using enum LateImages::Change;
   const auto change = late_.note(camera, stamp, was_dropped, *newest_imu_);
   if (change == kExcluded) merger_.set_clock_shift(camera, *newest_imu_ - stamp);
-  if (change == kInTime)
-    merger_.set_clock_shift(camera, shift_to_apply(filter_->clock(camera), {}));
+  if (change != kInTime) return;
+  merger_.set_clock_shift(camera, shift_to_apply(filter_->clock(camera), {}));
+  reported_.late.reset(static_cast<std::size_t>(camera));
 }
 
 /// On arrival, because the merger drops images whose clock is wrong. Corners of images are found
@@ -210,7 +211,12 @@ const BodyUpdate* BodyPipeline::take_excluded_image() {
   update_.known.clear();
   update_.contradicted.clear();
   update_.segment.reset();
-  report(BodyEvent::Kind::kTurnsDisagree, late_.take_report(update_.corners.camera));
+  const int camera = update_.corners.camera;
+  const auto bit = static_cast<std::size_t>(camera);
+  if (late_.is_excluded(camera) && !reported_.late.test(bit)) {
+    reported_.late.set(bit);
+    note(BodyEvent::Kind::kTurnsDisagree, late_.text(camera));
+  }
   note_turns();
   note_shown();
   update_.estimate.reset();
@@ -239,9 +245,9 @@ void BodyPipeline::note_contradicted() {
     return [tag_id](const KnownTag& tag) { return tag.tag_id == tag_id; };
   };
   for (const int tag_id : update_.report.named_dropped()) {
-    const auto own = std::find_if(update_.beliefs.begin(), update_.beliefs.end(),
-                                  [&](const TagBelief& b) { return named(tag_id)(b.tag); });
-    const auto map = std::find_if(update_.known.begin(), update_.known.end(), named(tag_id));
+    const auto own = std::ranges::find_if(update_.beliefs,
+                                          [&](const TagBelief& b) { return named(tag_id)(b.tag); });
+    const auto map = std::ranges::find_if(update_.known, named(tag_id));
     const bool is_own_error = own != update_.beliefs.end() && map != update_.known.end() &&
                               !agree(own->tag.X_WT, map->X_WT);
     if (!is_own_error) update_.contradicted.push_back(tag_id);
@@ -282,11 +288,6 @@ void BodyPipeline::refresh_cameras() {
 BodyEvent& BodyPipeline::note(BodyEvent::Kind kind, std::string text) {
   return update_.events.emplace_back(
       BodyEvent{.kind = kind, .at = update_.seen.exposed_at, .text = std::move(text)});
-}
-
-/// If there is a message.
-void BodyPipeline::report(BodyEvent::Kind kind, std::string text) {
-  if (!text.empty()) note(kind, std::move(text));
 }
 
 void BodyPipeline::note_events() {
@@ -339,13 +340,15 @@ void BodyPipeline::note_turns() {
 void BodyPipeline::note_trust() {
   const bool is_established = agreement_.is_established() || !setup_.sensors.imu;
   const auto is_own = [&](const KnownTag& known) {
-    return std::any_of(update_.beliefs.begin(), update_.beliefs.end(),
-                       [&](const TagBelief& own) { return own.tag.tag_id == known.tag_id; });
+    return std::ranges::any_of(
+        update_.beliefs, [&](const TagBelief& own) { return own.tag.tag_id == known.tag_id; });
   };
-  const bool is_room_known = !std::all_of(update_.known.begin(), update_.known.end(), is_own);
+  const bool is_room_known = !std::ranges::all_of(update_.known, is_own);
   trust_.add(update_.report, is_established, is_room_known);
-  if (trust_.take_report())
+  const bool is_contradicted = trust_.is_contradicted();
+  if (is_contradicted && !reported_.contradiction)
     note(BodyEvent::Kind::kTurnsDisagree, contradiction_text(is_established));
+  reported_.contradiction = is_contradicted;
 }
 
 void BodyPipeline::note_shown() {
@@ -357,20 +360,23 @@ void BodyPipeline::note_shown() {
   update_.doubted = trust_.withholds();
   update_.is_untested = trust_.is_untested();
   if (update_.withheld || update_.doubted) {
-    disagreement_reported_ |= std::any_of(update_.events.begin(), update_.events.end(), is_reason);
-  } else if (std::exchange(disagreement_reported_, false)) {
+    reported_.disagreement |= std::ranges::any_of(update_.events, is_reason);
+  } else if (std::exchange(reported_.disagreement, false)) {
     note(BodyEvent::Kind::kTurnsAgree, "images fit again: poses are published");
   }
 }
 
 void BodyPipeline::note_imu() {
-  const std::string_view silence = imu_silence_.take_report();
-  report(imu_silence_.is_silent() ? BodyEvent::Kind::kImuSilent : BodyEvent::Kind::kImuBack,
-         std::string(silence));
-  while (const auto fault = plausibility_.take_fault())
-    note(is_fatal(*fault) ? BodyEvent::Kind::kImuUnusable : BodyEvent::Kind::kImuDoubtful,
-         plausibility_.text(*fault));
-  if (plausibility_.take_all_clear())
+  const bool silent = imu_silence_.is_silent();
+  if (std::exchange(reported_.silence, silent) != silent)
+    note(silent ? BodyEvent::Kind::kImuSilent : BodyEvent::Kind::kImuBack,
+         std::string(imu_silence_.text()));
+  const ImuFaults before = std::exchange(reported_.imu, plausibility_.faults());
+  if (before == reported_.imu) return;
+  for (const ImuFault fault : faults_to_report(before, reported_.imu))
+    note(is_fatal(fault) ? BodyEvent::Kind::kImuUnusable : BodyEvent::Kind::kImuDoubtful,
+         plausibility_.text(fault));
+  if (reported_.imu == ImuFaults{})
     note(BodyEvent::Kind::kImuPlausible, "the IMU's readings are plausible again");
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <bitset>
 #include <memory>
 #include <optional>
 #include <string>
@@ -108,7 +109,10 @@ class BodyPipeline final {
   void note_shown();
   void note_mismatches();
   BodyEvent& note(BodyEvent::Kind kind, std::string text = {});
-  void report(BodyEvent::Kind kind, std::string text);
+  /// If there is a message.
+  void report(BodyEvent::Kind kind, std::string text) {
+    if (!text.empty()) note(kind, std::move(text));
+  }
 
   PipelineSetup setup_;
   SampleMerger merger_;
@@ -119,7 +123,6 @@ class BodyPipeline final {
   ImuPlausibility plausibility_{setup_.sensors.imu ? setup_.sensors.imu->rate_hz : 0};
   RotationAgreement agreement_;
   PoseTrust trust_;
-  bool disagreement_reported_{false};  ///< Since poses are withheld.
   MapCorrections corrections_;
   MismatchReporter mismatches_;
   std::vector<FoundMismatch> found_;  ///< Kept for its memory.
@@ -133,6 +136,14 @@ class BodyPipeline final {
   std::optional<Instant> mismatches_at_;
   std::optional<Instant> carried_at_;  ///< Last used tag, or followed points instead.
   ImuSilence imu_silence_;
+  /// Conditions as last reported. Checks only judge; here a change becomes an event.
+  struct Reported {
+    bool silence{false};  ///< ImuSilence.
+    ImuFaults imu{};
+    std::bitset<kMostCameras> late;  ///< LateImages.
+    bool contradiction{false};       ///< PoseTrust.
+    bool disagreement{false};        ///< A reason for which poses are withheld.
+  } reported_;
   bool anchored_{false};
   int generation_{-1};
 };

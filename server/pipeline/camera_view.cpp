@@ -21,8 +21,7 @@ struct ViewInput {
 
 bool is_observed(const BodyUpdate& update, int tag_id) {
   const auto& tags = update.seen.tags;
-  return std::any_of(tags.begin(), tags.end(),
-                     [&](const TagObservation& tag) { return tag.tag_id == tag_id; });
+  return std::ranges::any_of(tags, [&](const TagObservation& tag) { return tag.tag_id == tag_id; });
 }
 
 /// Before any filter has seen it.
@@ -39,7 +38,7 @@ std::optional<UnusedBecause> why_not_observed(const TagSighting& tag, const View
   }
   if (is_observed(in.update, tag.tag_id)) return std::nullopt;
   const auto& all = in.update.corners.tags;
-  const auto usable_ones = std::count_if(all.begin(), all.end(), [&](const TagSighting& one) {
+  const auto usable_ones = std::ranges::count_if(all, [&](const TagSighting& one) {
     return one.tag_id == tag.tag_id &&
            rejection_of(one, in.setup.tags, in.setup.detector) == Rejection::kNone;
   });
@@ -47,16 +46,15 @@ std::optional<UnusedBecause> why_not_observed(const TagSighting& tag, const View
 }
 
 bool has_wrong_size(int tag_id, std::span<const FoundMismatch> mismatches) {
-  return std::any_of(mismatches.begin(), mismatches.end(), [&](const FoundMismatch& one) {
+  return std::ranges::any_of(mismatches, [&](const FoundMismatch& one) {
     return one.kind == FoundMismatch::Kind::kOnePrint && one.tag_id == tag_id;
   });
 }
 
 /// The body's own belief of it.
 const TagBelief* find_own(int tag_id, const BodyUpdate& update) {
-  const auto found =
-      std::find_if(update.beliefs.begin(), update.beliefs.end(),
-                   [&](const TagBelief& belief) { return belief.tag.tag_id == tag_id; });
+  const auto found = std::ranges::find_if(
+      update.beliefs, [&](const TagBelief& belief) { return belief.tag.tag_id == tag_id; });
   return found == update.beliefs.end() ? nullptr : &*found;
 }
 
@@ -75,8 +73,8 @@ bool is_used(int tag_id, const BodyUpdate& update) {
 /// Its pose was known, by the filter's state or the map.
 bool has_place(int tag_id, const BodyUpdate& update) {
   return find_own(tag_id, update) != nullptr ||
-         std::any_of(update.known.begin(), update.known.end(),
-                     [&](const KnownTag& tag) { return tag.tag_id == tag_id; });
+         std::ranges::any_of(update.known,
+                             [&](const KnownTag& tag) { return tag.tag_id == tag_id; });
 }
 
 UnusedBecause why_not_used(const TagSighting& tag, const ViewInput& in) {
@@ -90,10 +88,9 @@ UnusedBecause why_not_used(const TagSighting& tag, const ViewInput& in) {
   if (in_map != nullptr && in_map->state == TagState::kQuarantined)
     return UnusedBecause::kQuarantined;
   if (report.start_is_open) return UnusedBecause::kPending;
-  if (has_place(tag.tag_id, in.update) && report.tags_rejected > 0) {
+  if (has_place(tag.tag_id, in.update) && report.tags_rejected > 0)
     return has_wrong_size(tag.tag_id, in.mismatches) ? UnusedBecause::kWrongSize
                                                      : UnusedBecause::kGate;
-  }
   if (report.tags_pending > 0) return UnusedBecause::kPending;
   return report.running ? UnusedBecause::kUnstable : UnusedBecause::kNoPlace;
 }

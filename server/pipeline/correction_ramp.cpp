@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include <fmt/format.h>
+
+#include "base/numeric.hpp"
 
 namespace fiducap {
 namespace {
@@ -54,9 +55,8 @@ Part part_at(const Part& begin, double seconds, double u) {
 }
 
 constexpr double kMm = 1e3;
-constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr double kReported_m = 0.01;
-constexpr double kReported_rad = 0.5 / kDegrees;
+constexpr double kReported_rad = 0.5 / kDegreesPerRadian;
 
 bool is_reportable(const Eigen::Vector3d& moved, double least, const BodyEstimate& estimate,
                    int block) {
@@ -141,7 +141,7 @@ std::string MapCorrections::add(const UpdateReport& report,
     return {};
   std::string text =
       fmt::format("a correction of the map has moved it by {:.0f} mm and {:.2f} degrees",
-                  kMm * place_.norm(), kDegrees * turn_.norm());
+                  kMm * place_.norm(), kDegreesPerRadian * turn_.norm());
   place_.setZero();
   turn_.setZero();
   return text;

@@ -128,8 +128,7 @@ void TagForecast::learn(const std::vector<ExpectedTag>& expected, const CornerFr
   for (const ExpectedTag& tag : expected) {
     if (!tag.known || !was_seen(tag.tag_id))
       continue;  // its error is the map's, not the prediction's
-    const auto seen = std::find_if(found.tags.begin(), found.tags.end(),
-                                   [&](const TagSighting& s) { return s.tag_id == tag.tag_id; });
+    const auto seen = std::ranges::find(found.tags, tag.tag_id, &TagSighting::tag_id);
     if (seen == found.tags.end()) continue;
     Eigen::Vector2d off = Eigen::Vector2d::Zero();
     for (std::size_t i = 0; i < 4; ++i) off += 0.25 * (seen->corners_px[i] - tag.corners_px[i]);
@@ -147,9 +146,8 @@ void TagForecast::learn(const std::vector<ExpectedTag>& expected, const CornerFr
   aimed_->X_VW = X_VW_;
   for (const TagSighting& tag : found.tags) {
     aimed_->seen.push_back(tag.tag_id);
-    const bool is_forecast =
-        std::any_of(expected.begin(), expected.end(),
-                    [&](const ExpectedTag& e) { return e.tag_id == tag.tag_id && e.known; });
+    const bool is_forecast = std::ranges::any_of(
+        expected, [&](const ExpectedTag& e) { return e.tag_id == tag.tag_id && e.known; });
     if (!is_forecast) aimed_->unforecast.push_back(tag);
   }
 }
@@ -223,7 +221,7 @@ void GuidedSearch::expect(std::span<const TagBelief> local, const TagMap& map) {
     local_ids_.push_back(belief.tag.tag_id);
     forecast_.expect(belief.tag, expected_);
   }
-  std::sort(local_ids_.begin(), local_ids_.end());
+  std::ranges::sort(local_ids_);
   for (const MapTag& entry : map.tags) {
     if (entry.state == TagState::kQuarantined || entry.component != 0) continue;
     if (std::binary_search(local_ids_.begin(), local_ids_.end(), entry.tag.tag_id)) continue;

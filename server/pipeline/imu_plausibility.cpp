@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <numbers>
 
 #include <fmt/format.h>
 
+#include "base/numeric.hpp"
 #include "base/pose.hpp"
 #include "detection/tag_geometry.hpp"
 
@@ -27,7 +27,6 @@ constexpr double kMany = 0.4;
 constexpr int kFewReadings = 20;
 constexpr int kSoundWindows = 3;
 
-constexpr double kDegree = std::numbers::pi / 180;
 // 400 forces then take four seconds at least: longer than a jump or a shake.
 constexpr Duration kForceStep = std::chrono::milliseconds(10);
 // Between two images: long enough for a rotation, short enough for a gyro with a bias.
@@ -76,19 +75,19 @@ void ImuFlow::add(const ImuSample& imu) {
   if (imu.sampled_at - *window_.began >= kFlowWindow) end_window(imu.sampled_at);
 }
 
-std::optional<FlowFault> ImuFlow::judge(double seconds) const {
+std::optional<ImuFault> ImuFlow::judge(double seconds) const {
   const double rate_hz = window_.readings / seconds;
   if (window_.readings >= kFewReadings && window_.repeated == window_.readings)
-    return FlowFault::kFrozen;
-  if (rate_hz < kSlow * configured_hz_) return FlowFault::kSlow;
-  if (window_.holes > kFewHoles) return FlowFault::kHoles;
-  if (window_.repeated > kMany * window_.readings) return FlowFault::kRepeated;
+    return ImuFault::kFrozen;
+  if (rate_hz < kSlow * configured_hz_) return ImuFault::kSlow;
+  if (window_.holes > kFewHoles) return ImuFault::kHoles;
+  if (window_.repeated > kMany * window_.readings) return ImuFault::kRepeated;
   return std::nullopt;
 }
 
 void ImuFlow::end_window(Instant at) {
   const double seconds = to_seconds(at - *window_.began);
-  const std::optional<FlowFault> found = judge(seconds);
+  const std::optional<ImuFault> found = judge(seconds);
   if (found && found == seen_ && found != fault_) {
     fault_ = found;
     faulty_ = window_;
@@ -104,67 +103,65 @@ std::string ImuFlow::text() const {
   if (!fault_) return {};
   const double rate_hz = faulty_.readings / faulty_s_;
   switch (*fault_) {
-    case FlowFault::kFrozen:
+    case ImuFault::kFrozen:
       return fmt::format(
           "the IMU's readings are frozen: {} in a row are exactly the same. A working sensor has "
           "noise: check its driver, its bus and its power",
           faulty_.readings);
-    case FlowFault::kSlow:
+    case ImuFault::kSlow:
       return fmt::format(
           "the IMU gives {:.0f} readings a second, {:.0f} are configured (rate_hz): its driver is "
           "set to another rate, or its link is too slow. Below 100 fast rotations are inaccurate",
           rate_hz, configured_hz_);
-    case FlowFault::kHoles:
+    case ImuFault::kHoles:
       return fmt::format(
           "the IMU's readings have gaps: {} in {:.0f} s, of up to {:.0f} ms. Check its link "
-          "(Wi-Fi, "
-          "baud rate) and the load of this machine",
+          "(Wi-Fi, baud rate) and the load of this machine",
           faulty_.holes, faulty_s_, to_seconds(faulty_.longest) * 1e3);
-    case FlowFault::kRepeated:
+    default:
       return fmt::format(
           "{:.0f} % of the IMU's readings repeat the one before: they are sent more often than the "
           "sensor measures. Request the sensor's own rate",
           100.0 * faulty_.repeated / faulty_.readings);
   }
-  return {};
 }
 
 std::string_view text_of(ImuFault fault) {
   switch (fault) {
     case ImuFault::kForceInG:
       return "the accelerometer seems to be in g: its median is about 1, expected are m/s² (9.81 "
-             "at "
-             "rest). Multiply its readings by 9.80665";
+             "at rest). Multiply its readings by 9.80665";
     case ImuFault::kForceInMilliG:
       return "the accelerometer seems to be in thousandths of g: its median is about 1000, "
-             "expected "
-             "are m/s² (9.81 at rest). Multiply its readings by 0.00980665";
+             "expected are m/s² (9.81 at rest). Multiply its readings by 0.00980665";
     case ImuFault::kForceWithoutGravity:
       return "the accelerometer shows no gravity: its median is about 0, expected is 9.81 m/s² at "
              "rest. Use its raw readings, not the linear acceleration of an attitude filter, or "
              "check the sensor";
     case ImuFault::kForceUnlikely:
       return "the accelerometer's median is far from gravity (9.81 m/s²). Check its unit, range "
-             "and "
-             "scale";
+             "and scale";
     case ImuFault::kRateInDegreesPerSecond:
       return "the gyro seems to be in degrees per second: its rotations are 57 times those of the "
              "tags; expected are rad/s. Multiply its readings by 0.0174533";
-    case ImuFault::kFlow:
+    default:
       return "the IMU's readings do not arrive as expected";
   }
-  return {};
 }
 
-bool is_fatal(ImuFault fault) {
-  return fault != ImuFault::kForceUnlikely && fault != ImuFault::kFlow;
+std::vector<ImuFault> faults_to_report(const ImuFaults& before, const ImuFaults& now) {
+  std::vector<ImuFault> all;
+  const bool none_ended = std::equal(before.begin(), before.end(), now.begin(),
+                                     [](const auto& b, const auto& n) { return !b || n; });
+  for (std::size_t i = 0; i < now.size(); ++i)
+    if (now[i] && (!none_ended || now[i] != before[i])) all.push_back(*now[i]);
+  return all;
 }
 
 void ImuPlausibility::add(const ImuSample& imu) {
   if (last_at_ && imu.sampled_at - *last_at_ > kPause) restart_checks();
   last_at_ = imu.sampled_at;
   flow_.add(imu);
-  if (flow_.fault() != flow_fault_) judge_flow();
   if (forces_ < kForces && (!last_force_at_ || imu.sampled_at - *last_force_at_ >= kForceStep)) {
     last_force_at_ = imu.sampled_at;
     forces_m_s2_[forces_++] = imu.f_B.norm();
@@ -195,37 +192,20 @@ void ImuPlausibility::judge_forces() {
   std::nth_element(forces_m_s2_.begin(), middle, forces_m_s2_.end());
   const std::optional<ImuFault> found = fault_of_force(*middle);
   sound_forces_ = found ? 0 : sound_forces_ + 1;
-  if (found && found != force_fault_) force_fault_ = new_force_fault_ = found;
+  if (found) force_fault_ = found;
   if (!force_fault_) return;
   forces_ = 0;  // checked until the fault ends
-  if (sound_forces_ < kSoundForces) return;
-  force_fault_.reset();
-  report_remaining();
+  if (sound_forces_ >= kSoundForces) force_fault_.reset();
 }
 
 void ImuPlausibility::judge_rates() {
-  const bool degrees = for_degrees_ >= kVotes;
-  if (degrees && !rate_fault_) rate_fault_ = new_rate_fault_ = ImuFault::kRateInDegreesPerSecond;
+  if (for_degrees_ >= kVotes) rate_fault_ = ImuFault::kRateInDegreesPerSecond;
   if (!rate_fault_) return;
   if (for_radians_ >= kVotes) {
     rate_fault_.reset();
-    report_remaining();
   } else {
     comparisons_ = for_radians_ = for_degrees_ = 0;  // checked until the fault ends
   }
-}
-
-void ImuPlausibility::judge_flow() {
-  flow_fault_ = flow_.fault();
-  has_new_flow_fault_ = flow_fault_.has_value();
-  if (!flow_fault_) report_remaining();
-}
-
-void ImuPlausibility::report_remaining() {
-  new_force_fault_ = force_fault_;
-  new_rate_fault_ = rate_fault_;
-  has_new_flow_fault_ = flow_fault_.has_value();
-  all_clear_ = !force_fault_ && !rate_fault_ && !flow_fault_;
 }
 
 bool ImuPlausibility::rates_are_judged() const {
@@ -237,9 +217,9 @@ void ImuPlausibility::add(const TagObservations& seen, const CameraModel& camera
   if (view_ && seen.exposed_at - view_->at < kShortestTurn) return;
   if (view_ && seen.exposed_at - view_->at > kLongestTurn) view_.reset();
   if (view_ && view_->camera != seen.camera) return;
-  const auto same = std::find_if(
-      seen.tags.begin(), seen.tags.end(),
-      [&](const TagObservation& tag) { return view_ && tag.tag_id == view_->tag.tag_id; });
+  const auto same = std::ranges::find_if(seen.tags, [&](const TagObservation& tag) {
+    return view_ && tag.tag_id == view_->tag.tag_id;
+  });
   const bool again = same != seen.tags.end();
   const TagView now{seen.camera, seen.exposed_at, again ? *same : seen.tags.front(), turned_,
                     turned_by_degrees_};
@@ -263,14 +243,8 @@ void ImuPlausibility::compare(const TagView& before, const TagView& now,
   if (radians != degrees) ++(radians ? for_radians_ : for_degrees_);
 }
 
-std::optional<ImuFault> ImuPlausibility::take_fault() {
-  if (new_force_fault_) return std::exchange(new_force_fault_, std::nullopt);
-  if (new_rate_fault_) return std::exchange(new_rate_fault_, std::nullopt);
-  return std::exchange(has_new_flow_fault_, false) ? std::optional(ImuFault::kFlow) : std::nullopt;
-}
-
 std::string ImuPlausibility::text(ImuFault fault) const {
-  return fault == ImuFault::kFlow ? flow_.text() : std::string(text_of(fault));
+  return fault == flow_.fault() ? flow_.text() : std::string(text_of(fault));
 }
 
 }  // namespace fiducap

@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <utility>
+#include <vector>
 
 #include <Eigen/Geometry>
 
@@ -14,13 +14,25 @@
 
 namespace fiducap {
 
-/// Faults in the flow of an IMU's readings.
-enum class FlowFault {
-  kFrozen,    ///< All six numbers stay exactly the same.
-  kSlow,      ///< Far fewer than configured.
-  kHoles,     ///< Readings are missing again and again.
-  kRepeated,  ///< Many are exactly the one before.
+/// Faults of an IMU's units, then of the flow of its readings.
+enum class ImuFault {
+  kForceInG,                ///< Specific force around 1: in g.
+  kForceInMilliG,           ///< … around 1000: in thousandths of g.
+  kForceWithoutGravity,     ///< … around 0: gravity was removed, or the sensor is dead.
+  kRateInDegreesPerSecond,  ///< Rotations are 57 times those of the tags.
+  kForceUnlikely,           ///< Specific force far from gravity in another way.
+  kFrozen,                  ///< All six numbers stay exactly the same.
+  kSlow,                    ///< Far fewer readings than configured.
+  kHoles,                   ///< Readings are missing again and again.
+  kRepeated,                ///< Many are exactly the one before.
 };
+
+/// The fault, its likely cause and a remedy, as one sentence.
+[[nodiscard]] std::string_view text_of(ImuFault fault);
+/// The readings are unusable.
+[[nodiscard]] inline bool is_fatal(ImuFault fault) {
+  return fault <= ImuFault::kRateInDegreesPerSecond;
+}
 
 /// Checks rate, gaps and changes of the readings in windows of five seconds. Two windows in a row
 /// with the same fault begin it, three sound ones end it. Allocates nothing but the texts.
@@ -30,7 +42,7 @@ class ImuFlow final {
   explicit ImuFlow(double configured_hz) : configured_hz_(configured_hz) {}
 
   void add(const ImuSample& imu);
-  [[nodiscard]] const std::optional<FlowFault>& fault() const { return fault_; }
+  [[nodiscard]] const std::optional<ImuFault>& fault() const { return fault_; }
   /// The fault with figures, its likely cause and a remedy, as one sentence.
   [[nodiscard]] std::string text() const;
 
@@ -42,7 +54,7 @@ class ImuFlow final {
     int holes{0};
     Duration longest{0};
   };
-  [[nodiscard]] std::optional<FlowFault> judge(double seconds) const;
+  [[nodiscard]] std::optional<ImuFault> judge(double seconds) const;
   void end_window(Instant at);
 
   double configured_hz_;
@@ -50,25 +62,16 @@ class ImuFlow final {
   Window window_;
   Window faulty_;  ///< That showed the present fault.
   double faulty_s_{1};
-  std::optional<FlowFault> seen_;  ///< In the window before.
-  std::optional<FlowFault> fault_;
+  std::optional<ImuFault> seen_;  ///< In the window before.
+  std::optional<ImuFault> fault_;
   int sound_windows_{0};
 };
 
-/// Faults of an IMU's units, or of the flow of its readings.
-enum class ImuFault {
-  kForceInG,                ///< Specific force around 1: in g.
-  kForceInMilliG,           ///< … around 1000: in thousandths of g.
-  kForceWithoutGravity,     ///< … around 0: gravity was removed, or the sensor is dead.
-  kForceUnlikely,           ///< … far from gravity in another way.
-  kRateInDegreesPerSecond,  ///< Rotations are 57 times those of the tags.
-  kFlow,                    ///< See ImuFlow.
-};
+/// Present faults of the forces, of the rates, and of the flow.
+using ImuFaults = std::array<std::optional<ImuFault>, 3>;
 
-/// The fault, its likely cause and a remedy, as one sentence.
-[[nodiscard]] std::string_view text_of(ImuFault fault);
-/// The readings are unusable.
-[[nodiscard]] bool is_fatal(ImuFault fault);
+/// The faults to report after a change: those that are new, and all when another one has ended.
+[[nodiscard]] std::vector<ImuFault> faults_to_report(const ImuFaults& before, const ImuFaults& now);
 
 /// Checks an IMU's units in its first seconds, after each pause, and while a fault holds.
 ///
@@ -86,12 +89,9 @@ class ImuPlausibility final {
   /// An image, in the order of SampleMerger: after the IMU samples before it.
   void add(const TagObservations& seen, const CameraModel& camera);
 
-  /// Each fault once, and again when it remains of several.
-  [[nodiscard]] std::optional<ImuFault> take_fault();
+  [[nodiscard]] ImuFaults faults() const { return {force_fault_, rate_fault_, flow_.fault()}; }
   /// As `text_of`, with figures where there are some.
   [[nodiscard]] std::string text(ImuFault fault) const;
-  /// Whether the last fault has ended since the last call.
-  [[nodiscard]] bool take_all_clear() { return std::exchange(all_clear_, false); }
 
  private:
   static constexpr std::size_t kForces = 400;
@@ -108,8 +108,6 @@ class ImuPlausibility final {
   void restart_checks();
   void judge_forces();
   void judge_rates();
-  void judge_flow();
-  void report_remaining();
   void compare(const TagView& before, const TagView& now, const CameraModel& camera);
   [[nodiscard]] bool rates_are_judged() const;
 
@@ -117,7 +115,6 @@ class ImuPlausibility final {
   std::size_t forces_{0};
   int sound_forces_{0};  ///< Judgements in a row.
   std::optional<ImuFault> force_fault_;
-  std::optional<ImuFault> new_force_fault_;
 
   std::optional<Instant> last_at_;
   std::optional<ImuSample> last_;
@@ -129,11 +126,7 @@ class ImuPlausibility final {
   int for_radians_{0};
   int for_degrees_{0};
   std::optional<ImuFault> rate_fault_;
-  std::optional<ImuFault> new_rate_fault_;
   ImuFlow flow_{0};
-  std::optional<FlowFault> flow_fault_;
-  bool has_new_flow_fault_{false};
-  bool all_clear_{false};
 };
 
 }  // namespace fiducap

@@ -31,14 +31,13 @@ double k1_of(const CameraModel& model) {
 
 std::string lens_text(const FoundMismatch& found, const CameraModel& model) {
   constexpr const char* kAdvice =
-      "; this is corrected for. Run fiducap calibrate camera, or set "
-      "estimator.refine_intrinsics: true";
-  if (found.kind == Kind::kFocalLength) {
+      "; this is corrected for. Run fiducap calibrate camera, or set estimator.refine_intrinsics: "
+      "true";
+  if (found.kind == Kind::kFocalLength)
     return fmt::format(
         "camera {}: the lens seems {} {} than configured (fu {:.1f}, seems {:.1f}){}", found.camera,
         percent(found.value, found.sigma), found.value > 0 ? "longer" : "shorter", model.fu,
         model.fu * (1 + found.value), kAdvice);
-  }
   if (found.kind == Kind::kDistortion) {
     const double configured = k1_of(model);
     return fmt::format(
@@ -48,8 +47,8 @@ std::string lens_text(const FoundMismatch& found, const CameraModel& model) {
   const bool is_u = found.kind == Kind::kCentreU;
   const double configured = is_u ? model.cu : model.cv;
   return fmt::format(
-      "camera {}: the principal point seems {:.1f} ± {:.1f} px {} of where it is configured "
-      "({} {:.1f}, seems {:.1f}){}",
+      "camera {}: the principal point seems {:.1f} ± {:.1f} px {} of where it is configured ({} "
+      "{:.1f}, seems {:.1f}){}",
       found.camera, std::abs(found.value), found.sigma,
       is_u ? (found.value > 0 ? "right" : "left") : (found.value > 0 ? "below" : "above"),
       is_u ? "cu" : "cv", configured, configured + found.value, kAdvice);
@@ -81,8 +80,7 @@ std::string refined_text(const FoundMismatch& found, const CameraModel& configur
 std::string range_text(const char* sensor, const std::string& end) {
   return fmt::format(
       "the {} reaches the end of its range ({}), or one of its axes is stuck: such readings are "
-      "not "
-      "used, and poses are less certain meanwhile. Set a wider range, or move more gently",
+      "not used, and poses are less certain meanwhile. Set a wider range, or move more gently",
       sensor, end);
 }
 
@@ -147,8 +145,7 @@ std::string mismatch_text(const FoundMismatch& found, const std::vector<CameraMo
     case Kind::kStampJitter:
       return fmt::format(
           "the images' stamps seem to jitter by {:.1f} ms; this is corrected for. Use the stamps "
-          "of "
-          "the camera or its driver instead of the time of arrival",
+          "of the camera or its driver instead of the time of arrival",
           kMilli * found.value);
   }
   return {};
@@ -158,13 +155,13 @@ std::vector<FoundMismatch> MismatchReporter::take(const std::vector<FoundMismatc
                                                   Instant now) {
   std::vector<FoundMismatch> due;
   std::erase_if(known_, [&](const Known& known) {
-    return !known.is_reported &&
-           std::none_of(found.begin(), found.end(),
-                        [&](const auto& now_found) { return is_same(known.found, now_found); });
+    return !known.is_reported && std::ranges::none_of(found, [&](const auto& now_found) {
+      return is_same(known.found, now_found);
+    });
   });
   for (const FoundMismatch& one : found) {
-    auto known = std::find_if(known_.begin(), known_.end(),
-                              [&](const Known& k) { return is_same(k.found, one); });
+    auto known =
+        std::ranges::find_if(known_, [&](const Known& k) { return is_same(k.found, one); });
     if (known == known_.end()) {
       known_.push_back({one, now, false});
       continue;

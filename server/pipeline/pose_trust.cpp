@@ -15,10 +15,10 @@ constexpr int kContradicting = 3;
 // A pose is trusted after this time without contradiction and this number of fitting images …
 constexpr Duration kFitting = std::chrono::seconds(2);
 constexpr int kFittingImages = 10;
-// … or so long, when only the tag of the relocalisation could be wrong.
+// … or this one, when only the tag of the relocalisation could be wrong.
 constexpr Duration kFittingAlone = std::chrono::milliseconds(500);
-// In a new room one contradicting image restarts the window, but only for so long: ids may be
-// misread.
+// In a new room one contradicting image restarts the window, because ids may be misread, but the
+// window never exceeds this.
 constexpr Duration kLongestDoubt = std::chrono::seconds(10);
 constexpr Duration kReportedAfter = std::chrono::seconds(3);
 
@@ -74,7 +74,7 @@ void PoseTrust::note_clock_jump() {
   was_lost_ = true;
   last_ = 0;
   contradict();
-  is_reported_ = true;  // by a message of its own
+  is_explained_ = true;
 }
 
 void PoseTrust::trust() {
@@ -92,13 +92,12 @@ void PoseTrust::contradict() {
   forget_fits();
   if (std::exchange(stage_, Stage::kContradicted) == Stage::kContradicted) return;
   contradicted_since_ = now_;
-  is_reported_ = false;
+  is_explained_ = false;
 }
 
-bool PoseTrust::take_report() {
-  if (stage_ != Stage::kContradicted || is_reported_ || now_ - contradicted_since_ < kReportedAfter)
-    return false;
-  return is_reported_ = true;
+bool PoseTrust::is_contradicted() const {
+  return stage_ == Stage::kContradicted && !is_explained_ &&
+         now_ - contradicted_since_ >= kReportedAfter;
 }
 
 std::string contradiction_text(bool is_established) {
@@ -124,19 +123,16 @@ LateImages::Change LateImages::note(int camera, Instant stamp, bool was_dropped,
     of.behind = newest_imu - stamp;
     return Change::kExcluded;
   }
-  of.is_reported = false;
   of.excluded_until = stamp;
   return Change::kInTime;
 }
 
-std::string LateImages::take_report(int camera) {
-  Camera& of = cameras_[static_cast<std::size_t>(camera)];
-  if (!of.is_excluded || std::exchange(of.is_reported, true)) return {};
+std::string LateImages::text(int camera) const {
   return fmt::format(
       "images of camera {} are stamped {:.2f} s before IMU readings that arrived earlier: they are "
       "too late to be used, and poses are withheld. Correct bodies[].cameras[].time_shift_s, or "
       "the clocks of camera and IMU; turn the body about all three axes to measure the offset",
-      camera, to_seconds(of.behind));
+      camera, to_seconds(cameras_[static_cast<std::size_t>(camera)].behind));
 }
 
 void ImuSilence::reading_arrived(Instant sampled_at) {
@@ -155,9 +151,7 @@ void ImuSilence::image_used(Instant exposed_at, Instant stamp) {
   is_silent_ = lags_ || uncovered > kSilent;
 }
 
-std::string_view ImuSilence::take_report() {
-  if (is_silent_ == was_reported_silent_) return {};
-  was_reported_silent_ = is_silent_;
+std::string_view ImuSilence::text() const {
   if (!is_silent_) return "the IMU is back";
   if (lags_)
     return "images are stamped later than all readings of the IMU: poses are withheld. Check the "

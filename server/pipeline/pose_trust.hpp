@@ -33,8 +33,8 @@ class PoseTrust final {
   [[nodiscard]] bool is_untested() const {
     return stage_ == Stage::kNew || stage_ == Stage::kReturned;
   }
-  /// Whether a lasting contradiction is to be reported now; once each time.
-  [[nodiscard]] bool take_report();
+  /// A contradiction has lasted for three seconds and has no message of its own.
+  [[nodiscard]] bool is_contradicted() const;
 
  private:
   enum class Stage { kNew, kContradicted, kTrusted, kReturned };
@@ -50,8 +50,8 @@ class PoseTrust final {
   std::optional<Instant> first_fit_;
   Instant now_{};
   Instant contradicted_since_{};
-  bool is_reported_{false};
-  bool was_lost_{false};  ///< Relocalised or restarted: agreement of the axes is not enough.
+  bool is_explained_{false};  ///< The contradiction, by a message of its own.
+  bool was_lost_{false};      ///< Relocalised or restarted: agreement of the axes is not enough.
   int generation_{-1};
 };
 
@@ -71,17 +71,19 @@ class LateImages final {
   /// @param newest_imu  of the readings that arrived before it
   /// @return state of the camera from the next image on
   [[nodiscard]] Change note(int camera, Instant stamp, bool was_dropped, Instant newest_imu);
-  /// Message when a camera has been excluded, once; else empty.
-  [[nodiscard]] std::string take_report(int camera);
+  /// Message about an excluded camera. @pre is_excluded(camera)
+  [[nodiscard]] std::string text(int camera) const;
 
+  [[nodiscard]] bool is_excluded(int camera) const {
+    return cameras_[static_cast<std::size_t>(camera)].is_excluded;
+  }
   /// @param stamp  the device's, of one of its images
   [[nodiscard]] bool excludes(int camera, Instant stamp) const {
     const Camera& of = cameras_[static_cast<std::size_t>(camera)];
     return of.is_excluded || (of.excluded_until && stamp <= *of.excluded_until);
   }
   [[nodiscard]] bool excludes_any() const {
-    return std::any_of(cameras_.begin(), cameras_.end(),
-                       [](const Camera& camera) { return camera.is_excluded; });
+    return std::ranges::any_of(cameras_, [](const Camera& camera) { return camera.is_excluded; });
   }
 
  private:
@@ -89,7 +91,6 @@ class LateImages final {
     int in_a_row{0};  ///< Late images; while excluded: images in time.
     Instant since{};
     bool is_excluded{false};
-    bool is_reported{false};
     Duration behind{};  ///< The newest IMU reading.
     /// Images that were still queued had been stamped by the wrong clock.
     std::optional<Instant> excluded_until{};
@@ -112,8 +113,7 @@ class ImuSilence final {
   [[nodiscard]] bool is_silent() const { return is_silent_; }
   /// The clocks disagree: poses must not be used.
   [[nodiscard]] bool lags() const { return lags_; }
-  /// Message when silence begins or ends, once; else empty.
-  [[nodiscard]] std::string_view take_report();
+  [[nodiscard]] std::string_view text() const;
 
  private:
   /// Smallest delay of readings behind the newest image, within a period.
@@ -129,7 +129,6 @@ class ImuSilence final {
   std::optional<Instant> used_at_;
   bool is_silent_{false};
   bool lags_{false};
-  bool was_reported_silent_{false};
 };
 
 }  // namespace fiducap

@@ -1,16 +1,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 
 #include <fmt/format.h>
 
+#include "base/numeric.hpp"
 #include "pipeline/doubts.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr double kDegreesOfRad = 180 / std::numbers::pi;
 // A tag seen less often may still be anywhere.
 constexpr int kSightingsToVote = 20;
 constexpr int kFewestVoters = 3;
@@ -19,9 +18,9 @@ constexpr int kFewestVoters = 3;
 constexpr double kMajority = 0.8;
 constexpr double kNextAtMost = 0.8;
 // Prints are inclined by up to this angle …
-const double kSameWay = std::cos(10 / kDegreesOfRad);
+const double kSameWay = std::cos(10 / kDegreesPerRadian);
 // … and a direction beyond this is another one.
-const double kOtherWay = std::cos(25 / kDegreesOfRad);
+const double kOtherWay = std::cos(25 / kDegreesPerRadian);
 constexpr Duration kGuessPeriod = std::chrono::seconds(1);
 constexpr Duration kFloorReportedAfter = std::chrono::seconds(10);
 
@@ -34,7 +33,7 @@ Ways ways_of(const TagBelief& tag) {
 }
 
 bool agrees(const Ways& ways, const Eigen::Vector3d& up) {
-  return std::any_of(ways.begin(), ways.end(), [&](const auto& w) { return w.dot(up) > kSameWay; });
+  return std::ranges::any_of(ways, [&](const auto& w) { return w.dot(up) > kSameWay; });
 }
 
 std::string up_remedy() {
@@ -49,7 +48,7 @@ std::string axis_name(const Eigen::Vector3d& up) {
 }
 
 std::string guess_text(const UpGuess& guess) {
-  const double angle = kDegreesOfRad * std::acos(std::clamp(guess.up_W.z(), -1.0, 1.0));
+  const double angle = kDegreesPerRadian * std::acos(std::clamp(guess.up_W.z(), -1.0, 1.0));
   if (guess.up_W.z() > kOtherWay)
     return fmt::format(
         "the vertical is guessed, but {} of {} tags agree with it (to {:.0f} deg): they are "
@@ -79,7 +78,7 @@ std::optional<UpGuess> guess_up(std::span<const TagBelief> tags) {
   if (count < kFewestVoters) return std::nullopt;
   const auto votes = [&](const Eigen::Vector3d& up) {
     return static_cast<int>(
-        std::count_if(all.begin(), all.end(), [&](const Ways& w) { return agrees(w, up); }));
+        std::ranges::count_if(all, [&](const Ways& w) { return agrees(w, up); }));
   };
   UpGuess best{Eigen::Vector3d::UnitZ(), 0, count};
   for (const Ways& ways : all)
@@ -131,7 +130,7 @@ std::string UpCheck::wait_for_floor(Instant at, std::span<const TagBelief> own) 
   is_wait_reported_ = true;
   std::string missing;
   for (const int tag_id : gauge_.floor_tags) {
-    const bool is_known = std::any_of(own.begin(), own.end(), [&](const TagBelief& belief) {
+    const bool is_known = std::ranges::any_of(own, [&](const TagBelief& belief) {
       return belief.tag.tag_id == tag_id && belief.sightings >= kSightingsToVote;
     });
     if (!is_known) missing += fmt::format("{}{}", missing.empty() ? "" : ", ", tag_id);
@@ -147,12 +146,11 @@ std::string UpCheck::wait_for_floor(Instant at, std::span<const TagBelief> own) 
 }
 
 std::string size_text(const SizeFinding& finding) {
-  if (!finding.tag_id) {
+  if (!finding.tag_id)
     return fmt::format(
         "all tags look {:.2f} (± {:.2f}) times their configured size: is tags.size_m the edge of "
         "the black square?",
         finding.ratio, finding.sigma);
-  }
   return fmt::format(
       "tag {} looks {:.0f} % {} than its configured {:.3f} m ({:.3f} ± {:.3f} m): measure it, or "
       "set tags.sizes_m",

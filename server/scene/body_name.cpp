@@ -24,8 +24,8 @@ bool is_ascii_of_names(char32_t c) {
 
 template <std::size_t N>
 bool is_in(char32_t c, const std::array<Range, N>& ranges) {
-  return std::any_of(ranges.begin(), ranges.end(),
-                     [c](const Range& range) { return c >= range.first && c <= range.last; });
+  return std::ranges::any_of(
+      ranges, [c](const Range& range) { return c >= range.first && c <= range.last; });
 }
 
 // The Unicode Standard: C0; C1; soft hyphen; Arabic letter mark; fillers; Mongolian separator; zero
@@ -85,11 +85,10 @@ std::optional<std::string> character_fault(char32_t c) {
 
 std::optional<std::string> body_name_fault(std::string_view name) {
   if (name.empty()) return "must not be empty";
-  if (name.size() > kMaxBodyName) {
+  if (name.size() > kMaxBodyName)
     return fmt::format(
         "must have at most {} bytes, has {} (an ASCII letter takes 1, others 2 to 4)", kMaxBodyName,
         name.size());
-  }
   for (std::string_view left = name; !left.empty();) {
     const auto c = take_character(left);
     if (!c) return "must be UTF-8, has bytes that are not";

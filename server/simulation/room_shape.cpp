@@ -5,7 +5,6 @@
 #include <map>
 #include <numbers>
 
-#include "base/pose.hpp"
 #include "simulation/random.hpp"
 
 namespace fiducap::simulation {
@@ -196,9 +195,8 @@ std::vector<RecordedTag> tags_of(const RoomConfig& room) {
 }
 
 RoomBox box_of(const RoomConfig& room) {
-  if (room.preset == "hall") {
+  if (room.preset == "hall")
     return {{-kHallHalfX_m, -kHallHalfY_m, 0}, {kHallHalfX_m, kHallHalfY_m, kHallHeight_m}};
-  }
   const Eigen::Vector3d margin = Eigen::Vector3d::Constant(2.5);
   RoomBox box{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
   const std::vector<RecordedTag> tags = tags_of(room);

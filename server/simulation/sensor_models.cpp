@@ -15,10 +15,9 @@ namespace {
 Eigen::Matrix3d gain(Random& random, const ImuErrors& errors) {
   Eigen::Matrix3d m = Eigen::Matrix3d::Identity();
   for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) {
+    for (int column = 0; column < 3; ++column)
       m(row, column) +=
           random.normal() * (row == column ? errors.scale_error : errors.misalignment_rad);
-    }
   }
   return m;
 }
@@ -40,9 +39,8 @@ bool inside(const CameraModel& model, const Eigen::Vector2d& px) {
 std::optional<Eigen::Vector2d> project(const CameraModel& model, const CameraPath& path,
                                        const Pose& X_VW, const Eigen::Vector3d& p_W) {
   auto px = model.project(X_VW * p_W);
-  for (int i = 0; i < kRowSteps && px; ++i) {
+  for (int i = 0; i < kRowSteps && px; ++i)
     px = model.project(path(px->y() / (model.height - 1) - 0.5).inverse() * p_W);
-  }
   return px;
 }
 
@@ -62,15 +60,14 @@ std::optional<Corners> visible_corners(const CameraModel& model, const CameraPat
     if (!px || !inside(model, *px)) return std::nullopt;
     corners[i] = *px;
   }
-  for (std::size_t i = 0; i < corners.size(); ++i) {
+  for (std::size_t i = 0; i < corners.size(); ++i)
     if ((corners[(i + 1) % 4] - corners[i]).norm() < rules.min_side_px) return std::nullopt;
-  }
   return corners;
 }
 
 void remove_duplicates(std::vector<TagSighting>& sightings) {
   const auto less = [](const TagSighting& a, const TagSighting& b) { return a.tag_id < b.tag_id; };
-  std::sort(sightings.begin(), sightings.end(), less);
+  std::ranges::sort(sightings, less);
   std::size_t kept = 0;
   for (std::size_t i = 0; i < sightings.size();) {
     std::size_t next = i + 1;

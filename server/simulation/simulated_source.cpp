@@ -1,5 +1,4 @@
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include "detection/tag_family.hpp"
@@ -80,9 +79,8 @@ class Simulation final : public SimulatedSource {
   /// With equal times the IMU comes first, then the cameras by index.
   [[nodiscard]] Pending& first_to_arrive() {
     Pending* first = &pending_.front();
-    for (Pending& sensor : pending_) {
+    for (Pending& sensor : pending_)
       if (sensor.arrives < first->arrives) first = &sensor;
-    }
     return *first;
   }
 

@@ -62,6 +62,7 @@ class Streamer {
   /// Closes everything; called once, on the I/O thread.
   virtual void stop() = 0;
 };
+using StartedStreamer = Expected<std::unique_ptr<Streamer>>;
 
 /// Inputs of all protocol servers; everything outlives them.
 struct ProtocolContext {
@@ -124,9 +125,8 @@ class StreamHub final {
     const auto whose = [this] {
       return failures_++ % 1000 == 0 ? std::string("a frame") : std::string();
     };
-    for (const auto& streamer : streamers_) {
+    for (const auto& streamer : streamers_)
       log::guarded(streamer->protocol(), whose, [&] { work(*streamer); });
-    }
   }
 
   std::vector<std::unique_ptr<Streamer>> streamers_;

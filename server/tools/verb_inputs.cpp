@@ -73,11 +73,11 @@ Expected<std::vector<MeasuredPlace>> read_measured_places(const std::string& fil
     }
     const auto place = place_from(line);
     if (!place)
-      return fail(ErrorCode::kInvalid,
-                  "expected a tag's id and its place, three numbers in metres (7,1.25,-0.4,2), "
-                  "got '" +
-                      std::string(line) + "'",
-                  where);
+      return fail(
+          ErrorCode::kInvalid,
+          "expected a tag's id and its place, three numbers in metres (7,1.25,-0.4,2), got '" +
+              std::string(line) + "'",
+          where);
     places.push_back(*place);
   }
   if (!has_header)

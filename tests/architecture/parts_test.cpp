@@ -1,5 +1,5 @@
-// docs/tests.md says which part of the tests each program belongs to; build/…/parts.txt says it as
-// CMake knows it.
+// docs/tests.md lists the programs of each part of the tests; build/…/parts.txt has them as CMake
+// knows them.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -8,16 +8,18 @@
 #include <set>
 #include <string>
 
+#include "architecture/source_files.hpp"
+
 namespace fiducap::test {
 namespace {
 
+using Parts = std::map<std::string, std::set<std::string>>;
+
 /// By part: the words in backquotes of its row.
-std::map<std::string, std::set<std::string>> documented_parts() {
+Parts documented_parts() {
   static const std::regex kWord(R"(`(\w+)`)");
-  std::ifstream file(std::string(FIDUCAP_SOURCE_DIR) + "/docs/tests.md");
-  EXPECT_TRUE(file);
-  std::map<std::string, std::set<std::string>> parts;
-  for (std::string line; std::getline(file, line);) {
+  Parts parts;
+  for (const std::string& line : lines_of("docs/tests.md")) {
     if (!line.starts_with("| `")) continue;
     std::sregex_iterator word(line.begin(), line.end(), kWord);
     auto& programs = parts[(*word)[1].str()];
@@ -27,34 +29,27 @@ std::map<std::string, std::set<std::string>> documented_parts() {
 }
 
 /// By part: its programs.
-std::map<std::string, std::set<std::string>> built_parts() {
+Parts built_parts() {
   std::ifstream file(std::string(FIDUCAP_BINARY_DIR) + "/parts.txt");
   EXPECT_TRUE(file);
-  std::map<std::string, std::set<std::string>> parts;
+  Parts parts;
   for (std::string part, program; file >> part >> program;) parts[part].insert(program);
   return parts;
 }
 
-TEST(Parts, EveryProgramThatIsNotQuickStandsInTheRowOfItsPart) {
-  const auto documented = documented_parts();
-  const auto built = built_parts();
+// All programs but those of `quick`, and in the row of `quick` those of which it runs a few tests.
+TEST(Parts, AreDocumentedWithTheirPrograms) {
+  const Parts documented = documented_parts();
+  Parts built = built_parts();
   EXPECT_GT(built.size(), 5u);
-  for (const auto& [part, programs] : built) {
-    ASSERT_TRUE(documented.contains(part)) << part;
-    if (part == "quick") continue;
-    for (const std::string& program : programs)
-      EXPECT_TRUE(documented.at(part).contains(program)) << program << " is of " << part;
-  }
-}
-
-TEST(Parts, AProgramOfWhichQuickRunsAFewTestsIsNamedThere) {
-  const auto documented = documented_parts();
-  auto built = built_parts();
+  for (const auto& entry : built) ASSERT_TRUE(documented.contains(entry.first)) << entry.first;
   const std::set<std::string> quick = built["quick"];
   built.erase("quick");
   for (const auto& [part, programs] : built) {
-    for (const std::string& program : programs)
+    for (const std::string& program : programs) {
+      EXPECT_TRUE(documented.at(part).contains(program)) << program << " is of " << part;
       EXPECT_EQ(quick.contains(program), documented.at("quick").contains(program)) << program;
+    }
   }
 }
 

@@ -1,18 +1,23 @@
-// docs/promises.md names the tests that hold each promise: all of them exist. No page was left
-// unfinished.
+// docs/promises.md names the tests of each promise: all of them exist. No page is unfinished.
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fstream>
 #include <regex>
 #include <set>
 #include <string>
-#include <vector>
 
 #include "architecture/source_files.hpp"
 
 namespace fiducap::test {
 namespace {
+
+/// The first groups of all matches, joined by a dot if there are two.
+std::set<std::string> all_matches(const std::string& text, const std::regex& pattern) {
+  std::set<std::string> found;
+  for (std::sregex_iterator it(text.begin(), text.end(), pattern), end; it != end; ++it)
+    found.insert((*it)[1].str() + (it->size() > 2 ? "." + (*it)[2].str() : ""));
+  return found;
+}
 
 /// `Suite.Name` of every TEST, TEST_F and TEST_P below tests/.
 std::set<std::string> all_tests() {
@@ -21,43 +26,24 @@ std::set<std::string> all_tests() {
   for (const SourceFile& file : source_files({"tests"})) {
     std::string text;
     for (const std::string& line : file.lines) text += line + "\n";
-    for (std::sregex_iterator it(text.begin(), text.end(), kTest), end; it != end; ++it)
-      names.insert((*it)[1].str() + "." + (*it)[2].str());
+    names.merge(all_matches(text, kTest));
   }
   return names;
 }
 
-/// Rows of the tables: what is promised, and the tests named in it.
-struct Promise {
-  std::string row;
-  std::vector<std::string> tests;
-};
-
-std::vector<Promise> promises() {
+TEST(Promises, NameTestsThatExist) {
   static const std::regex kNamed(R"(`(\w+\.\w+)`)");
-  std::ifstream file(std::string(FIDUCAP_SOURCE_DIR) + "/docs/promises.md");
-  EXPECT_TRUE(file);
-  std::vector<Promise> all;
-  for (std::string line; std::getline(file, line);) {
-    if (!line.starts_with("| ") || line.starts_with("| guarantee ")) continue;
-    Promise promise{line, {}};
-    const std::string held = line.substr(line.find('|', 1));
-    for (std::sregex_iterator it(held.begin(), held.end(), kNamed), end; it != end; ++it)
-      promise.tests.push_back((*it)[1].str());
-    all.push_back(std::move(promise));
-  }
-  return all;
-}
-
-TEST(Promises, EachNamesTestsThatExist) {
   const std::set<std::string> tests = all_tests();
-  const auto all = promises();
-  EXPECT_GT(all.size(), 20u);
-  for (const Promise& promise : all) {
-    EXPECT_FALSE(promise.tests.empty()) << "nothing holds: " << promise.row;
-    for (const std::string& name : promise.tests)
+  int promises = 0;
+  for (const std::string& line : lines_of("docs/promises.md")) {
+    if (!line.starts_with("| ") || line.starts_with("| guarantee ")) continue;
+    ++promises;
+    const auto named = all_matches(line.substr(line.find('|', 1)), kNamed);
+    EXPECT_FALSE(named.empty()) << "no test holds: " << line;
+    for (const std::string& name : named)
       EXPECT_TRUE(tests.contains(name)) << "there is no test " << name;
   }
+  EXPECT_GT(promises, 20);
 }
 
 TEST(Documents, AreFinished) {
@@ -67,8 +53,7 @@ TEST(Documents, AreFinished) {
        std::filesystem::recursive_directory_iterator(std::string(FIDUCAP_SOURCE_DIR) + "/docs")) {
     if (entry.path().extension() != ".md") continue;
     ++pages;
-    std::ifstream file(entry.path());
-    for (std::string line; std::getline(file, line);)
+    for (const std::string& line : lines_of(entry.path()))
       EXPECT_FALSE(std::regex_search(line, kPlaceholder)) << entry.path() << ": " << line;
   }
   EXPECT_GT(pages, 20);

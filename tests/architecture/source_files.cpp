@@ -1,28 +1,32 @@
 #include "architecture/source_files.hpp"
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
-#include <array>
 #include <fstream>
+#include <set>
 #include <string_view>
 
 namespace fiducap::test {
 
 namespace fs = std::filesystem;
 
+std::vector<std::string> lines_of(const fs::path& path) {
+  std::ifstream file(fs::path(FIDUCAP_SOURCE_DIR) / path);
+  EXPECT_TRUE(file) << path;
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(file, line);) lines.push_back(line);
+  return lines;
+}
+
 std::vector<SourceFile> source_files(std::initializer_list<const char*> folders) {
-  static constexpr std::array<std::string_view, 4> kExtensions{".c", ".h", ".cpp", ".hpp"};
+  static const std::set<fs::path> kExtensions{".c", ".h", ".cpp", ".hpp"};
   std::vector<SourceFile> files;
   const fs::path root = FIDUCAP_SOURCE_DIR;
   for (const char* folder : folders) {
     for (const auto& entry : fs::recursive_directory_iterator(root / folder)) {
-      const std::string extension = entry.path().extension().string();
-      if (std::find(kExtensions.begin(), kExtensions.end(), extension) == kExtensions.end()) {
-        continue;
-      }
-      SourceFile& file = files.emplace_back();
-      file.path = entry.path().lexically_relative(root);
-      std::ifstream stream(entry.path());
-      for (std::string line; std::getline(stream, line);) file.lines.push_back(line);
+      if (!kExtensions.contains(entry.path().extension())) continue;
+      files.push_back({entry.path().lexically_relative(root), lines_of(entry.path())});
     }
   }
   std::sort(files.begin(), files.end(),
@@ -34,7 +38,7 @@ std::string code_of(const std::string& line) { return line.substr(0, line.find("
 
 std::string included_by(const std::string& line) {
   constexpr std::string_view kInclude = "#include \"";
-  if (line.rfind(kInclude, 0) != 0) return "";
+  if (!line.starts_with(kInclude)) return "";
   return line.substr(kInclude.size(), line.rfind('"') - kInclude.size());
 }
 

@@ -1,11 +1,9 @@
-// Which words are not used (docs/words.md): none in what users read, few in comments, none in
-// names.
+// Words that are not used (docs/words.md): none in what users read, few in comments, none in names.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <set>
 #include <string>
@@ -39,24 +37,22 @@ Words words_of(std::string_view text) {
   return words;
 }
 
-/// One entry of the table: a word or several; `*` at the end of the last one stands for any ending.
+/// One entry of the table: a word or several; `*` means any ending.
 struct Banned {
   Words words;
   bool any_ending{};
 };
 
 struct BannedWords {
-  std::map<std::string, std::vector<Banned>> in_text;  ///< By the first word.
+  std::map<std::string, std::vector<Banned>> in_text;  ///< By its beginning.
   std::vector<Banned> with_any_ending;                 ///< Single words.
   std::set<std::string> in_names;
 };
 
 BannedWords read_banned_words() {
   BannedWords banned;
-  std::ifstream file(kRoot + "/docs/words.md");
-  EXPECT_TRUE(file);
   enum { kNone, kText, kNames } table = kNone;
-  for (std::string line; std::getline(file, line);) {
+  for (const std::string& line : lines_of("docs/words.md")) {
     if (line.starts_with("| not | but")) table = kText;
     if (line.starts_with("| not in names")) table = kNames;
     if (table == kNone || !line.starts_with("| ") || line.starts_with("| not ")) continue;
@@ -144,7 +140,7 @@ std::vector<std::string> sentences_of(const std::string& code) {
   return sentences;
 }
 
-/// `take`, `news` of `take_news` and `TakeNews`.
+/// `take`, `time` of `take_time` and `TakeTime`.
 Words parts_of_name(const std::string& name) {
   std::string spaced;
   for (std::size_t i = 0; i < name.size(); ++i) {
@@ -157,7 +153,7 @@ Words parts_of_name(const std::string& name) {
   return words_of(spaced);
 }
 
-TEST(Words, FewCommentsHaveOneThatIsNotUsed) {
+TEST(Words, OfTheListAreRareInComments) {
   std::size_t lines = 0;
   std::vector<std::string> found;
   for (const SourceFile& file : source_files({"server", "client"})) {
@@ -166,9 +162,7 @@ TEST(Words, FewCommentsHaveOneThatIsNotUsed) {
       if (begin == std::string::npos) continue;
       ++lines;
       const std::string word = first_banned(std::string_view(file.lines[i]).substr(begin));
-      if (!word.empty()) {
-        found.push_back(file.path.string() + ":" + std::to_string(i + 1) + ": " + word);
-      }
+      if (!word.empty()) found.push_back(file.place(i) + ": " + word);
     }
   }
   EXPECT_GT(lines, 5000u);
@@ -176,20 +170,30 @@ TEST(Words, FewCommentsHaveOneThatIsNotUsed) {
   EXPECT_LE(found.size(), most) << "of " << lines << " lines: " << ::testing::PrintToString(found);
 }
 
-TEST(Words, NoMessageHasOneThatIsNotUsed) {
+TEST(Words, OfTheListAreInNoMessageAndNoName) {
   for (const SourceFile& file : source_files({"server", "client"})) {
     for (std::size_t i = 0; i < file.lines.size(); ++i) {
-      for (const std::string& text : sentences_of(file.lines[i])) {
-        EXPECT_EQ(first_banned(text), "") << file.path.string() << ":" << i + 1 << ": " << text;
+      for (const std::string& text : sentences_of(file.lines[i]))
+        EXPECT_EQ(first_banned(text), "") << file.place(i) << ": " << text;
+      std::string name;
+      bool inside = false;
+      for (const char c : file.lines[i].substr(0, comment_begin(file.lines[i])) + " ") {
+        if (c == '"') inside = !inside;
+        if (!inside && (std::isalnum(static_cast<unsigned char>(c)) || c == '_')) {
+          name += c;
+          continue;
+        }
+        for (const std::string& part : parts_of_name(std::exchange(name, {})))
+          EXPECT_FALSE(banned_words().in_names.contains(part)) << file.place(i) << ": " << part;
       }
     }
   }
 }
 
-TEST(Words, NoDocumentHasOneThatIsNotUsed) {
+TEST(Words, OfTheListAreInNoDocument) {
   namespace fs = std::filesystem;
-  std::vector<fs::path> documents{kRoot + "/README.md", kRoot + "/ARCHITECTURE.md",
-                                  kRoot + "/CONTRIBUTING.md", kRoot + "/CHANGELOG.md"};
+  std::vector<fs::path> documents{"README.md", "ARCHITECTURE.md", "CONTRIBUTING.md",
+                                  "CHANGELOG.md"};
   for (const char* folder : {"/docs", "/server", "/client", "/config", "/tests"}) {
     for (const auto& entry : fs::recursive_directory_iterator(kRoot + folder)) {
       const fs::path& path = entry.path();
@@ -198,14 +202,12 @@ TEST(Words, NoDocumentHasOneThatIsNotUsed) {
   }
   EXPECT_GT(documents.size(), 30u);
   for (const fs::path& path : documents) {
-    std::ifstream file(path);
-    ASSERT_TRUE(file) << path;
     int number = 0;
     bool code = false;
-    for (std::string line; std::getline(file, line);) {
+    for (const std::string& line : lines_of(path)) {
       ++number;
       if (line.starts_with("```")) code = !code;
-      // What is quoted as code is a name: of a test, a key or a command.
+      // Text in backquotes is a name: of a test, a key or a command.
       std::string text;
       bool quoted = code;
       for (const char c : line) {
@@ -213,27 +215,6 @@ TEST(Words, NoDocumentHasOneThatIsNotUsed) {
         if (!quoted) text += c;
       }
       EXPECT_EQ(first_banned(text), "") << path << ":" << number << ": " << line;
-    }
-  }
-}
-
-TEST(Words, NoNameIsMadeOfOneThatIsNotUsed) {
-  for (const SourceFile& file : source_files({"server", "client"})) {
-    for (std::size_t i = 0; i < file.lines.size(); ++i) {
-      const std::string code = file.lines[i].substr(0, comment_begin(file.lines[i]));
-      std::string name;
-      bool inside = false;
-      for (const char c : code + " ") {
-        if (c == '"') inside = !inside;
-        if (!inside && (std::isalnum(static_cast<unsigned char>(c)) || c == '_')) {
-          name += c;
-          continue;
-        }
-        for (const std::string& part : parts_of_name(std::exchange(name, {}))) {
-          EXPECT_FALSE(banned_words().in_names.contains(part))
-              << file.path.string() << ":" << i + 1 << ": " << part;
-        }
-      }
     }
   }
 }

@@ -1,48 +1,47 @@
-// fiducap_bench [--quick]: what each stage costs on this machine. CPU time of the thread that does
-// the work, except for the latency, which is real time.
-#include <cstdio>
-#include <cstring>
+// fiducap_bench VERB [--quick]: costs on this machine; --help lists the verbs.
+#include <CLI/CLI.hpp>
+#include <utility>
+#include <vector>
 
-#include "base/log.hpp"
 #include "bench.hpp"
 
 namespace fiducap::bench {
-
-Row row_of(std::string what, std::string per, std::vector<double> times_us, std::string remark) {
-  if (times_us.empty()) return {std::move(what), std::move(per), 0, 0, "nothing measured"};
-  std::sort(times_us.begin(), times_us.end());
-  const auto at = [&](double share) {
-    return times_us[static_cast<std::size_t>(share * static_cast<double>(times_us.size() - 1))];
-  };
-  return {std::move(what), std::move(per), at(0.5), at(0.99), std::move(remark)};
-}
-
 namespace {
 
-void print(const std::vector<Row>& rows) {
-  std::printf("%-34s %-22s %12s %12s  %s\n", "what", "per", "median [us]", "p99 [us]", "remark");
-  for (const Row& row : rows)
-    std::printf("%-34s %-22s %12.2f %12.2f  %s\n", row.what.c_str(), row.per.c_str(), row.median_us,
-                row.p99_us, row.remark.c_str());
+struct Verb {
+  const char* name;
+  const char* what;
+  Bench (*add)(CLI::App&, const bool& quick);
+};
+constexpr Verb kVerbs[] = {
+    {"stages", "CPU time of detector, scene and encoders; latency from a pose to a client",
+     add_stages},
+    {"detection", "tracking regions against libapriltag on whole images; corner errors",
+     add_detection},
+    {"bodies", "a server with many bodies and images on few cores", add_bodies},
+    {"loop", "control loops whose only feedback is the stream", add_loop},
+    {"fanout", "one scene to twenty clients, with and without clients that never read", add_fanout},
+    {"client", "what a reader of the client library pays", add_client},
+    {"map_store", "size of a map store and time of a commit", add_map_store}};
+
+int run(int argc, char** argv) {
+  CLI::App app{"Costs of the server's parts on this machine"};
+  bool quick = false;
+  app.add_flag("--quick", quick, "enough to see that it works, too little to rely on");
+  app.fallthrough();
+  app.require_subcommand(1);
+  std::vector<std::pair<CLI::App*, Bench>> benches;
+  for (const Verb& verb : kVerbs) {
+    CLI::App* added = app.add_subcommand(verb.name, verb.what);
+    benches.emplace_back(added, verb.add(*added, quick));
+  }
+  CLI11_PARSE(app, argc, argv);
+  for (const auto& [verb, bench] : benches)
+    if (verb->parsed()) return bench();
+  return 2;
 }
 
 }  // namespace
 }  // namespace fiducap::bench
 
-int main(int argc, char** argv) {
-  using namespace fiducap::bench;
-  Options options;
-  if (argc == 2 && std::strcmp(argv[1], "--quick") == 0) {
-    options.quick = true;
-  } else if (argc != 1) {
-    std::fprintf(stderr, "usage: fiducap_bench [--quick]\n");
-    return 2;
-  }
-  fiducap::log::set_level(fiducap::log::Level::kWarning);
-  std::vector<Row> rows;
-  bench_detection(options, rows);
-  bench_streaming(options, rows);
-  bench_latency(options, rows);
-  print(rows);
-  return 0;
-}
+int main(int argc, char** argv) { return fiducap::bench::run(argc, argv); }

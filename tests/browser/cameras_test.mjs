@@ -1,4 +1,4 @@
-// Pictures of cameras in a real browser: they come while somebody looks, and outlines lie on what they name.
+// Pictures of cameras in a real browser: they are made while a page shows them, and outlines are in their places.
 import assert from 'node:assert/strict';
 import { openPage, runSteps, shoot, startServer, step, world } from './harness.mjs';
 
@@ -6,7 +6,7 @@ const WIDE = { viewport: { width: 1280, height: 800 }, reducedMotion: 'reduce' }
 const tile = (page, body) => page.locator(`#cameras [data-camera="${body}/0"]`);
 const made = async () => Number(await world.server.ask('pictures'));
 
-/** Until no more are made: what was under way may still be finished. */
+/** Until no more are made; one may still be finished. */
 async function waitForQuiet(page) {
   for (let before = await made(); ; ) {
     await page.waitForTimeout(1500);
@@ -16,14 +16,14 @@ async function waitForQuiet(page) {
   }
 }
 
-step('nothing is made while nobody looks', async () => {
+step('no pictures without a viewer', async () => {
   world.server = await startServer();
   Object.assign(world, await openPage(world.browser, world.server.port, WIDE));
   await world.page.waitForFunction(() => document.querySelectorAll('.card').length === 3);
   assert.equal(await made(), 0);
 });
 
-step('a tile for each camera shows its picture and what is wrong with it', async () => {
+step('a tile for each camera shows its picture and its faults', async () => {
   const { page } = world;
   await page.click('[data-list=cameras]');
   for (const body of [1, 2, 3]) await tile(page, body).waitFor();
@@ -54,17 +54,17 @@ step('one is shown large, with every kind of outline', async () => {
 
 step('outlines lie on the tags', async () => {
   const { page } = world;
-  // Inside of the outline it is the black of the border, outside the white around it.
+  // Inside of the outline is the black border, outside the white margin.
   await page.waitForFunction(() => document.querySelector('.view-stage canvas').getContext('2d'));
   const sides = await page.evaluate(() => {
-    // Everything in one turn: what is drawn does not change meanwhile.
+    // In one turn: the drawing does not change meanwhile.
     for (const button of document.querySelectorAll('.kinds [aria-pressed=true]')) button.click();
     const canvas = document.querySelector('.view-stage canvas');
     const context = canvas.getContext('2d');
     const plain = context.getImageData(0, 0, canvas.width, canvas.height).data;
     for (const button of document.querySelectorAll('[data-kind=used], [data-kind=rejected]')) button.click();
     const drawn = context.getImageData(0, 0, canvas.width, canvas.height).data;
-    // Where something was drawn over the picture: is there an edge of the print below?
+    // Drawn lines: is there an edge of the print below?
     let onEdge = 0;
     let all = 0;
     const gray = (x, y) => plain[4 * (y * canvas.width + x)];
@@ -85,7 +85,7 @@ step('outlines lie on the tags', async () => {
   assert.ok(sides.onEdge > 0.8 * sides.all, `${sides.onEdge} of ${sides.all} lie on an edge`);
 });
 
-step('pointing at one tells what it is, and so do the arrow keys', async () => {
+step('pointer and arrow keys show the name of an outline', async () => {
   const { page } = world;
   const canvas = page.locator('.view-stage canvas');
   const box = await canvas.boundingBox();
@@ -99,7 +99,7 @@ step('pointing at one tells what it is, and so do the arrow keys', async () => {
   await shoot(page, 'cameras-pointed');
 });
 
-step('what is switched off is not looked for', async () => {
+step('disabled outlines are not computed', async () => {
   const { page } = world;
   await page.click('[data-kind=candidate]');
   assert.equal(await page.getAttribute('[data-kind=candidate]', 'aria-pressed'), 'false');
@@ -116,9 +116,9 @@ step('closed and left, the server stops making pictures', async () => {
   assert.deepEqual(world.faults, []);
 });
 
-step('an old picture is greyed and tells its age', async () => {
+step('an old picture is greyed and shows its age', async () => {
   const { page } = world;
-  // The panel was away: its pictures are old, until new ones come. The socket is kept away here.
+  // The pictures of a closed panel are old until new ones arrive. The socket is blocked here.
   await page.evaluate(() => {
     window.WebSocket = class extends EventTarget {
       close() {}
@@ -154,7 +154,7 @@ step('fits a phone, and closes with its button', async () => {
   await world.server.stop();
 });
 
-step('switched off, it says which setting does that', async () => {
+step('switched off, it names the setting', async () => {
   world.server = await startServer('--cameras', 'off');
   Object.assign(world, await openPage(world.browser, world.server.port, WIDE));
   await world.page.click('[data-list=cameras]');

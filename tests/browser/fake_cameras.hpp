@@ -14,30 +14,29 @@
 
 namespace fiducap {
 
-/// A camera for each robot, with drawn pictures: two tags that slide to and fro, and a dark square
-/// that is none. What is found in them, and all that follows, is the server's own.
+/// A camera for each robot, with drawn pictures: two moving tags and a dark square. Detection and
+/// all that follows are the server's own.
 class FakeCameras final {
  public:
   static constexpr int kWidth = 480;
   static constexpr int kHeight = 320;
 
   FakeCameras(int bodies, const Clock& clock)
-      : clock_(clock), desk_(TagSetConfig{}, DetectorConfig{}, clock) {
+      : clock_(clock), preview_(TagSetConfig{}, DetectorConfig{}, clock) {
     for (int i = 0; i < bodies; ++i) {
       PipelineSetup setup;
       CameraMount mount;
       mount.model = {kWidth, kHeight, 400, 400, 239.5, 159.5, Distortion::kNone, {}};
       mount.rate_hz = kRate_hz;
       setup.sensors.cameras = {mount};
-      BodyViews views = desk_.add(i + 1, setup.sensors);
+      BodyViews views = preview_.add(i + 1, setup.sensors);
       bodies_.push_back({std::make_unique<BodyPipeline>(std::move(setup)), std::move(views)});
     }
-    making_ = std::jthread([this](std::stop_token stop) { desk_.run(std::move(stop)); });
+    making_ = std::jthread([this](std::stop_token stop) { preview_.run(std::move(stop)); });
   }
 
-  [[nodiscard]] CameraPreview& desk() { return desk_; }
-  /// So often a second.
-  static constexpr double kRate_hz = 10;
+  [[nodiscard]] CameraPreview& preview() { return preview_; }
+  static constexpr double kRate_hz = 10;  ///< Of `expose`.
   void expose() {
     const Instant now = clock_.now();
     const int slid = static_cast<int>(20 * std::sin(to_seconds(now.time_since_epoch())));
@@ -63,7 +62,7 @@ class FakeCameras final {
   };
 
   const Clock& clock_;
-  CameraPreview desk_;
+  CameraPreview preview_;
   std::vector<Body> bodies_;
   std::jthread making_;
 };

@@ -5,11 +5,11 @@ import { join } from 'node:path';
 
 const [serverProgram, webFolder, chromiumProgram, shotFolder] = process.argv.slice(2);
 const { chromium } = createRequire(join(webFolder, 'package.json'))('playwright-core');
-const PATIENCE_MS = 120_000; // the machine may be busy; nothing here waits longer than it must
+const TIMEOUT_MS = 120_000; // the machine may be busy
 
 /**
- * Runs in the page. A slow screen: the processor draws the room here, and would do nothing else. What is drawn is
- * looked at in the same turn, when the browser still has it: `drawn` tells how often, the colours, and a sum of all.
+ * Runs in the page. A slow screen, since the processor draws the room here. A drawing is read in the same turn, while the
+ * browser has it: `drawn` has their number, the colours, and a sum of all.
  */
 export function watchDrawing(periodMs) {
   const look = () => {
@@ -30,7 +30,7 @@ export function watchDrawing(periodMs) {
   window.cancelAnimationFrame = clearTimeout;
 }
 
-/** Red, green and blue as they lie in a picture's words. */
+/** Red, green and blue in the order of a picture's words. */
 export function pixel(hex) {
   const [r, g, b] = hex.match(/[0-9a-f]{2}/g).map((part) => Number.parseInt(part, 16));
   return (0xff000000 | (b << 16) | (g << 8) | r) >>> 0;
@@ -57,7 +57,7 @@ export async function startServer(...options) {
     clearTimeout(late);
   };
   const tell = (line) => child.stdin.write(`${line}\n`);
-  /** What it prints to that. */
+  /** The line that it prints. */
   const ask = (line) =>
     new Promise((resolve) => {
       child.stdout.once('data', (text) => resolve(String(text).trim()));
@@ -66,14 +66,14 @@ export async function startServer(...options) {
   return { port, stop, tell, ask };
 }
 
-/** A page that is live, and what went wrong in it. */
+/** A live page, and its errors. */
 export async function openPage(browser, port, options) {
   const context = await browser.newContext(options);
   const page = await context.newPage();
   await page.addInitScript(watchDrawing, 300);
-  page.setDefaultTimeout(PATIENCE_MS);
+  page.setDefaultTimeout(TIMEOUT_MS);
   const faults = [];
-  // Every page asks whether a set-up goes on; here none does.
+  // Every page asks whether a set-up is running; here none is.
   const isExpected = (url) => url.endsWith('/api/v1/setup');
   page.on('console', (line) => line.type() === 'error' && !isExpected(line.location().url) && faults.push(line.text()));
   page.on('pageerror', (error) => faults.push(String(error)));
@@ -89,7 +89,7 @@ const steps = [];
 export const step = (name, run) => steps.push({ name, run });
 export const world = {};
 
-/** A picture for people, where they asked for some; no test depends on it. @param room  wait for it */
+/** A picture on request; no test depends on it. @param room  wait for it */
 export async function shoot(page, name, room = true) {
   if (!shotFolder) return;
   const picture = async () => {
@@ -103,7 +103,7 @@ export async function runSteps() {
   world.browser = await chromium.launch({
     executablePath: chromiumProgram,
     args: ['--no-sandbox', '--enable-unsafe-swiftshader'],
-    timeout: PATIENCE_MS,
+    timeout: TIMEOUT_MS,
   });
   try {
     for (const { name, run } of steps) {
@@ -119,7 +119,7 @@ export async function runSteps() {
   }
 }
 
-// --- what a person does on the page that is open -----------------------------------------------------------------
+// --- actions of a person on the open page -----------------------------------------------------------------
 export const button = (name) => world.page.getByRole('button', { name, exact: true });
 export const press = (name) => button(name).click();
 export const title = (words) => world.page.getByRole('heading', { name: words, exact: true }).waitFor();

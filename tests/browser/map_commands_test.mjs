@@ -18,25 +18,25 @@ async function showMap(page) {
   await page.click('[data-list=versions]');
   await page.waitForFunction(() => {
     const bodies = document.getElementById('bodies');
-    return bodies.scrollHeight <= bodies.clientHeight; // none is cut
+    return bodies.scrollHeight <= bodies.clientHeight; // none is cut off
   });
   await page.waitForFunction(() => document.querySelectorAll('#versions table.tags tbody tr[data-tag]').length > 20);
 }
 
-/** Waits for the server's word, which says so. */
+/** Waits for the server's confirmation. */
 async function waitFor(page, tone, words) {
   await page.waitForSelector(`#versions .outcome[data-tone=${tone}]`);
   await page.waitForFunction((text) => new RegExp(text).test(document.querySelector('#versions .outcome').textContent), words.source);
 }
 
-/** A button that opens a dialog; what is typed there; the button that does it. */
+/** A button that opens a dialog; its input; its button. */
 async function deed(page, opens, yes, typed) {
   await button(page, opens).click();
   if (typed !== undefined) await page.fill('dialog :is(input, textarea)', typed);
   await button(page, yes).click();
 }
 
-/** What clients are told of a tag's place, m. */
+/** Streamed place of a tag, m. */
 async function standsAt(page, tag, place) {
   await page.waitForFunction(async ([id, wanted]) => {
     const { map } = await (await fetch('api/v1/state')).json();
@@ -58,7 +58,7 @@ async function chooseTag(page, tag) {
   if ((await chosen.getAttribute('aria-pressed')) !== 'true') await chosen.click();
 }
 
-step('a server without a token offers nothing and says why', async () => {
+step('a server without a token offers nothing and shows the reason', async () => {
   world.server = await startServer('--store', folder);
   const { page, faults } = await openPage(world.browser, world.server.port, WIDE);
   await showMap(page);
@@ -72,7 +72,7 @@ step('a server without a token offers nothing and says why', async () => {
   await world.server.stop();
 });
 
-step('without the token typed, no button works, and the page says so', async () => {
+step('without the token no button works, and the page shows it', async () => {
   world.server = await startServer('--store', folder, '--token', TOKEN);
   Object.assign(world, await openPage(world.browser, world.server.port, WIDE));
   const { page } = world;
@@ -91,7 +91,7 @@ step('a wrong token opens nothing', async () => {
   assert.ok(await button(page, 'Freeze').isDisabled());
 });
 
-step('the token opens, and is on no wire', async () => {
+step('the token opens, and is never sent', async () => {
   const { page } = world;
   const said = [];
   page.on('websocket', (socket) => socket.on('framesent', ({ payload }) => said.push(Buffer.from(payload).toString('latin1'))));
@@ -104,7 +104,7 @@ step('the token opens, and is on no wire', async () => {
   assert.ok(await page.isHidden('#versions .token'));
 });
 
-step('freezes and lets it grow again', async () => {
+step('freezes the map and maps again', async () => {
   const { page } = world;
   await button(page, 'Freeze').click();
   await waitFor(page, 'good', /^The map is frozen\.$/);
@@ -112,7 +112,7 @@ step('freezes and lets it grow again', async () => {
   assert.match(await page.textContent('#map-line'), /frozen/);
 });
 
-step('what the server refuses is shown with its reason', async () => {
+step('refusals are shown with their reasons', async () => {
   const { page } = world;
   await chooseTag(page, 5);
   await deed(page, 'Forget…', 'Forget 5');
@@ -130,7 +130,7 @@ step('stores the map under a name', async () => {
   await page.waitForFunction(() => /^1.*24before <the> fair$/.test(document.querySelector('#versions tr[data-version="1"]')?.textContent ?? ''));
 });
 
-step('quarantines a tag, after having asked', async () => {
+step('quarantines a tag after a confirmation', async () => {
   const { page } = world;
   await chooseTag(page, 9);
   await button(page, 'Quarantine…').click();
@@ -153,7 +153,7 @@ step('forgets a tag', async () => {
   await waitFor(page, 'bad', /^Refused: tag 0 is the reference tag/);
 });
 
-step('aligns by measured tags, and refuses what cannot be', async () => {
+step('aligns by measured tags, and refuses impossible ones', async () => {
   const { page } = world;
   await button(page, 'Origin…').click();
   await deed(page, 'I have measured places…', 'Align', '0 0 0 0\n1 2.4 zero 0');
@@ -192,7 +192,7 @@ step('moves the origin by three picked tags, by dragging and by numbers', async 
   await waitFor(page, 'good', /^The map is aligned/);
 
   await button(page, 'Origin…').click();
-  // What lies below a handle is clicked at through it.
+  // Clicks pass through a handle.
   for (const [pick, tag] of [['origin', 0], ['heading', 4], ['floor', 0]]) {
     await page.waitForSelector(`dialog.origin[data-pick=${pick}]`);
     await page.locator(`.plan [data-tag="${tag}"] .plan-reach`).click({ force: true });
@@ -222,7 +222,7 @@ step('names a version', async () => {
   await page.waitForFunction(() => document.querySelector('#versions tr[data-version="2"] .name')?.textContent === 'without 20');
 });
 
-step('shows in the room what has changed, and rolls back', async () => {
+step('shows the changes in the room, and rolls back', async () => {
   const { page } = world;
   await page.click('#versions tr[data-version="1"] button');
   await page.waitForFunction(() => /Version 1 → 2: 1 tag differs/.test(document.querySelector('#versions .empty').textContent));
@@ -241,7 +241,7 @@ step('a tag is chosen by a click in the room', async () => {
   await page.click('[data-list=log]');
   await nextDrawing(page, () => page.click('#view-top'));
   const canvas = await page.locator('.stage canvas').boundingBox();
-  // Tags lie about the middle of the floor: one of a row of points is on one.
+  // Tags are around the middle of the floor: one of a row of points is on one.
   for (let i = 0; i < 60; ++i) {
     await page.mouse.click(canvas.x + canvas.width * (0.2 + 0.01 * i), canvas.y + canvas.height * (0.4 + 0.002 * (i % 5)));
     if (await page.isVisible('#versions')) break;
@@ -256,7 +256,7 @@ step('the token is forgotten on request', async () => {
   await button(page, 'Lock').click();
   assert.ok(await button(page, 'Freeze').isDisabled());
   assert.match(await page.textContent('#versions .why'), /Locked/);
-  // Versions that are being read from the disk are asked for again, and browsers write that down.
+  // Versions that are being read from the disk are requested again, which browsers log.
   assert.deepEqual(faults.filter((fault) => !/^503 .*\/map\/diff\/|status of 503/.test(fault)), []);
 });
 

@@ -1,4 +1,4 @@
-// The page in a real browser, served by the real web room with fake robots.
+// The page in a real browser, served by the real module with fake robots.
 import assert from 'node:assert/strict';
 import { nextDrawing, openPage, pixel, runSteps, shoot, startServer, step, world } from './harness.mjs';
 
@@ -55,7 +55,7 @@ step('clients and log are listed', async () => {
   assert.match(await world.page.textContent('#log'), /page at http/);
 });
 
-step('a condition that begins stands over everything, with its remedy', async () => {
+step('a new condition is shown on top, with its remedy', async () => {
   const { page, server } = world;
   assert.ok(await page.isHidden('#alarms-banner'));
   server.tell('begin drone lost sees no tag since 14 s');
@@ -70,7 +70,7 @@ step('a condition that begins stands over everything, with its remedy', async ()
   await shoot(page, 'page-alarm');
 });
 
-step('what a device says is text, not markup', async () => {
+step('texts of devices are not markup', async () => {
   const { page, server } = world;
   const hostile = '<img src=x onerror="document.title=1"><script>document.title=2</script>&lt;b&gt;';
   server.tell(`begin <i>x</i> bad ${hostile}`);
@@ -83,7 +83,7 @@ step('what a device says is text, not markup', async () => {
   await page.waitForFunction(() => document.querySelectorAll('.alarm').length === 1);
 });
 
-step('a condition that ends is gone from above and stays in the list', async () => {
+step('a condition that ends is removed on top and stays in the list', async () => {
   const { page, server } = world;
   server.tell('end drone lost');
   await page.waitForSelector('#alarms-banner', { state: 'hidden' });
@@ -130,7 +130,7 @@ step('the chart draws three lines', async () => {
   assert.match(await world.page.textContent('#chart-title'), /Latency/);
 });
 
-step('says so while the server is away, and greys what it shows', async () => {
+step('reports a missing server, and greys its contents', async () => {
   await shoot(world.page, 'page-desktop');
   await world.server.stop();
   await world.page.waitForSelector('body[data-link=offline]');
@@ -141,7 +141,7 @@ step('says so while the server is away, and greys what it shows', async () => {
 step('the keyboard turns the view, and back', async () => {
   const { page } = world;
   const shows = (sum, same) => page.waitForFunction(([old, equal]) => (window.drawn.sum === old) === equal, [sum, same]);
-  // Nothing else moves now. Twice, since one drawing may have been on its way.
+  // Nothing else moves now. Twice, since one drawing may be pending.
   await nextDrawing(page, () => page.keyboard.press('r'));
   await nextDrawing(page, () => page.keyboard.press('r'));
   const room = await page.evaluate(() => window.drawn.sum);
@@ -151,7 +151,7 @@ step('the keyboard turns the view, and back', async () => {
   await shows(room, true);
 });
 
-step('comes back by itself and never shows a lost body as live', async () => {
+step('reconnects by itself and never shows a lost body as live', async () => {
   world.server = await startServer('--port', String(world.server.port), '--trouble', '1');
   await world.page.waitForSelector('body[data-link=live]');
   await world.page.waitForSelector('.card[data-body="3"][data-state=lost][data-valid=false]');

@@ -1,11 +1,11 @@
-// The web room with three fake robots in a fake hall of 24 tags, for the browser test and for
-// working on the page:
+// The page's server with three fake robots in a fake hall of 24 tags, for the browser tests and for
+// work on the page:
 //   page_test_server [--port N] [--root FOLDER] [--bodies N] [--trouble 1]
 //                    [--store FOLDER [--token TOKEN]] [--cameras loopback|operator|everyone|off]
-// With a folder for the store the map is a real one, and who knows the token may change it.
-// Prints the port, serves until its input ends. Lines of the input change what it tells:
+// With a folder for the store the map is a real one, which the token permits to change.
+// Prints the port, serves until its input ends. Lines of the input are commands:
 //   begin SUBJECT KIND TEXT…  begins a condition, with a remedy; `end SUBJECT KIND` ends it.
-//   pictures  prints how many pictures of cameras were made
+//   pictures  prints the number of the cameras' pictures
 #include <unistd.h>
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
@@ -16,9 +16,9 @@
 #include <cstdio>
 #include <cstdlib>
 #include <istream>
-#include <numbers>
 #include <string>
 #include <string_view>
+#include <thread>
 
 #include <boost/asio/read_until.hpp>
 #include <boost/asio/streambuf.hpp>
@@ -26,10 +26,12 @@
 #include "base/event_board.hpp"
 #include "base/log.hpp"
 #include "base/pose.hpp"
+#include "daemon/operator_service.hpp"
+#include "daemon/system.hpp"
 #include "fake_cameras.hpp"
 #include "scene/scene_frame.hpp"
-#include "served_map.hpp"
 #include "streaming/web/web.hpp"
+#include "support/real_clock.hpp"
 
 namespace {
 
@@ -37,17 +39,8 @@ using namespace fiducap;
 using namespace std::chrono_literals;
 
 constexpr auto kPeriod = 10ms;
-constexpr double kTurn = 2 * std::numbers::pi;
 
-class SteadyClock final : public Clock {
- public:
-  [[nodiscard]] Instant now() const override {
-    return instant_from_ns(std::chrono::steady_clock::now().time_since_epoch().count());
-  }
-  [[nodiscard]] bool wait_until(Instant, std::stop_token) const override { return false; }
-};
-
-// Columns of the attitude: where the tag's x, y and z (out of the print) point in the hall.
+// Columns of the attitude: directions of the tag's x, y and z (out of the print) in the hall.
 Pose facing(const Eigen::Vector3d& out, const Eigen::Vector3d& up, const Eigen::Vector3d& p) {
   Eigen::Matrix3d R;
   R << up.cross(out), up, out;
@@ -72,22 +65,20 @@ std::shared_ptr<const TagMap> hall() {
   map->version = 12;
   map->reference_tag = 0;
   const Eigen::Vector3d z = Eigen::Vector3d::UnitZ();
-  for (int i = 0; i < 8; ++i) {
-    map->tags.push_back(
-        tag(i, facing(z, Eigen::Vector3d::UnitY(), {-3.6 + 2.4 * (i % 4), i < 4 ? -1.2 : 1.2, 0})));
-  }
+  const Eigen::Vector3d x = Eigen::Vector3d::UnitX();
+  const Eigen::Vector3d y = Eigen::Vector3d::UnitY();
+  const auto add = [&](int id, const Eigen::Vector3d& out, const Eigen::Vector3d& up,
+                       const Eigen::Vector3d& p) {
+    map->tags.push_back(tag(id, facing(out, up, p)));
+  };
+  for (int i = 0; i < 8; ++i) add(i, z, y, {-3.6 + 2.4 * (i % 4), i < 4 ? -1.2 : 1.2, 0});
   for (int i = 0; i < 5; ++i) {
-    const double x = -4 + 2.0 * i;
-    map->tags.push_back(
-        tag(8 + i, facing(Eigen::Vector3d::UnitY(), z, {x, -3, 1.2 + 0.3 * (i % 2)})));
-    map->tags.push_back(
-        tag(13 + i, facing(-Eigen::Vector3d::UnitY(), z, {x, 3, 1.4 - 0.3 * (i % 2)})));
+    add(8 + i, y, z, {-4 + 2.0 * i, -3, 1.2 + 0.3 * (i % 2)});
+    add(13 + i, -y, z, {-4 + 2.0 * i, 3, 1.4 - 0.3 * (i % 2)});
   }
   for (int i = 0; i < 3; ++i) {
-    map->tags.push_back(
-        tag(18 + i, facing(Eigen::Vector3d::UnitX(), z, {-5, -1.8 + 1.8 * i, 1.3})));
-    map->tags.push_back(
-        tag(21 + i, facing(-Eigen::Vector3d::UnitX(), z, {5, -1.8 + 1.8 * i, 1.3})));
+    add(18 + i, x, z, {-5, -1.8 + 1.8 * i, 1.3});
+    add(21 + i, -x, z, {5, -1.8 + 1.8 * i, 1.3});
   }
   std::sort(map->tags.begin(), map->tags.end(),
             [](const auto& a, const auto& b) { return a.tag.tag_id < b.tag.tag_id; });
@@ -123,7 +114,7 @@ BodyPose body(int index, double t) {
   return made;
 }
 
-// The third robot drives without tags now and then: it coasts, is lost, and comes back.
+// The third robot sometimes drives without tags: it coasts, is lost, and tracks again.
 void lose_sometimes(BodyPose& made, double t) {
   const double within = std::fmod(t, 40.0);
   if (within < 22) return;
@@ -137,7 +128,7 @@ void lose_sometimes(BodyPose& made, double t) {
     made.covariance.topLeftCorner<6, 6>() *= 1 + 40 * (within - 22);
 }
 
-// The second robot was never placed, the third is lost for good.
+// The second robot was never placed, the third remains lost.
 void trouble(std::vector<BodyPose>& bodies) {
   for (std::size_t i = 1; i < std::min<std::size_t>(bodies.size(), 3); ++i) {
     if (i == 1) bodies[i] = BodyPose{.body_id = bodies[i].body_id};
@@ -146,6 +137,40 @@ void trouble(std::vector<BodyPose>& bodies) {
     bodies[i].tags_in_view = 0;
   }
 }
+
+/// The map of a server as in fiducapd, with its store and its operator, without bodies. It is
+/// stored by commands only.
+class ServedMap final {
+ public:
+  ServedMap(TagMap start, const std::string& folder, std::string token, EventBoard& events)
+      : map_(MapConfig{}, std::move(start)),
+        keeper_(MapStore::open(folder + "/map.sqlite").value(), map_, kNever_s, clock_, events,
+                [] { return std::vector<LearnedBody>{}; }),
+        recorder_(RecorderConfig{folder, false}, clock_, events),
+        service_({std::move(token), {}}, scene_, map_, recorder_, events, &keeper_),
+        keeping_([this](std::stop_token stop) { keeper_.run(stop); }) {}
+
+  [[nodiscard]] std::shared_ptr<const TagMap> snapshot() const { return map_.snapshot(); }
+  void serve(web::WebSources& sources) {
+    sources.operator_api = &service_;
+    sources.map_mode = [this] {
+      return std::string(service_.map_mode() == MapMode::kFrozen ? "frozen" : "mapping");
+    };
+    sources.map_versions = [this] { return service_.map_versions(); };
+    sources.map_version = [this](std::int64_t version) { return service_.map_version(version); };
+  }
+
+ private:
+  static constexpr double kNever_s = 1e6;
+
+  SystemClock clock_;
+  Scene scene_{std::vector<SceneBody>{}};
+  MapBuilder map_;
+  MapKeeper keeper_;
+  SessionRecorder recorder_;
+  OperatorService service_;
+  std::jthread keeping_;
+};
 
 class Hall final {
  public:
@@ -168,7 +193,7 @@ class Hall final {
     });
   }
   void stop() {
-    // Cancelling alone misses a tick that already waits in the loop.
+    // Cancelling alone misses a tick that is already in the loop.
     stopped_ = true;
     timer_.cancel();
   }
@@ -196,7 +221,7 @@ class Hall final {
     if (number_ % 10 == 0) cameras_.expose();
   }
 
-  SteadyClock clock_;
+  RealClock clock_;
   boost::asio::steady_timer timer_;
   Streamer& server_;
   std::shared_ptr<const SceneModel> model_;
@@ -212,13 +237,12 @@ class Hall final {
 std::shared_ptr<const SceneModel> robots(int count) {
   auto model = std::make_shared<SceneModel>();
   const char* names[] = {"anymal", "drone", "cart"};
-  for (int i = 0; i < count; ++i) {
+  for (int i = 0; i < count; ++i)
     model->bodies.push_back({i + 1, i < 3 ? names[i] : "robot_" + std::to_string(i + 1)});
-  }
   return model;
 }
 
-// Tag 9 was seen badly, tag 23 long ago.
+// Tag 9 has a bad fit, tag 23 an old one.
 std::vector<TagFit> fits(Instant now) {
   std::vector<TagFit> all;
   for (int id = 0; id < 24; ++id)
@@ -226,7 +250,7 @@ std::vector<TagFit> fits(Instant now) {
   return all;
 }
 
-void obey(std::istream& line, EventBoard& events, const CameraPreview& views) {
+void execute(std::istream& line, EventBoard& events, const CameraPreview& views) {
   std::string command, subject, kind, text;
   line >> command >> subject >> kind >> std::ws;
   std::getline(line, text);
@@ -241,6 +265,29 @@ void obey(std::istream& line, EventBoard& events, const CameraPreview& views) {
   if (command != "pictures") return;
   std::printf("%llu\n", static_cast<unsigned long long>(views.pictures()));
   std::fflush(stdout);
+}
+
+/// Two versions of the map, and the fits of its tags.
+web::WebSources fake_sources(const Clock& clock) {
+  web::WebSources sources;
+  sources.version = "0.1.0";
+  sources.map_mode = [] { return std::string("mapping"); };
+  sources.map_versions = [] {
+    const std::int64_t now_ns = 1'790'000'000'000'000'000;
+    return std::vector<MapVersionInfo>{
+        {12, 11, now_ns, "c", "mapped by fiducapd", 24},
+        {11, 0, now_ns - 60'000'000'000, "b", "before <the> move", 23}};
+  };
+  sources.map_version = [](std::int64_t version) -> Expected<std::shared_ptr<const TagMap>> {
+    auto map = std::make_shared<TagMap>(*hall());
+    map->version = version;
+    if (version == 12) return map;
+    map->tags.erase(map->tags.begin() + 20);
+    map->tags[9].tag.X_WT.p += Eigen::Vector3d(0.3, 0, 0.4);
+    return map;
+  };
+  sources.tag_fits = [&clock] { return fits(clock.now()); };
+  return sources;
 }
 
 }  // namespace
@@ -263,31 +310,14 @@ int main(int argc, char** argv) {
     if (option == "--bodies") bodies = std::atoi(argv[i + 1]);
   }
   boost::asio::io_context io;
-  const SteadyClock clock;
+  const RealClock clock;
   const auto model = robots(bodies);
   FakeCameras cameras(bodies, clock);
   std::unique_ptr<Streamer> server;
-  web::WebSources sources;
   EventBoard events(utc_now_ns);
+  web::WebSources sources = fake_sources(clock);
   sources.events = &events;
-  sources.views = &cameras.desk();
-  sources.version = "0.1.0";
-  sources.map_mode = [] { return std::string("mapping"); };
-  sources.map_versions = [] {
-    const std::int64_t now_ns = 1'790'000'000'000'000'000;
-    return std::vector<MapVersionInfo>{
-        {12, 11, now_ns, "c", "mapped by fiducapd", 24},
-        {11, 0, now_ns - 60'000'000'000, "b", "before <the> move", 23}};
-  };
-  sources.map_version = [](std::int64_t version) -> Expected<std::shared_ptr<const TagMap>> {
-    auto map = std::make_shared<TagMap>(*hall());
-    map->version = version;
-    if (version == 12) return map;
-    map->tags.erase(map->tags.begin() + 20);
-    map->tags[9].tag.X_WT.p += Eigen::Vector3d(0.3, 0, 0.4);
-    return map;
-  };
-  sources.tag_fits = [&clock] { return fits(clock.now()); };
+  sources.views = &cameras.preview();
   std::optional<ServedMap> served;
   if (!store.empty()) served.emplace(*hall(), store, token, events).serve(sources);
   sources.clients = [&] {
@@ -312,13 +342,13 @@ int main(int argc, char** argv) {
   Hall hall(io, *server, model, troubled, served ? &*served : nullptr, cameras);
   hall.run();
   boost::asio::posix::stream_descriptor input(io, ::dup(STDIN_FILENO));
-  boost::asio::streambuf heard;
+  boost::asio::streambuf buffer;
   std::function<void()> read = [&] {
-    boost::asio::async_read_until(input, heard, '\n',
+    boost::asio::async_read_until(input, buffer, '\n',
                                   [&](boost::system::error_code error, std::size_t) {
                                     if (!error) {
-                                      std::istream line(&heard);
-                                      obey(line, events, cameras.desk());
+                                      std::istream line(&buffer);
+                                      execute(line, events, cameras.preview());
                                       return read();
                                     }
                                     hall.stop();

@@ -1,11 +1,11 @@
-// The live socket and the control channel of a server that was set up, as the page sees them.
+// The live socket and the control channel of a server after its set-up, as the page sees them.
 
 const SQRT = Math.SQRT1_2;
 const tag = (id, x) => ({
   id, edge_m: 0.16, state: 'calibrated', component: 0, sightings: 80, last_seen_utc_ms: 0,
   p: [x, 2, 1.2], q: [SQRT, SQRT, 0, 0], sigma_mm: 2, cov: null,
 });
-const line = (n, room, text) => ({ n, utc_ms: 1.79e12, level: 'info', room, text });
+const line = (n, module, text) => ({ n, utc_ms: 1.79e12, level: 'info', module, text });
 
 function messages(mode, number) {
   return [
@@ -49,7 +49,7 @@ const CHALLENGE = behindLength(0x22, 3, 0x0a, 1, 9);
 const DONE = behindLength(0x10, 0);
 const FREEZE = Buffer.from([0x1a, 2, 0x2a, 0]);
 
-/** One tracked robot and three tags; takes every token. */
+/** One tracked robot and three tags; accepts every token. */
 export async function liveRobot(page) {
   let mode = 'mapping';
   const open = new Set();
@@ -61,7 +61,7 @@ export async function liveRobot(page) {
     open.add(socket);
     tell(socket, number);
     const timer = setInterval(() => socket.send(JSON.stringify(frame(++number))), 50);
-    timer.unref(); // a page that is closed does not tell
+    timer.unref(); // a closed page sends nothing
     socket.onClose(() => {
       clearInterval(timer);
       open.delete(socket);

@@ -1,4 +1,4 @@
-// Pictures as a camera would take them, painted and coded by the browser: a wall with tags.
+// Pictures of a camera, drawn and encoded by the browser: a wall with tags.
 
 /** Runs in the page. @param tags  id, middle, size and slant */
 function paint(tags) {
@@ -38,7 +38,7 @@ const WALL = [
 ];
 const SHEET = [{ id: 0, x: 540, y: 300, size: 210, slant: 0.22 }];
 
-/** By step; `other` for those that have none of their own. */
+/** By step; `other` for the rest. */
 export async function paintPictures(browser) {
   const page = await browser.newPage();
   const one = async (tags) => {

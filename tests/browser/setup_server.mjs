@@ -1,4 +1,4 @@
-// A server that is set up, as far as the page can tell. A step gets on with each state asked for.
+// A server during its set-up, as the page sees it. A step advances with each requested state.
 import { createServer } from 'node:http';
 import { readFile } from 'node:fs/promises';
 import { extname, join, normalize } from 'node:path';
@@ -7,7 +7,7 @@ const NAMES = ['camera', 'picture', 'sheet', 'lens', 'imu', 'rest', 'mount', 'wa
 const TYPES = {
   '.html': 'text/html', '.js': 'text/javascript', '.css': 'text/css', '.svg': 'image/svg+xml',
 };
-// What the real one sends: a page that breaks it is broken.
+// As the real one sends it.
 const POLICY =
   "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; " +
   "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
@@ -39,19 +39,19 @@ const REFUSAL = 'Open the address that fiducapd --setup printed in its terminal,
 
 export class SetupServer {
   heard = [];
-  /** How much of a step each state brings. */
+  /** Progress of a step per state. */
   pace = 0.25;
-  /** What the lens comes to next. */
+  /** The next result of the lens. */
   refusals = 1;
   fileExists = true;
-  /** Instead of a state, when it is set. */
+  /** Sent instead of a state, if set. */
   garbage = '';
   /** It runs with its configuration. */
   isOver = false;
   pictures = 0;
   sockets = new Set();
 
-  /** @param root  the bundled page. @param jpegs  by step, `other` for those that have none */
+  /** @param root  the bundled page. @param jpegs  by step, `other` for the rest */
   constructor(root, jpegs) {
     this.root = root;
     this.jpegs = jpegs;
@@ -81,7 +81,7 @@ export class SetupServer {
     });
   }
 
-  /** As a process that starts anew: nobody is connected any more. */
+  /** As after a restart of the process: no client is connected. */
   stop() {
     return new Promise((resolve) => {
       this.server.close(() => resolve());

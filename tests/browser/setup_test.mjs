@@ -1,4 +1,4 @@
-// The set-up in a real browser: from "no camera yet" to where clients connect, by visible buttons.
+// The set-up in a real browser: from "no camera yet" to the addresses for clients, by visible buttons.
 import assert from 'node:assert/strict';
 import { readFile } from 'node:fs/promises';
 import { dirname, join } from 'node:path';
@@ -18,7 +18,7 @@ let server;
 const text = (selector) => world.page.textContent(selector);
 const lastHeard = (name) => server.heard.filter((one) => one.name === name).pop()?.values;
 
-/** At both sizes. Nothing may be wider than the screen, and no button out of reach. */
+/** At both sizes. Nothing may be wider than the screen, and all buttons are reachable. */
 async function look(name) {
   const { page } = world;
   await page.waitForTimeout(400); // the newest picture is drawn
@@ -42,7 +42,7 @@ async function openSetup(options, hash = `#${SECRET}`) {
   world.faults = [];
   world.page.on('pageerror', (error) => world.faults.push(String(error)));
   world.page.on('console', (line) => {
-    // What the server refuses or has not yet is expected here; everything else is a fault.
+    // Refusals and missing states are expected here; all else is a fault.
     if (line.type() === 'error' && !/Failed to load resource/.test(line.text()))
       world.faults.push(line.text());
   });
@@ -50,7 +50,7 @@ async function openSetup(options, hash = `#${SECRET}`) {
   await world.page.goto(`http://127.0.0.1:${world.port}/${hash}`);
 }
 
-step('a page without the secret says which address to open, and leads nothing', async () => {
+step('a page without the secret shows the address to open, and leads nothing', async () => {
   server = new SetupServer(ROOT, await paintPictures(world.browser));
   world.port = await server.listen();
   for (const hash of ['', '#00000000000000000000000000000000']) {
@@ -78,7 +78,7 @@ step('a server that is set up shows the set-up, and nothing of the normal page',
   await look('1-no-camera');
 });
 
-step('a camera is chosen, and its picture comes', async () => {
+step('a camera is chosen, and its picture is shown', async () => {
   await press('Look again');
   await world.page.getByRole('button', { name: /HD Webcam/ }).click();
   await waitForText('.setup-facts', /752 × 480 · 19\.9 images\/s · 3 tags seen/);
@@ -92,7 +92,7 @@ step('a camera is chosen, and its picture comes', async () => {
   await press('Next');
 });
 
-step('exposure is set until the picture is good; what the camera refuses is said', async () => {
+step('exposure is set until the picture is good; refusals of the camera are shown', async () => {
   await title('Make the picture good');
   await waitForText('.setup-hint[data-tone=warn]', /too bright: expose shorter/);
   await look('2-too-bright');
@@ -110,7 +110,7 @@ step('exposure is set until the picture is good; what the camera refuses is said
   await press('Next');
 });
 
-step('the tags: what prints them, and what the ruler measures', async () => {
+step('the tags: sheets to print, and the measured size', async () => {
   await title('Print tags and measure them');
   await world.page.getByLabel(/Edge of the black square/).fill('62,5');
   assert.match(await text('.command'), /--size-mm 62\.5 --out tags\.pdf/);
@@ -137,7 +137,7 @@ step('the tags: what prints them, and what the ruler measures', async () => {
   await waitForText('.setup-steps', /tag36h11, 62\.5 mm/);
 });
 
-step('the lens: coverage, a hint, a refusal, and once more', async () => {
+step('the lens: coverage, a hint, a refusal, and a repetition', async () => {
   server.done = 0.43;
   await waitForText('.setup-hint', /lower right of the image/);
   await waitForText('.counts', /13 views taken, 5 of them tilted/);
@@ -221,7 +221,7 @@ step('waved until everything is seen', async () => {
   await press('Accept and continue');
 });
 
-step('a server that talks nonsense, or not at all, is named', async () => {
+step('wrong and missing replies of the server are reported', async () => {
   await title('Write the configuration');
   server.garbage = '{"step":"paint"}';
   await waitForText('.setup-error', /does not understand the server: step: paint/);
@@ -258,7 +258,7 @@ step('the normal page leads on: past all tags', async () => {
   await press('All tags are there');
 });
 
-step('freezing asks for the token, says where it stands, and is done once it is typed', async () => {
+step('freezing asks for the token, shows where to find it, and works with it', async () => {
   await press('Freeze the map');
   await waitForText('.guide-status', new RegExp(TOKEN_FILE));
   await look('b-token');
@@ -266,7 +266,7 @@ step('freezing asks for the token, says where it stands, and is done once it is 
   await world.page.keyboard.press('Enter');
 });
 
-step('loaded again it goes on where it was; then clients are told where to connect', async () => {
+step('after a reload it continues; then the addresses for clients are shown', async () => {
   await title('Where is up, where is the origin?');
   await world.page.reload();
   await title('Where is up, where is the origin?');

@@ -1,5 +1,5 @@
 // From nothing to a tracked robot, by clicks only: the real server, its simulated robot with a rendered camera, a real
-// browser. Arguments: FIDUCAPD WEB_FOLDER CHROMIUM [SCREENSHOT_FOLDER]; `fiducap` stands beside the server.
+// browser. Arguments: FIDUCAPD WEB_FOLDER CHROMIUM [SCREENSHOT_FOLDER]; `fiducap` is beside the server.
 import assert from 'node:assert/strict';
 import { execFile, spawn } from 'node:child_process';
 import { mkdtemp, readFile, rm, stat } from 'node:fs/promises';
@@ -11,8 +11,8 @@ import { button, press, runSteps, shoot, step, title, waitForText, watchDrawing,
 
 const [SERVER] = process.argv.slice(2);
 const SCREEN = { viewport: { width: 1280, height: 800 }, reducedMotion: 'reduce' };
-// The robot does everything in its own time: half a minute and more for some steps, and the machine may be busy.
-const PATIENCE_MS = 900_000;
+// Real time: half a minute and more for some steps, and the machine may be busy.
+const TIMEOUT_MS = 900_000;
 const CLOSE_M = 0.002;
 const WATCH_S = '3';
 const LEAST_TRACKED = 0.9; // of the frames: the robot may lose sight of all tags for a moment
@@ -38,7 +38,7 @@ async function freePorts(number) {
   return ports;
 }
 
-/** As somebody starts it in a terminal; what it says is told when something fails. */
+/** As started in a terminal; its output is printed after a failure. */
 async function startSetup() {
   const folder = await mkdtemp(join(tmpdir(), 'fiducap-setup-'));
   const file = join(folder, 'robot.yaml');
@@ -71,10 +71,10 @@ async function openPage() {
   const context = await world.browser.newContext(SCREEN);
   world.page = await context.newPage();
   await world.page.addInitScript(watchDrawing, 300);
-  world.page.setDefaultTimeout(PATIENCE_MS);
+  world.page.setDefaultTimeout(TIMEOUT_MS);
   world.faults = [];
   world.page.on('pageerror', (error) => world.faults.push(String(error)));
-  // While the server changes from one half to the other nobody answers.
+  // While the server changes from one half to the other it does not reply.
   world.page.on('console', (line) => {
     if (line.type() === 'error' && !/Failed to load resource|WebSocket/.test(line.text()))
       world.faults.push(line.text());
@@ -88,7 +88,7 @@ async function openPage() {
   await world.page.goto(world.address);
 }
 
-/** The three tags that span most floor: as somebody would choose them to be measured. */
+/** The three tags that span the most floor, as a person would choose them. */
 function farApart(tags) {
   let best = { area: 0, three: [] };
   for (const a of tags) for (const b of tags) for (const c of tags) {
@@ -105,11 +105,11 @@ async function standsAt(id, place) {
     return place.every((x, i) => x === null || Math.abs(found.p[i] - x) < CLOSE_M);
   };
   const begun = Date.now();
-  while (!isThere() && Date.now() - begun < PATIENCE_MS) await new Promise((resolve) => setTimeout(resolve, 100));
-  assert.ok(isThere(), `tag ${id} is not where it was told to be`);
+  while (!isThere() && Date.now() - begun < TIMEOUT_MS) await new Promise((resolve) => setTimeout(resolve, 100));
+  assert.ok(isThere(), `tag ${id} is not in its commanded place`);
 }
 
-/** What a client receives. */
+/** Frames of a client. */
 async function watched() {
   const { stdout } = await run(join(dirname(SERVER), 'fiducap'), [
     'watch', '--server', `127.0.0.1:${world.native}`, '--json', '--duration', WATCH_S,
@@ -258,9 +258,9 @@ step('a client receives valid poses of the robot', async () => {
   await look('21-closed');
 });
 
-step('the file that was written is one that the server takes', async () => {
+step('the written file is accepted by the server', async () => {
   assert.equal(await world.server.stop(), 0);
-  // The lens that was found is a little off, as any is; no tag may be accused of it.
+  // The estimated lens has small errors; no tag may be reported because of them.
   assert.doesNotMatch(world.said.join(''), /not where the map has it|tag \d+ contradicts/);
   const { stdout } = await run(SERVER, ['--config', world.file, '--check-config', ...world.sets]);
   assert.match(stdout, /will run/);

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""./dev chaos: the real server, clients of every protocol, and something going wrong at random instants.
+"""./dev chaos: the real server, clients of every protocol, and faults at random instants.
 
 After each instant every protocol has to deliver again by itself, and the stored map has to be sound and no older. The seed
-decides what happens when and for how long; what the machine makes of it is real time. Exit code 1 when anything did not come
-back; the server's log is kept then.
+determines faults, instants and durations; their effect depends on real time. Exit code 1 when a protocol did not recover; the
+server's log is kept. However this script ends, server and disk end with it.
 """
 
 import argparse
@@ -22,18 +22,18 @@ import clients
 import faults
 import stage
 
-WITHIN_S = 30  # the watchdog's twenty seconds, a restart, bodies that find themselves again
-STEADY_S = 2.5  # flows for so long, then it is back
+WITHIN_S = 30  # the watchdog's twenty seconds, a restart, poses of all bodies
+STEADY_S = 2.5  # of frames: the protocol has recovered
 RATE_HZ = 100
 
 
 class Instant:
-    """What one fault did. Frames lost: 100 for each second that the native client was without."""
+    """Effects of one fault. Frames lost: 100 for each second without frames of the native client."""
 
     def __init__(self, kind):
         self.kind = kind
-        self.recovery_s = {}  # by protocol, after the outside was well again
-        self.missing = []  # protocols that did not come back
+        self.recovery_s = {}  # by protocol, after the end of the fault
+        self.missing = []  # protocols that did not recover
         self.frames_lost = 0
         self.versions_lost = 0
         self.problems = []
@@ -43,32 +43,39 @@ class Instant:
 
 
 class Chaos:
+    """Disk, server, sensor driver and clients, which end with it."""
+
     def __init__(self, programs, folder, seed, shim):
         self.random = random.Random(seed)
-        self.disk = stage.Disk(folder)
-        self.folder = folder
         self.programs = programs
-        driver = stage.SensorDriver(programs) if stage.SensorDriver.exists(programs) else None
-        arguments = stage.arguments_of_server(folder, self.disk.folder, driver is not None)
-        if problem := stage.why_not_mapping(programs, arguments):
-            sys.exit(problem)
-        self.service = stage.Service(programs, arguments, folder, shim)
-        self.service.start()
-        self.driver = driver
-        if driver:
-            driver.plug()
-        self.faults = faults.Faults(programs, self.service, self.disk, driver, shim, self.random)
-        self.clients = clients.of_every_protocol(programs)
-        if driver:
-            self.clients.append(clients.RosSource(stage.ROS_BODY))
-        self.metronome = clients.Metronome()
-        for client in (self.metronome, *self.clients):
-            client.start()
-        self.store = stage.store_of(self.disk.folder)
         self.newest_event = 0
+        with contextlib.ExitStack() as owned:
+            self.disk = owned.enter_context(stage.Disk(folder))
+            self.store = stage.store_of(self.disk.folder)
+            self.driver = driver = stage.SensorDriver(programs) if stage.SensorDriver.exists(programs) else None
+            arguments = stage.arguments_of_server(folder, self.disk.folder, driver is not None)
+            if problem := stage.why_not_mapping(programs, arguments):
+                sys.exit(problem)
+            self.service = owned.enter_context(stage.Service(programs, arguments, folder, shim))
+            self.clients = clients.of_every_protocol(programs)
+            if driver:
+                owned.enter_context(driver)
+                self.clients.append(clients.RosSource(stage.ROS_BODY))
+            self.faults = faults.Faults(programs, self.service, self.disk, driver, shim, self.random)
+            self.metronome = clients.Metronome()
+            for client in (self.metronome, *self.clients):
+                client.start()
+                owned.callback(client.stop)
+            self.owned = owned.pop_all()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.owned.close()
 
     def wait_until_all_flow(self, begin, within):
-        """@return seconds from `begin` by protocol, None for who did not come back"""
+        """@return seconds from `begin` by protocol, None for those that did not recover"""
         while True:
             now = time.monotonic()
             since = {c.name_of_protocol: c.flows_since(begin, now) for c in self.clients}
@@ -84,21 +91,21 @@ class Chaos:
             if sound != "ok":
                 instant.problems.append(f"store: {sound}")
             return version
-        except Exception as error:  # whatever SQLite says
+        except Exception as error:  # any of SQLite
             instant.problems.append(f"store cannot be read: {error}")
             return None
 
     def alarms(self):
-        """Subjects and kinds of the events since the last look, where the page says them."""
+        """Subjects and kinds of the page's events since the last call."""
         try:
-            told = json.loads(clients.get("/api/v1/state")[1]).get("events", {})
+            events = json.loads(clients.get("/api/v1/state")[1]).get("events", {})
         except (OSError, ValueError, IndexError):
             return set()
-        told = told.get("events", []) if isinstance(told, dict) else told
-        numbers = [e.get("number", e.get("n", 0)) for e in told]
+        events = events.get("events", []) if isinstance(events, dict) else events
+        numbers = [e.get("number", e.get("n", 0)) for e in events]
         if numbers and max(numbers) < self.newest_event:
             self.newest_event = 0  # another server since
-        fresh = [e for e, n in zip(told, numbers) if n > self.newest_event and not e.get("over")]
+        fresh = [e for e, n in zip(events, numbers) if n > self.newest_event and not e.get("over")]
         self.newest_event = max(numbers, default=0)
         return {f'{e.get("subject")}: {e.get("kind")}' for e in fresh}
 
@@ -132,15 +139,12 @@ class Chaos:
         return instant
 
     def end(self):
+        """@return sentences about faults at the end"""
         for client in self.clients:
             client.stopping.set()
         if self.driver:
             self.driver.unplug()
-        wrong = stage.what_is_wrong_at_the_end(self.service, self.store)
-        for client in self.clients:
-            client.stop()
-        self.disk.leave()
-        return wrong
+        return stage.what_is_wrong_at_the_end(self.service, self.store)
 
 
 def forget_logs(folder):
@@ -174,20 +178,44 @@ def table(instants, protocols):
                      f"{f'{round(statistics.median(lost))} / {max(lost)}':>13}{sum(i.versions_lost for i in some):>14}   "
                      + "  ".join(f"{t:>11}" for t in times))
     for kind, some in sorted(by_kind.items()):
-        said = collections.Counter(alarm for i in some for alarm in i.alarms)
-        if said:
-            lines.append(f"alarms after {kind}: " + ", ".join(f"{alarm} ({n})" for alarm, n in said.most_common()))
+        alarms = collections.Counter(alarm for i in some for alarm in i.alarms)
+        if alarms:
+            lines.append(f"alarms after {kind}: " + ", ".join(f"{alarm} ({n})" for alarm, n in alarms.most_common()))
     return "\n".join(lines)
 
 
 def parse():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--instants", type=int, default=50)
+    parser.add_argument("--instants", type=stage.at_least_one, default=50)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--programs", default=os.path.join(stage.ROOT, "build/release/bin"))
     parser.add_argument("--folder", default=os.path.join(stage.ROOT, "build/chaos"), help="logs and the disk of the server")
     parser.add_argument("--only", help="one kind of fault")
     return parser.parse_args()
+
+
+def run(chaos, given, instants):
+    """@return number of instants with faults; None when a protocol does not flow at first"""
+    bad = 0
+    first = chaos.wait_until_all_flow(time.monotonic(), 60)
+    if None in first.values():
+        print("before the first fault, these do not flow: " + ", ".join(n for n, s in first.items() if s is None))
+        return None
+    for number in range(1, given.instants + 1):
+        instant = chaos.one_instant()
+        instants.append(instant)
+        wrong = [f"{name} did not recover" for name in instant.missing] + instant.problems
+        if instant.versions_lost:
+            wrong.append(f"{instant.versions_lost} map version(s) lost")
+        slowest = max(instant.recovery_s.values(), default=0)
+        print(f"{number}/{given.instants} {instant.kind}: " + ("; ".join(wrong) or f"recovered within {slowest:.1f} s")
+              + (", restarted" if instant.restarted else "") + f", {instant.frames_lost} frames lost"
+              + (f" (this program stood still for {instant.stood_still_s:.1f} s)" if instant.stood_still_s > 0.3 else ""), flush=True)
+        if wrong:
+            bad += 1
+            os.kill(chaos.service.pid, signal.SIGKILL)  # so that the next instants count for themselves
+            chaos.wait_until_all_flow(time.monotonic() + stage.RESTART_S, 60)
+    return bad
 
 
 def main():
@@ -197,43 +225,24 @@ def main():
     os.makedirs(folder, exist_ok=True)
     forget_logs(folder)
     shim = os.path.join(given.programs, "libthrowing_new.so")
-    chaos = Chaos(os.path.abspath(given.programs), folder, given.seed, shim if os.path.exists(shim) else None)
-    for kind, why in chaos.faults.left_out.items():
-        print(f"left out: {kind}: {why}", flush=True)
-    if given.only:
-        chaos.faults.kinds = {given.only: chaos.faults.kinds[given.only]}
-    protocols = [c.name_of_protocol for c in chaos.clients]
-    instants, bad = [], 0
-    try:
-        first = chaos.wait_until_all_flow(time.monotonic(), 60)
-        if None in first.values():
-            print("before anything went wrong, these do not flow: " + ", ".join(n for n, s in first.items() if s is None))
-            return 1
-        for number in range(1, given.instants + 1):
-            instant = chaos.one_instant()
-            instants.append(instant)
-            wrong = [f"{name} did not come back" for name in instant.missing] + instant.problems
-            if instant.versions_lost:
-                wrong.append(f"{instant.versions_lost} map version(s) lost")
-            slowest = max(instant.recovery_s.values(), default=0)
-            print(f"{number}/{given.instants} {instant.kind}: " + ("; ".join(wrong) or f"back within {slowest:.1f} s")
-                  + (", restarted" if instant.restarted else "") + f", {instant.frames_lost} frames lost"
-                  + (f" (this program stood still for {instant.stood_still_s:.1f} s)" if instant.stood_still_s > 0.3 else ""), flush=True)
-            if wrong:
-                bad += 1
-                os.kill(chaos.service.pid, signal.SIGKILL)  # so that the next instants count for themselves
-                chaos.wait_until_all_flow(time.monotonic() + stage.RESTART_S, 60)
-    finally:
-        exceptions = thrown(folder)
-        on_the_way = chaos.clients[0].lost
-        watchdog, ends = chaos.service.watchdog_kills, [code for _, code in chaos.service.ends]
-        at_the_end = chaos.end()
-        if instants:
-            print("\n" + table(instants, protocols))
-        print(f"\nseed {given.seed}: {len(instants)} instants, {bad} not well; the server ended {len(ends)} times "
-              f"({dict(collections.Counter(ends))}), {watchdog} by its watchdog; {exceptions} exceptions thrown; the SDK missed "
-              f"{on_the_way} numbers; at the end " + ("; ".join(at_the_end) or "all was well"), flush=True)
-    if bad or at_the_end:
+    instants, bad = [], None
+    with Chaos(os.path.abspath(given.programs), folder, given.seed, shim if os.path.exists(shim) else None) as chaos:
+        for kind, why in chaos.faults.left_out.items():
+            print(f"left out: {kind}: {why}", flush=True)
+        if given.only:
+            chaos.faults.kinds = {given.only: chaos.faults.kinds[given.only]}
+        try:
+            bad = run(chaos, given, instants)
+        finally:
+            exceptions, missed = thrown(folder), chaos.clients[0].lost
+            watchdog, ends = chaos.service.watchdog_kills, [code for _, code in chaos.service.ends]
+            at_the_end = chaos.end()
+            if instants:
+                print("\n" + table(instants, [c.name_of_protocol for c in chaos.clients]))
+            print(f"\nseed {given.seed}: {len(instants)} instants, {bad} with faults; the server ended {len(ends)} times "
+                  f"({dict(collections.Counter(ends))}), {watchdog} by its watchdog; {exceptions} exceptions thrown; the SDK missed "
+                  f"{missed} numbers; at the end " + ("; ".join(at_the_end) or "no fault"), flush=True)
+    if bad is None or bad or at_the_end:
         print(f"the server's log: {os.path.join(folder, 'fiducapd.log')}")
         return 1
     return 0

@@ -1,6 +1,6 @@
-"""Minimal clients of every protocol, each written after the protocol's description, none of them with the server's code (but
-`fiducap watch`, which is the SDK's). A client talks until it is stopped and comes back by itself, as real ones do; it keeps when
-frames arrived."""
+"""Minimal clients of every protocol, each written after the protocol's description, without the server's code (except
+`fiducap watch`, which is the SDK's). A client runs until it is stopped and connects again by itself, as real ones do; it keeps the
+times of frames."""
 
 import base64
 import collections
@@ -15,7 +15,7 @@ import time
 
 HOST = "127.0.0.1"
 SILENCE_S = 0.6  # at 100, 40 or 20 frames a second: not jitter
-POLL_SILENCE_S = 2.0  # of who asks four times a second, each time by a new connection
+POLL_SILENCE_S = 2.0  # of a client that polls four times a second, each time by a new connection
 GAP_S = 0.1  # of 100 frames a second: frames are missing
 
 
@@ -37,7 +37,7 @@ class Client(threading.Thread):
             try:
                 self.converse()
             except (OSError, EOFError, ValueError, struct.error, LookupError, TypeError):
-                pass  # the server is away, or said less than usual
+                pass  # the server is away, or its reply is incomplete
             self.stopping.wait(0.2)
 
     def converse(self):
@@ -79,7 +79,7 @@ class Client(threading.Thread):
 
 
 class Metronome(Client):
-    """Talks to nobody: when it stands still, it is this machine that does."""
+    """Without a connection: when it stands still, this machine does."""
 
     def converse(self):
         while True:
@@ -296,9 +296,10 @@ class LineClient(Client):
     """Another program; each line that it prints is a frame."""
 
     command = ()
+    process = None
 
     def converse(self):
-        process = subprocess.Popen(self.command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        self.process = process = subprocess.Popen(self.command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
         try:
             while True:
                 self.rest()
@@ -316,12 +317,14 @@ class LineClient(Client):
         self.frame()
 
     def stop(self):
-        self.stopping.set()  # the next line, or the end of the program, ends the thread
-        self.join(0.5)
+        self.stopping.set()
+        if self.process:
+            self.process.kill()  # its output ends, and so the thread
+        self.join(2)
 
 
 class Native(LineClient):
-    """The SDK, as `fiducap watch --json`: one process for the whole time, it finds back by itself."""
+    """The SDK, as `fiducap watch --json`: one process for the whole time, which connects again by itself."""
 
     name_of_protocol = "native"
 
@@ -346,7 +349,7 @@ class Dds(LineClient):
 
 
 class RosSource(Client):
-    """Whether images of the body with a ROS source come in, as the page says it."""
+    """Whether the page reports images of the body with a ROS source."""
 
     name_of_protocol = "ros source"
     silence_s = POLL_SILENCE_S

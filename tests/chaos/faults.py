@@ -1,4 +1,4 @@
-"""What the chaos does to a running server. Each fault returns when the outside is well again."""
+"""Faults of a running server. Each returns when its cause has ended."""
 
 import contextlib
 import os
@@ -76,23 +76,23 @@ class Faults:
     def no_descriptors(self):
         _, open_now, _ = self.service.figures()
         self.service.limit_descriptors(open_now)
-        crowd = [kind() for kind in (clients.Vrpn, clients.Vicon, clients.Qualisys, clients.Web, clients.Health)]
+        visitors = [kind() for kind in (clients.Vrpn, clients.Vicon, clients.Qualisys, clients.Web, clients.Health)]
         try:
-            for client in crowd:
+            for client in visitors:
                 client.start()
             stage.operator(self.programs, "record", f"few-{time.monotonic_ns()}", timeout=3)
             self.hold(0.5, 5)
         finally:
             with contextlib.suppress(ProcessLookupError):
                 self.service.limit_descriptors()
-            for client in crowd:
+            for client in visitors:
                 client.stop()
         stage.operator(self.programs, "stop")
 
     def exceptions(self):
         for _ in range(self.random.randint(1, 20)):
             with contextlib.suppress(ProcessLookupError):
-                if self.service.started + 2 < time.monotonic():  # not while it starts: then systemd is the one to try again
+                if self.service.started + 2 < time.monotonic():  # not while it starts: systemd starts it again then
                     os.kill(self.service.pid, signal.SIGUSR2)
             time.sleep(self.random.uniform(0.02, 0.3))
 

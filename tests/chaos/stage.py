@@ -1,5 +1,6 @@
-"""The stage of chaos and soak: namespaces, a disk of its own, the server under something that does what systemd does."""
+"""The stage of chaos and soak: namespaces, a disk of its own, the server under a manager that behaves like systemd."""
 
+import argparse
 import contextlib
 import fcntl
 import os
@@ -23,8 +24,15 @@ ROS_BODY = "porter"
 F_SETPIPE_SZ = 1031
 
 
+def at_least_one(text):
+    """For argparse."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not possible: it is a whole number, at least 1")
+    return int(text)
+
+
 def enter_namespaces():
-    """Starts this program again in network and mount namespaces of its own, or says why that cannot be."""
+    """Starts this program again in network and mount namespaces of its own, or exits with the reason."""
     if os.environ.get("FIDUCAP_CHAOS_INSIDE"):
         for sign in (signal.SIGINT, signal.SIGTERM):  # a shell's background jobs ignore the first
             signal.signal(sign, lambda *_: sys.exit("interrupted"))
@@ -41,7 +49,7 @@ def enter_namespaces():
 
 
 class Disk:
-    """Where map and recordings lie: ext4 on a loop device, which can be frozen; a tmpfs where there is none."""
+    """For map and recordings: ext4 on a loop device, which can be frozen; a tmpfs without one. Unmounted on exit."""
 
     def __init__(self, folder, megabytes=96):
         self.folder = os.path.join(folder, "disk")
@@ -69,12 +77,16 @@ class Disk:
     def freeze(self, on):
         subprocess.run(["fsfreeze", "-f" if on else "-u", self.folder], check=True)
 
-    def leave(self):
-        subprocess.run(["umount", self.folder], check=False)
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if subprocess.run(["umount", self.folder], check=False).returncode != 0:
+            subprocess.run(["umount", "-l", self.folder], check=False)  # when it is no longer used
 
 
 class Log(threading.Thread):
-    """Reads the server's stderr into a file, unless it is told not to."""
+    """Reads the server's stderr into a file, unless it is blocked."""
 
     def __init__(self, path):
         super().__init__(daemon=True)
@@ -90,7 +102,7 @@ class Log(threading.Thread):
             self.reads.wait()
 
     def block(self):
-        """Nobody reads, and the pipe is full."""
+        """The pipe is full and not read."""
         self.reads.clear()
         end = os.open(f"/proc/self/fd/{self.servers}", os.O_WRONLY | os.O_NONBLOCK)  # its own flags, not the server's
         with contextlib.suppress(BlockingIOError):
@@ -103,7 +115,7 @@ class Log(threading.Thread):
 
 
 class Service(threading.Thread):
-    """The server as systemd runs it: started again when it failed, ended when its watchdog is not heard."""
+    """The server as systemd runs it: started again after a failure, ended when its watchdog is silent, and on exit."""
 
     def __init__(self, programs, arguments, folder, preload=None):
         super().__init__(daemon=True)
@@ -123,10 +135,18 @@ class Service(threading.Thread):
         self.restarts = 0
         self.ends = []  # (time, exit code)
         self.watchdog_kills = 0
-        self.hold = threading.Event()  # set: a dead server is looked at before it is started again
+        self.hold = threading.Event()  # set: a dead server is examined before it is started again
         self.held = threading.Event()
         self.stopping = threading.Event()
         self.launch()
+
+    def __enter__(self):
+        self.start()
+        return self
+
+    def __exit__(self, *_):
+        self.log.unblock()
+        self.stop()
 
     def launch(self):
         # This program runs at -10, if it may: that makes Nice=-5, as in the unit.
@@ -154,8 +174,8 @@ class Service(threading.Thread):
 
     def listen(self):
         with contextlib.suppress(TimeoutError):
-            said = self.notify.recv(256)
-            self.ready = self.ready or b"READY=1" in said
+            message = self.notify.recv(256)
+            self.ready = self.ready or b"READY=1" in message
             self.heard = time.monotonic()
 
     def restart(self):
@@ -170,11 +190,12 @@ class Service(threading.Thread):
             self.launch()
 
     def stop(self):
-        """@return exit code and seconds that it took"""
+        """Once. @return exit code and seconds that it took"""
         self.stopping.set()
         self.join()
         begin = time.monotonic()
-        self.process.terminate()
+        if self.process.poll() is None:
+            self.process.terminate()
         try:
             self.process.wait(15)
         except subprocess.TimeoutExpired:
@@ -202,7 +223,7 @@ class Service(threading.Thread):
 
 
 class SensorDriver:
-    """A ROS 2 driver (camera and IMU) in another process, which can be unplugged."""
+    """A ROS 2 driver (camera and IMU) in another process, which can be unplugged, and is on exit."""
 
     def __init__(self, programs):
         self.command = [os.path.join(programs, "fast_dds_peer"), "write", "0", "127.0.0.1", "127.0.0.1", "1000000", "/cam0"]
@@ -211,6 +232,13 @@ class SensorDriver:
     @staticmethod
     def exists(programs):
         return os.access(os.path.join(programs, "fast_dds_peer"), os.X_OK)
+
+    def __enter__(self):
+        self.plug()
+        return self
+
+    def __exit__(self, *_):
+        self.unplug()
 
     def plug(self):
         self.process = subprocess.Popen(self.command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -255,10 +283,10 @@ def arguments_of_server(folder, disk, with_ros):
 
 
 def why_not_mapping(programs, arguments):
-    """@return None when the server refines one map of its bodies, as it reads its own configuration"""
-    said = subprocess.run([os.path.join(programs, "fiducapd"), *arguments, "--print-config"], capture_output=True, text=True,
+    """@return None when the server refines one map of its bodies by its own reading of the configuration"""
+    printed = subprocess.run([os.path.join(programs, "fiducapd"), *arguments, "--print-config"], capture_output=True, text=True,
                           check=False).stdout
-    of_map = re.split(r"\n(?=\S)", said.partition("\nmap:\n")[2])[0]
+    of_map = re.split(r"\n(?=\S)", printed.partition("\nmap:\n")[2])[0]
     settings = dict(line.strip().split(": ", 1) for line in of_map.split("\n") if ": " in line)
     if settings.get("mode") != "mapping" or float(settings.get("refine_period_s", 0)) <= 0 or not settings.get("store"):
         return f"the server does not refine and store a map: {of_map[:400]}"
@@ -266,7 +294,7 @@ def why_not_mapping(programs, arguments):
 
 
 def why_not_stored(store, before):
-    """What is wrong with the store after the end of a server, whose newest version was `before` while it mapped; None: nothing"""
+    """Faults of the store after the end of a server, whose newest version was `before` while it mapped; None: none"""
     try:
         sound, version = newest_version(store)
         tags, with_ties = newest_contents(store)
@@ -282,8 +310,11 @@ def why_not_stored(store, before):
 
 
 def what_is_wrong_at_the_end(service, store):
-    """Ends the server by SIGTERM. @return what is not as promised, said in words"""
-    before = newest_version(store)[1]
+    """Ends the server by SIGTERM. @return sentences about broken promises"""
+    try:
+        before = newest_version(store)[1]
+    except sqlite3.Error:
+        before = 0  # the server has stored nothing yet; why_not_stored reports it if that remains so
     code, seconds = service.stop()
     print(f"SIGTERM ended it with {code} within {seconds:.2f} s (at most {STOPS_WITHIN_S:g})")
     wrong = []
@@ -297,7 +328,7 @@ def what_is_wrong_at_the_end(service, store):
 
 
 def newest_contents(store):
-    """@return tags of the newest version, and whether the graph's knowledge of their ties is stored with it"""
+    """@return tags of the newest version, and whether their correlations are stored with it"""
     database = sqlite3.connect(f"file:{store}?mode=ro", uri=True, timeout=5)
     try:
         newest = "(SELECT max(version) FROM version)"
@@ -308,7 +339,7 @@ def newest_contents(store):
 
 
 def newest_version(store):
-    """@return what SQLite says of the store's integrity, and its newest version"""
+    """@return the result of SQLite's integrity check, and the newest version"""
     database = sqlite3.connect(f"file:{store}?mode=ro", uri=True, timeout=5)
     try:
         sound = database.execute("PRAGMA integrity_check").fetchone()[0]
@@ -319,7 +350,7 @@ def newest_version(store):
 
 
 def operator(programs, *words, timeout=10):
-    """@return exit code and what `fiducap control` said"""
+    """@return exit code and output of `fiducap control`"""
     try:
         done = subprocess.run([os.path.join(programs, "fiducap"), "control", *words], capture_output=True, text=True,
                               timeout=timeout, check=False, env=dict(os.environ, FIDUCAP_TOKEN=TOKEN))

@@ -1,9 +1,9 @@
-// Preloaded into fiducapd by the chaos: an `operator new` that fails when asked to.
+// Preloaded into fiducapd by ./dev chaos: an `operator new` that fails on request.
 //
 // SIGUSR2 arms one failure: odd ones for the main thread (all sockets), even ones for the others
 // (filters, publisher, watch, recorder, map keeper). It hits a later allocation, not always the
-// same, and is forgotten after a second. How many were thrown stands in the file named by
-// FIDUCAP_CHAOS_COUNT.
+// same, and expires after a second. The file named by FIDUCAP_CHAOS_COUNT has the number of
+// exceptions.
 #include <execinfo.h>
 #include <fcntl.h>
 #include <sys/mman.h>
@@ -20,7 +20,7 @@
 
 namespace {
 
-constexpr std::int64_t kForgottenAfterNs = 1'000'000'000;
+constexpr std::int64_t kExpiresAfterNs = 1'000'000'000;
 constexpr std::uint32_t kFurthest = 48;  // allocations away
 
 std::atomic<std::int64_t> armed_until_ns{0};
@@ -39,18 +39,18 @@ void arm(int) {
   const std::uint32_t n = ++signals;
   for_main = n % 2 == 1;
   away = (n * 2654435761u >> 16) % kFurthest;  // spread, and the same in every run
-  armed_until_ns = now_ns() + kForgottenAfterNs;
+  armed_until_ns = now_ns() + kExpiresAfterNs;
 }
 
-/// Says where an exception was caught by nobody, for addr2line.
-[[noreturn]] void say_where_and_end() {
+/// Prints the stack of an uncaught exception, for addr2line.
+[[noreturn]] void print_stack_and_abort() {
   void* frames[64];
   backtrace_symbols_fd(frames, backtrace(frames, 64), STDERR_FILENO);
   std::abort();
 }
 
 __attribute__((constructor)) void begin() {
-  std::set_terminate(say_where_and_end);
+  std::set_terminate(print_stack_and_abort);
   struct sigaction action {};
   action.sa_handler = arm;
   action.sa_flags = SA_RESTART;

@@ -1,7 +1,6 @@
-// Very many variants of a corpus through a fuzz target, without looking at what they reach: far
-// faster than libFuzzer, which finds the corpora.
-// NAME_batch EXECUTIONS SEED LONGEST FINDING CORPUS…
-// The input that ends the program is written to FINDING. Exit code 2: nothing to vary.
+// Very many variants of a corpus through a fuzz target, without coverage: far faster than
+// libFuzzer, which finds the corpora. NAME_batch EXECUTIONS SEED LONGEST FINDING CORPUS… The input
+// that ends the program is written to FINDING. Exit code 2: nothing to vary.
 #include <fcntl.h>
 #include <sanitizer/common_interface_defs.h>
 #include <sys/time.h>
@@ -23,7 +22,7 @@
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 extern "C" const char* __asan_default_options() {  // NOLINT(bugprone-reserved-identifier)
-  // Where memory came from is told by the libFuzzer program, with the finding.
+  // Stacks of allocations are printed by the libFuzzer program, with the finding.
   return "handle_abort=1:allocator_may_return_null=1:malloc_context_size=0:quarantine_size_mb=4";
 }
 
@@ -31,7 +30,7 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-// For kStep inputs, of processor time; what takes longer is as good as hanging.
+// Of processor time for kStep inputs; more is a hang.
 constexpr itimerval kSlowest{{0, 0}, {20, 0}};
 constexpr std::uint64_t kStep = 4096;
 
@@ -45,8 +44,7 @@ void keep_finding() {
   ::close(file);
 }
 
-/// Changes g_input as parsers dislike it: numbers at their limits, pieces gone, twice or of
-/// another.
+/// Changes g_input: numbers at their limits, pieces removed, repeated or of another input.
 class Mutator final {
  public:
   Mutator(std::vector<Bytes> corpus, std::uint64_t seed, std::size_t longest)

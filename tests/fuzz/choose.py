@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Chooses few small inputs that together reach every edge that all of them reach.
 
-choose.py PROGRAM KEPT FOUND: the kept corpus is added to by inputs of FOUND; nothing that is kept is removed,
-because a mended finding reaches no new edge.
+choose.py PROGRAM KEPT FOUND: adds inputs of FOUND to the kept corpus. Kept inputs stay, because a corrected finding reaches no
+new edge.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ MOST = 60  # of one target: so that all corpora together stay below a megabyte
 
 
 def edges_of_inputs(program, folders):
-    """libFuzzer's merge writes down what each input reaches."""
+    """libFuzzer's merge writes the edges of each input."""
     with tempfile.TemporaryDirectory() as nowhere:
         control = pathlib.Path(nowhere, "control")
         merged = pathlib.Path(nowhere, "merged")
@@ -38,7 +38,7 @@ def parsed(lines):
     for line in lines[2 + count :]:
         kind, number, *reached = line.split()
         if kind == "COV":
-            # Each edge stands with the first input that reached it.
+            # Each edge is listed with the first input that reached it.
             edges.setdefault(files[int(number)], set()).update(reached)
     return edges
 

@@ -1,5 +1,5 @@
-// Answers of a hostile server to a client that gives commands: all of them, one after the other, on
-// a connection that says what the input says.
+// Replies of a hostile server to a client that gives commands, on a connection that delivers the
+// input.
 #include <cstring>
 
 #include "fiducap/control.hpp"
@@ -8,7 +8,7 @@
 
 namespace {
 
-std::span<const std::byte> g_said;  ///< What the server has still to say.
+std::span<const std::byte> g_replies;  ///< Not yet read.
 
 }  // namespace
 
@@ -23,32 +23,30 @@ void TcpStream::close() { fd_ = -1; }
 void TcpStream::close_if_gone() {}
 std::string TcpStream::write(const void*, std::size_t, Deadline) { return {}; }
 std::string TcpStream::read(void* bytes, std::size_t size, Deadline) {
-  if (g_said.size() < size) {
-    g_said = {};
+  if (g_replies.size() < size) {
+    g_replies = {};
     close();
     return "the server has left";
   }
-  if (size > 0) std::memcpy(bytes, g_said.data(), size);
-  g_said = g_said.subspan(size);
+  if (size > 0) std::memcpy(bytes, g_replies.data(), size);
+  g_replies = g_replies.subspan(size);
   return {};
 }
 
 }  // namespace fiducap::sdk
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace fiducap;
-  g_said = std::as_bytes(std::span(data, size));
+FUZZ(client_control_fuzz, input) {
+  g_replies = input.bytes;
   ControlOptions options;
   options.server = "server";
   options.token = "correct horse";
   Control control(options);
-  for (int i = 0; i < 4 && !g_said.empty(); ++i) {
+  for (int i = 0; i < 4 && !g_replies.empty(); ++i) {
     ControlState state;
     const Outcome listed = control.list(state);
-    fuzz::require(listed || !listed.problem.empty());
-    fuzz::require(state.bodies.size() <= size);
+    require(listed || !listed.problem.empty());
+    require(state.bodies.size() <= input.bytes.size());
     const Outcome renamed = control.rename(1, "drone");
-    fuzz::require(renamed || !renamed.problem.empty());
+    require(renamed || !renamed.problem.empty());
   }
-  return 0;
 }

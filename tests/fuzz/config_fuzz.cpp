@@ -1,18 +1,16 @@
-// A configuration: one that is accepted prints to what is accepted, and prints the same again.
+// A configuration: an accepted one is printed, accepted again, and printed the same.
 #include "daemon/config/config_file.hpp"
 #include "fuzz/memory_file.hpp"
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace fiducap;
-  const auto config = parse_config({reinterpret_cast<const char*>(data), size}, "/f/fuzz.yaml");
+FUZZ(config_fuzz, input) {
+  const auto config = parse_config(input.text(), "/f/fuzz.yaml");
   if (!config) {
-    fuzz::require(!config.error().empty());
-    for (const ConfigFault& fault : config.error()) fuzz::require(!fault.text().empty());
-    return 0;
+    require(!config.error().empty());
+    for (const ConfigFault& fault : config.error()) require(!fault.text().empty());
+    return;
   }
   const std::string printed = print_config(*config);
   const auto again = parse_config(printed, "/f/printed.yaml");
-  fuzz::require(again.has_value());
-  fuzz::require(print_config(*again) == printed);
-  return 0;
+  require(again.has_value());
+  require(print_config(*again) == printed);
 }

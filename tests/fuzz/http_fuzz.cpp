@@ -1,6 +1,6 @@
-// Bytes of a stranger to the page's port, through the session that serves it. The first byte
-// chooses: requests in one piece, in two, frames of a live socket behind a sound upgrade, what two
-// messages of an operator's socket hold, or frames of a socket with pictures.
+// Bytes of a stranger to the page's port, through its session. The first byte chooses: requests in
+// one piece or in two, frames of a live socket behind a valid upgrade, contents of two messages of
+// an operator's socket, or frames of a socket with pictures.
 #include <sys/socket.h>
 
 #include <boost/asio/io_context.hpp>
@@ -14,10 +14,9 @@
 #include "support/scene_builder.hpp"
 #include "unit/streaming/web/temporary_page.hpp"
 
-namespace {
-
-using namespace fiducap;
 using namespace fiducap::web;
+
+namespace {
 
 std::string upgrade_to(const std::string& path) {
   return "GET " + path +
@@ -25,7 +24,7 @@ std::string upgrade_to(const std::string& path) {
          "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
 }
 
-// One binary message, masked with nothing.
+// One binary message with a mask of zeros.
 std::string message_of(std::span<const std::byte> bytes) {
   const auto length = static_cast<std::uint16_t>(bytes.size());
   std::string frame{'\x82'};
@@ -63,12 +62,12 @@ struct Page {
   }
 };
 
-/// The other end of a session's connection, which is no network.
+/// The other end of a session's connection, without a network.
 class Stranger final {
  public:
   explicit Stranger(Page& page) : page_(page) {
-    page_.clock.advance(std::chrono::seconds(10));  // nobody before has used up its requests
-    fuzz::require(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends_) == 0);
+    page_.clock.advance(std::chrono::seconds(10));  // its limit of requests is not used up
+    require(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends_) == 0);
     net::Socket socket(new net::TcpSocket{boost::asio::ip::tcp::socket(page.io)});
     socket->asio.assign(boost::asio::ip::tcp::v4(), ends_[1]);
     session_ = make_session(std::move(socket), {0x7f000001, 4000}, page.context);
@@ -79,21 +78,21 @@ class Stranger final {
     session_.reset();
     ::close(ends_[0]);
     run();
-    fuzz::require(page_.context->feed().connections().empty());
-    fuzz::require(page_.context->view_feed().connections().empty());
-    for (const auto& [camera, wish] : page_.views.watched) fuzz::require(!wish.has_value());
+    require(page_.context->feed().connections().empty());
+    require(page_.context->view_feed().connections().empty());
+    for (const auto& [camera, request] : page_.views.watched) require(!request.has_value());
   }
   Stranger(const Stranger&) = delete;
   Stranger& operator=(const Stranger&) = delete;
 
-  void say(std::span<const std::byte> bytes) {
+  void send(std::span<const std::byte> bytes) {
     (void)!::send(ends_[0], bytes.data(), bytes.size(), MSG_NOSIGNAL);
     run();
   }
-  /// @return what came, as far as the socket took it
-  std::string_view hear() {
-    const ssize_t size = ::recv(ends_[0], heard_.data(), heard_.size(), 0);
-    return {heard_.data(), size > 0 ? static_cast<std::size_t>(size) : 0};
+  /// @return the reply, as far as the socket took it
+  std::string_view receive() {
+    const ssize_t size = ::recv(ends_[0], received_.data(), received_.size(), 0);
+    return {received_.data(), size > 0 ? static_cast<std::size_t>(size) : 0};
   }
   void tick() { session_->tick(page_.clock.now()), run(); }
 
@@ -106,40 +105,38 @@ class Stranger final {
   Page& page_;
   int ends_[2]{};
   std::shared_ptr<WebSession> session_;
-  static inline std::array<char, 1 << 16> heard_{};
+  static inline std::array<char, 1 << 16> received_{};
 };
 
 }  // namespace
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+FUZZ(http_fuzz, input) {
   static Page page;
-  const fuzz::Chosen input(data, size, 5);
+  const unsigned which = input.choose(5);
   Stranger stranger(page);
-  const bool is_live = input.which == 2, is_operator = input.which == 3;
-  const bool is_viewer = input.which == 4;
+  const bool is_live = which == 2, is_operator = which == 3;
+  const bool is_viewer = which == 4;
   if (is_live || is_operator || is_viewer) {
     const auto upgrade = upgrade_to(is_live     ? "/api/v1/live"
                                     : is_viewer ? "/api/v1/views"
                                                 : "/api/v1/control");
-    stranger.say(std::as_bytes(std::span(upgrade)));
-    fuzz::require(stranger.hear().starts_with("HTTP/1.1 101 "));
+    stranger.send(std::as_bytes(std::span(upgrade)));
+    require(stranger.receive().starts_with("HTTP/1.1 101 "));
   }
-  const std::size_t cut =
-      input.which == 1 || is_operator ? input.bytes.size() / 2 : input.bytes.size();
-  const auto say = [&](std::span<const std::byte> bytes) {
-    if (!is_operator) return stranger.say(bytes);
+  const std::size_t cut = which == 1 || is_operator ? input.bytes.size() / 2 : input.bytes.size();
+  const auto send = [&](std::span<const std::byte> bytes) {
+    if (!is_operator) return stranger.send(bytes);
     const std::string frame = message_of(bytes);
-    stranger.say(std::as_bytes(std::span(frame)));
+    stranger.send(std::as_bytes(std::span(frame)));
   };
-  say(input.bytes.first(cut));
+  send(input.bytes.first(cut));
   page.context->feed().publish(page.frame);
   for (std::size_t i = 0; i < page.views.all.size(); ++i) page.views.make(i, "a picture");
   page.context->view_feed().tick(page.clock.now());
   stranger.tick();
-  say(input.bytes.subspan(cut));
-  const auto answer = stranger.hear();
+  send(input.bytes.subspan(cut));
+  const auto answer = stranger.receive();
   if (!is_live && !is_operator && !is_viewer)
-    fuzz::require(answer.empty() || answer.starts_with("HTTP/1.1 "));
-  fuzz::require(page.operators.changes.empty() && !page.operators.under_way);  // none by luck
-  return 0;
+    require(answer.empty() || answer.starts_with("HTTP/1.1 "));
+  require(page.operators.changes.empty() && !page.operators.under_way);  // no proof by chance
 }

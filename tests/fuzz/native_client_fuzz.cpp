@@ -1,9 +1,6 @@
 // Datagrams of a hostile server to the client: several in one input, each behind its length (16
 // bits, little-endian).
-#include <cstddef>
-#include <cstdint>
-#include <cstdlib>
-
+#include "fuzz/target.hpp"
 #include "src/clock_sync.hpp"
 #include "src/codec.hpp"
 #include "src/conversation.hpp"
@@ -12,7 +9,7 @@
 
 using namespace fiducap::sdk;
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+FUZZ(native_client_fuzz, input) {
   static Decoder decoder;  // keeps its memory from input to input, as in a client
   FrameAssembler assembler;
   assembler.begin(9);
@@ -21,19 +18,20 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   ClockSync clock(100);
   clock.start(0);
   Nanoseconds now = 0;
-  while (size >= 2) {
-    const std::size_t length = std::size_t{data[0]} | std::size_t{data[1]} << 8;
-    data += 2;
-    size -= 2;
-    if (length > size) break;
+  while (input.bytes.size() >= 2) {
+    std::size_t length = input.choose(256);
+    length += std::size_t{256} * input.choose(256);
+    if (length > input.bytes.size()) break;
+    const auto* datagram = reinterpret_cast<const std::uint8_t*>(input.bytes.data());
+    input.bytes = input.bytes.subspan(length);
     now += kMillisecond;
-    switch (decoder.decode(data, length)) {
+    switch (decoder.decode(datagram, length)) {
       case MessageKind::kModel:
         assembler.add(decoder.model());
         break;
       case MessageKind::kFrame:
         if (const auto* frame = assembler.add(decoder.frame())) {
-          if (frame->bodies.size() > kMaxBodies) std::abort();
+          require(frame->bodies.size() <= kMaxBodies);
           (void)(frame->at_server_ns - clock.at(now, false).offset);
           for (auto body : frame->bodies) carry(body, std::chrono::milliseconds(100));
         }
@@ -51,7 +49,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         clock.on(decoder.clock_reply(), now);
         break;
       case MessageKind::kDiscoveryReply:
-        if (decoder.discovery_reply().body_count < 0) std::abort();
+        require(decoder.discovery_reply().body_count >= 0);
         break;
       default:
         break;
@@ -59,8 +57,5 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (now >= clock.due_at()) (void)clock.ask(now);
     (void)clock.at(now, false);
     conversation.tick(now);
-    data += length;
-    size -= length;
   }
-  return 0;
 }

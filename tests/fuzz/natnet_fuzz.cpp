@@ -1,17 +1,8 @@
-// Datagrams as anybody can send them, to a server with clients: every request, every command, in
-// any order.
-//
-// The input is a list of datagrams: one byte says who sends to which port and how much time has
-// passed since the one before, two bytes its length (little-endian), then come its bytes; the last
-// may be cut.
-#include <algorithm>
-#include <cstddef>
-#include <cstdint>
-#include <span>
-
+// Datagrams to a NatNet server with clients: every request, every command, in any order.
 #include "base/bytes.hpp"
-#include "base/expected.hpp"
-#include "base/log.hpp"
+#include "fuzz/memory_file.hpp"
+#include "streaming/natnet/codec.hpp"
+#include "streaming/natnet/commands.hpp"
 #include "streaming/natnet/conversation.hpp"
 #include "support/scene_builder.hpp"
 #include "unit/streaming/natnet/fake_operator_api.hpp"
@@ -21,8 +12,8 @@ namespace {
 
 constexpr std::size_t kMostDatagrams = 16;
 
-/// First byte: bits 0-1 who, bit 2 from another machine, bit 3 to the multicast clients' port, bits
-/// 4-7 time.
+/// First byte: bits 0-1 sender, bit 2 from another machine, bit 3 to the multicast clients' port,
+/// bits 4-7 time.
 struct Step {
   Peer from;
   Channel channel{};
@@ -36,8 +27,7 @@ Step read_step(std::uint8_t how) {
           Duration{std::int64_t{how >> 4} * 100'000'000}};
 }
 
-// Longer than everything is remembered: every input meets a server as it is after its start,
-// without the cost of one.
+// All state expires: every input meets a server as after its start, without the cost of one.
 constexpr Duration kForgetting = std::chrono::seconds(30);
 
 struct World {
@@ -57,11 +47,10 @@ struct World {
 
 void check_frames(World& world) {
   Conversation& conversation = world.conversation;
-  FIDUCAP_ASSERT(conversation.subscribers().size() <= 3);
+  require(conversation.subscribers().size() <= 3);
   conversation.take(world.frame, world.now);
-  for (const auto& one : conversation.subscribers()) {
-    FIDUCAP_ASSERT(conversation.frame_for(one, world.now).size() <= kMaxDatagram);
-  }
+  for (const auto& one : conversation.subscribers())
+    require(conversation.frame_for(one, world.now).size() <= kMaxDatagram);
 }
 
 void play(std::span<const std::byte> input) {
@@ -69,7 +58,7 @@ void play(std::span<const std::byte> input) {
   world.operator_api = {};
   world.now += kForgetting;
   (void)world.conversation.expire(world.now);
-  FIDUCAP_ASSERT(world.conversation.subscribers().empty());
+  require(world.conversation.subscribers().empty());
   LittleEndianReader in(input);
   for (std::size_t i = 0; i < kMostDatagrams && in.left() >= 3; ++i) {
     const Step step = read_step(in.u8());
@@ -77,17 +66,37 @@ void play(std::span<const std::byte> input) {
     world.now += step.passed;
     const auto answer =
         world.conversation.receive(in.bytes(size), step.from, step.channel, world.now);
-    FIDUCAP_ASSERT(answer.size() <= kMaxDatagram);
+    require(answer.size() <= kMaxDatagram);
     (void)world.conversation.expire(world.now);
   }
   check_frames(world);
 }
 
+void execute(const CommandRequest& request) {
+  static const auto frame = make_scene_frame({"arm", "drone", "left,leg"});
+  static FakeOperatorApi operator_api;
+  static ServerView server{NatNetConfig{}, &operator_api,        100,
+                           frame->model,   frame->model->bodies, frame};
+  static CommandWords words;
+  Subscriber subscriber;
+  const auto answer =
+      words.answer(request.text, server, {{0x7f000001, 4000}, false, {3, 1}, &subscriber});
+  require(answer.datagram.size() >= kHeaderSize);
+  require(answer.datagram.size() <= kHeaderSize + kMaxText);
+}
+
 }  // namespace
 }  // namespace fiducap::natnet
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  fiducap::log::set_level(fiducap::log::Level::kError);
-  fiducap::natnet::play(std::as_bytes(std::span(data, size)));
-  return 0;
+// A list of datagrams: one byte for sender, port and time since the one before, two bytes its
+// length (little-endian), and its bytes; the last may be cut.
+FUZZ(natnet_fuzz, input) { natnet::play(input.bytes); }
+
+// One datagram: the parser of requests and, behind it, the commands to a server with writable
+// bodies.
+FUZZ(natnet_request_fuzz, input) {
+  const auto request = natnet::decode_request(input.bytes);
+  if (!request) return;
+  if (const auto* command = std::get_if<natnet::CommandRequest>(&*request))
+    natnet::execute(*command);
 }

@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# What ./dev fuzz does once the targets are built: run.sh PROGRAMS SECONDS BATCH KEEP PROCESSES TARGET…
-# Each target runs for SECONDS from the kept corpus and what earlier runs found, then on BATCH variants of all of these; at
-# the end a table, and exit code 1 when anything was found. KEEP=1: the corpora are chosen anew from all inputs, see choose.py.
+# Run by ./dev fuzz after the build: run.sh PROGRAMS SECONDS BATCH KEEP PROCESSES TARGET…
+# Each target runs for SECONDS from the kept corpus and the inputs of earlier runs, then on BATCH variants of all of these; at
+# the end a table, and exit code 1 with findings. KEEP=1: the corpora are chosen again from all inputs, see choose.py.
 set -eu
 programs=$1 seconds=$2 batch=$3 keep=$4 processes=$5
 shift 5
 here=$(cd "$(dirname "$0")" && pwd)
 work=$programs/../corpus findings=$programs/../findings logs=$programs/../logs
 mkdir -p "$work" "$findings" "$logs"
-# What is slower than this is as good as hanging; what needs this much memory for so few bytes, a leak.
+# A slower input is a hang; more memory for so few bytes is a leak.
 limits="-timeout=20 -rss_limit_mb=2048 -malloc_limit_mb=512"
 export ASAN_OPTIONS=detect_leaks=1:allocator_may_return_null=1:handle_abort=1 UBSAN_OPTIONS=print_stacktrace=1
 
@@ -75,11 +75,11 @@ if [ "$keep" = 1 ]; then
 fi
 if [ "$batch" != 0 ]; then
   for target in "$@"; do
-    grep -q ' executions, ' "$logs/$target.batch.log" || touch "$findings/$target/batch" # died, whatever of
+    grep -q ' executions, ' "$logs/$target.batch.log" || touch "$findings/$target/batch" # died
   done
 fi
 unsound=$(find "${@/#/$findings/}" -type f)
 [ -z "$unsound" ] || {
-  printf 'findings; each becomes a corpus entry when it is mended:\n%s\n' "$unsound"
+  printf 'findings; each becomes a corpus entry when it is corrected:\n%s\n' "$unsound"
   exit 1
 }

@@ -1,24 +1,15 @@
-// Everything that a VRPN client may send: its conversation, with and without a cookie, and
-// connection requests. The first byte chooses, the second cuts the bytes into pieces.
-#include <algorithm>
-#include <cstddef>
-#include <cstdint>
-#include <cstdlib>
-#include <span>
+// A VRPN client: its conversation, with and without a cookie, and connection requests. The first
+// byte chooses, the second is the length of the pieces.
 #include <vector>
 
+#include "fuzz/target.hpp"
 #include "streaming/vrpn/codec.hpp"
 #include "streaming/vrpn/session.hpp"
 #include "support/scene_builder.hpp"
 
-namespace {
-
-using namespace fiducap;
 using namespace fiducap::vrpn;
 
-void require(bool holds) {
-  if (!holds) std::abort();
-}
+namespace {
 
 void converse(Origin origin, bool with_cookie, std::size_t piece,
               std::span<const std::byte> bytes) {
@@ -34,43 +25,33 @@ void converse(Origin origin, bool with_cookie, std::size_t piece,
   if (with_cookie) require(connection.receive(connection.greeting(), 0, out).has_value());
   const std::size_t described = out.size();
   const std::size_t given = bytes.size();
-  while (!bytes.empty()) {
-    const auto next = bytes.first(std::min(piece, bytes.size()));
-    bytes = bytes.subspan(next.size());
-    if (!connection.receive(next, 1'700'000'000'000'000'000, out)) break;
+  in_pieces(bytes, piece, [&](std::span<const std::byte> next) {
+    if (!connection.receive(next, 1'700'000'000'000'000'000, out)) return false;
     if (const auto port = connection.udp_port()) require(*port >= kLowestPort);
     (void)connection.take_notes();
-  }
-  // A question has 24 bytes or more; the longest answer has 96, an explanation comes four times in
-  // a life.
+    return true;
+  });
+  // A request has at least 24 bytes; the longest reply has 96, an explanation is sent at most four
+  // times.
   require(out.size() <= described + 4 * given + 8192);
-  // What we say is what any peer can read.
-  std::span<const std::byte> said(out);
-  while (!said.empty()) {
-    const auto message = decode_message(said);
+  // All replies can be decoded.
+  std::span<const std::byte> rest(out);
+  while (!rest.empty()) {
+    const auto message = decode_message(rest);
     require(message.has_value() && message->size > 0);
-    said = said.subspan(message->size);
+    rest = rest.subspan(message->size);
   }
 }
 
 }  // namespace
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  if (size < 2) return 0;
-  const std::span<const std::byte> bytes(reinterpret_cast<const std::byte*>(data) + 2, size - 2);
-  const std::size_t piece = data[1] == 0 ? bytes.size() + 1 : data[1];
-  switch (data[0] % 4) {
-    case 0:
-      converse(Origin::kRequested, true, piece, bytes);
-      break;
-    case 1:
-      converse(Origin::kDirect, true, piece, bytes);
-      break;
-    case 2:
-      converse(Origin::kDirect, false, piece, bytes);
-      break;
-    default:
-      if (const auto port = decode_request(bytes)) require(*port >= kLowestPort);
+FUZZ(vrpn_fuzz, input) {
+  if (input.bytes.size() < 2) return;
+  const unsigned which = input.choose(4);
+  const std::size_t piece = input.choose(256);
+  if (which == 3) {
+    if (const auto port = decode_request(input.bytes)) require(*port >= kLowestPort);
+  } else {
+    converse(which == 0 ? Origin::kRequested : Origin::kDirect, which < 2, piece, input.bytes);
   }
-  return 0;
 }

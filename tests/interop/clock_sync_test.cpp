@@ -1,5 +1,5 @@
 // Clock synchronisation over a network with 5 ms ± 2 ms of jitter, server and client on two hosts
-// (network namespaces). One kernel clock drives both, so the truth is known; the server's is
+// (network namespaces). Both read one kernel clock, so the truth is known; the server's is
 // displaced and drifts by 50 ppm.
 #include <algorithm>
 #include <cmath>
@@ -39,19 +39,25 @@ class DriftingClock final : public Clock {
 
 class ClockSync : public testing::Test {
  protected:
-  /// @param connect_to  where the client finds the (way to the) server, once it listens at `port`
-  void measure(const std::function<void(const std::function<void()>&)>& on_server,
-               const std::function<void(const std::function<void()>&)>& on_client,
-               const std::string& address,
-               const std::function<std::uint16_t(std::uint16_t port)>& connect_to) {
+  /// @param hosts    nullptr: server and client on loopback
+  /// @param relayed  through a relay with jitter beside the server
+  void measure(TwoHosts* hosts, bool relayed) {
+    const auto on_server = [&](auto work) { hosts != nullptr ? hosts->server.on(work) : work(); };
+    const auto on_client = [&](auto work) { hosts != nullptr ? hosts->client.on(work) : work(); };
     const DriftingClock clock;
     std::unique_ptr<TestServer> server;
+    std::unique_ptr<JitterRelay> relay;
     std::unique_ptr<Client> client;
     native::NativeConfig config;
-    config.address = address;
-    on_server([&] { server = std::make_unique<TestServer>(*scene_, 0, config, nullptr, &clock); });
-    ClientOptions options = options_for(connect_to(server->port()));
-    options.server = address;
+    config.address = hosts != nullptr ? TwoHosts::kServer : "127.0.0.1";
+    on_server([&] {
+      server = std::make_unique<TestServer>(*scene_, 0, config, nullptr, &clock);
+      if (relayed) {
+        relay = std::make_unique<JitterRelay>(config.address, server->port(), kMean_s, kSpread_s);
+      }
+    });
+    ClientOptions options = options_for(relayed ? relay->port() : server->port());
+    options.server = config.address;
     on_client([&] { client = std::make_unique<Client>(options); });
     const auto measure_from = std::chrono::steady_clock::now() + kSettle;
     client->on_frame([&](const Frame& frame) {
@@ -102,14 +108,13 @@ class ClockSync : public testing::Test {
               << " ms, least round trip " << 1e3 * statistics.clock.round_trip_s
               << " ms; latency p50 " << 1e3 * statistics.latency_p50_s << " ms, p99 "
               << 1e3 * statistics.latency_p99_s << " ms; lost " << statistics.lost << std::endl;
-    // Whatever else the machine does: no error beyond what the client itself says it can be.
+    // Holds on a busy machine, too.
     EXPECT_LE(errors_s_.back(), statistics.clock.bound_s);
-    // What a busy machine takes away is not the filter's: set this to hold the figures of a quiet
-    // one (the filter alone is held to them in clock_filter_test, without a network).
+    // Figures of a quiet machine. clock_filter_test checks the filter alone without a network.
     if (std::getenv("FIDUCAP_QUIET_MACHINE") == nullptr) return;
     EXPECT_LE(quantile(0.95), kRequired_s);
     EXPECT_NEAR(statistics.clock.drift_ppm, 1e6 * kDrift, 15);
-    // One-way delays are what the network was told to have.
+    // The one-way delay of the network.
     EXPECT_NEAR(statistics.latency_p50_s, kMean_s, 1e-3);
   }
 
@@ -119,43 +124,27 @@ class ClockSync : public testing::Test {
   std::vector<double> errors_s_;
 };
 
-TEST_F(ClockSync, IsNeverFurtherOffThanItSaysBetweenTwoHostsWithNetem) {
+TEST_F(ClockSync, ErrorIsWithinItsBoundBetweenTwoHostsWithNetem) {
   TwoHosts hosts;
   if (!hosts.problem.empty()) GTEST_SKIP() << "not measured with netem: " << hosts.problem;
   for (auto* side : {&hosts.server, &hosts.client}) {
     const auto netem = side->run("tc qdisc add dev fdc0 root netem delay 5ms 2ms limit 10000");
     if (!netem.done) {
-      GTEST_SKIP() << "not measured with netem: `tc qdisc add … netem` says: " << netem.output
-                   << "(no kernel module sch_netem, or no iproute2); the relay test stands in";
+      GTEST_SKIP() << "not measured with netem: `tc qdisc add … netem`: " << netem.output
+                   << "(no kernel module sch_netem, or no iproute2); the relay test replaces it";
     }
   }
-  measure([&](const auto& work) { hosts.server.on(work); },
-          [&](const auto& work) { hosts.client.on(work); }, TwoHosts::kServer,
-          [](std::uint16_t port) { return port; });
+  measure(&hosts, false);
 }
 
-TEST_F(ClockSync, IsNeverFurtherOffThanItSaysThroughARelayWithTheSameJitter) {
+TEST_F(ClockSync, ErrorIsWithinItsBoundThroughARelayWithTheSameJitter) {
   TwoHosts hosts;
-  std::unique_ptr<JitterRelay> relay;
-  if (!hosts.problem.empty()) {
-    std::cout << "on loopback, not between two hosts: " << hosts.problem << std::endl;
-    const auto here = [](const std::function<void()>& work) { work(); };
-    return measure(here, here, "127.0.0.1", [&](std::uint16_t port) {
-      relay = std::make_unique<JitterRelay>("127.0.0.1", port, kMean_s, kSpread_s);
-      return relay->port();
-    });
-  }
-  measure([&](const auto& work) { hosts.server.on(work); },
-          [&](const auto& work) { hosts.client.on(work); }, TwoHosts::kServer,
-          [&](std::uint16_t port) {
-            hosts.server.on([&] {
-              relay = std::make_unique<JitterRelay>(TwoHosts::kServer, port, kMean_s, kSpread_s);
-            });
-            return relay->port();
-          });
+  const bool apart = hosts.problem.empty();
+  if (!apart) std::cout << "on loopback, not between two hosts: " << hosts.problem << std::endl;
+  measure(apart ? &hosts : nullptr, true);
 }
 
-TEST(Discovery, FindsAServerThatListensOnOneAddressOfAnotherHost) {
+TEST(Discovery, FindsAServerOnAnotherHost) {
   TwoHosts hosts;
   if (!hosts.problem.empty()) GTEST_SKIP() << hosts.problem;
   const auto scene = make_scene_frame({"drone"});
@@ -177,7 +166,7 @@ TEST(Discovery, FindsAServerThatListensOnOneAddressOfAnotherHost) {
   }
 }
 
-TEST(Multicast, ReachesTheOtherHostAndFallsBackWhereItDoesNot) {
+TEST(Multicast, ReachesTheOtherHostOrFallsBackToUnicast) {
   TwoHosts hosts;
   if (!hosts.problem.empty()) GTEST_SKIP() << hosts.problem;
   auto scene = make_scene_frame({"drone"});
@@ -186,7 +175,7 @@ TEST(Multicast, ReachesTheOtherHostAndFallsBackWhereItDoesNot) {
   config.multicast_group = "239.255.42.16";
   config.multicast_port = 24592;
   for (const bool blocked : {false, true}) {
-    // A network that does not carry multicast: the server sends it into its own loopback.
+    // A network without multicast: the server sends into its own loopback.
     if (blocked) config.multicast_interface = "127.0.0.1";
     std::unique_ptr<TestServer> server;
     hosts.server.on([&] { server = std::make_unique<TestServer>(*scene, 0, config); });

@@ -1,4 +1,4 @@
-"""Prints what a Qualisys client reads: names once, then each body's position [mm] and rotation matrix by rows.
+"""Prints the data of a Qualisys client: names once, then each body's position [mm] and rotation matrix by rows.
 
 usage: qualisys_print.py plain|sdk BASE_PORT little|big tcp|udp
 

@@ -1,7 +1,6 @@
-// What a blind sender gets out of the UDP protocols in the name of an address beyond every network
-// of the server: datagrams leave under that address, what comes for it is counted on the wire and
-// answered by nobody. All bytes are those of IP. Every UDP socket of the process has its test here,
-// those of sensors included. (DDS: fence_test. Vicon has no UDP.)
+// Bytes that a blind sender draws from UDP sockets to a forged address beyond all networks of the
+// server. They are counted on the wire, as bytes of IP, and not answered. Every UDP socket of the
+// process has its test here, those of sensors included. (DDS: fence_test. Vicon has no UDP.)
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <net/ethernet.h>
@@ -16,7 +15,6 @@
 #include <iostream>
 #include <thread>
 
-#include "base/time.hpp"
 #include "capture/imu/imu_source.hpp"
 #include "fiducap/v1/envelope.pb.h"
 #include "middleware/mavlink/frame.hpp"
@@ -28,6 +26,7 @@
 #include "streaming/vrpn/vrpn.hpp"
 #include "support/hex.hpp"
 #include "support/network_namespace.hpp"
+#include "support/real_clock.hpp"
 #include "support/scene_builder.hpp"
 #include "unit/capture/imu/mavlink_bytes.hpp"
 #include "unit/streaming/natnet/messages.hpp"
@@ -54,16 +53,8 @@ sockaddr_in ipv4(const char* address, std::uint16_t port) {
   return all;
 }
 
-/// The kernel's own time, since its repetitions are what is counted.
-class RealClock final : public Clock {
- public:
-  [[nodiscard]] Instant now() const override {
-    return instant_from_ns(std::chrono::nanoseconds(Steady::now().time_since_epoch()).count());
-  }
-  [[nodiscard]] bool wait_until(Instant, std::stop_token) const override { return true; }
-};
-
-/// Sends in the victim's name and counts what comes for it. In the namespace of its maker's thread.
+/// Sends under the victim's address and counts packets to it, in the namespace of the calling
+/// thread.
 class Forger final {
  public:
   Forger() {
@@ -88,8 +79,8 @@ class Forger final {
     ASSERT_EQ(sent, static_cast<ssize_t>(bytes.size())) << std::strerror(errno);
     sent_ += bytes.size() + kHeaders;
   }
-  void listen(std::chrono::milliseconds patience) {
-    const auto end = Steady::now() + patience;
+  void listen(std::chrono::milliseconds duration) {
+    const auto end = Steady::now() + duration;
     for (auto now = Steady::now(); now < end; now = Steady::now()) {
       pollfd readable{tap_, POLLIN, 0};
       const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - now);
@@ -146,17 +137,35 @@ class UdpAmplification : public testing::Test {
     if (thread_.joinable()) thread_.join();
   }
   void expect_little() { expect_little(server_->protocol()); }
-  void expect_little(std::string_view who) {
+  void expect_little(std::string_view peer) {
     forger_->listen(kListen);
     const double ratio =
         static_cast<double>(forger_->drawn()) / static_cast<double>(forger_->sent());
-    std::cout << who << ": " << forger_->sent() << " bytes drew " << forger_->drawn() << ", x "
+    std::cout << peer << ": " << forger_->sent() << " bytes drew " << forger_->drawn() << ", x "
               << ratio << std::endl;
-    EXPECT_LE(ratio, kAllowed) << who;
+    EXPECT_LE(ratio, kAllowed) << peer;
   }
 
+  /// Opens an IMU source, sends these bytes to it and counts what it sends.
   void forge_to(const ImuSourceConfig& config, std::uint16_t port, const std::string& what,
-                const Bytes& bytes);
+                const Bytes& bytes) {
+    forger_.reset();  // its port is free before the next one binds it
+    hosts_.client.on([this] { forger_ = std::make_unique<Forger>(); });
+    ASSERT_TRUE(forger_->ok()) << std::strerror(errno);
+    Expected<std::unique_ptr<SensorSource>> source = fail(ErrorCode::kClosed, "");
+    std::jthread reader;
+    hosts_.server.on([&] {
+      source = open_imu_source(config, {clock_, {}});
+      ASSERT_TRUE(source) << source.error().text();
+      reader = std::jthread([&source](std::stop_token stop) {
+        while (!stop.stop_requested()) (void)(*source)->next(stop);
+      });
+    });
+    forger_->send(bytes, port);
+    expect_little(what);
+    reader.request_stop();
+    reader.join();
+  }
 
   TwoHosts hosts_;
   RealClock clock_;
@@ -183,7 +192,7 @@ class UdpAmplification : public testing::Test {
   std::thread thread_;
 };
 
-TEST_F(UdpAmplification, VrpnRepeatsNoConnectionToOneWhoNeverAsked) {
+TEST_F(UdpAmplification, VrpnConnectsToStrangersOnce) {
   vrpn::VrpnConfig config;
   config.address = TwoHosts::kServer;
   config.port = 3883;
@@ -195,7 +204,7 @@ TEST_F(UdpAmplification, VrpnRepeatsNoConnectionToOneWhoNeverAsked) {
   expect_little();
 }
 
-TEST_F(UdpAmplification, QualisysAnswersStrangersNoMoreThanTheyBring) {
+TEST_F(UdpAmplification, QualisysAnswersStrangersInProportion) {
   qualisys::QualisysConfig config;
   config.address = TwoHosts::kServer;
   serve([&](auto& io) {
@@ -208,28 +217,7 @@ TEST_F(UdpAmplification, QualisysAnswersStrangersNoMoreThanTheyBring) {
   expect_little();
 }
 
-/// Opens it, has these bytes sent to it, and counts what comes.
-void UdpAmplification::forge_to(const ImuSourceConfig& config, std::uint16_t port,
-                                const std::string& what, const Bytes& bytes) {
-  forger_.reset();  // its port is free before the next one binds it
-  hosts_.client.on([this] { forger_ = std::make_unique<Forger>(); });
-  ASSERT_TRUE(forger_->ok()) << std::strerror(errno);
-  Expected<std::unique_ptr<SensorSource>> source = fail(ErrorCode::kClosed, "");
-  std::jthread reader;
-  hosts_.server.on([&] {
-    source = open_imu_source(config, {clock_, {}});
-    ASSERT_TRUE(source) << source.error().text();
-    reader = std::jthread([&source](std::stop_token stop) {
-      while (!stop.stop_requested()) (void)(*source)->next(stop);
-    });
-  });
-  forger_->send(bytes, port);
-  expect_little(what);
-  reader.request_stop();
-  reader.join();
-}
-
-TEST_F(UdpAmplification, AMavlinkImuSendsStrangersLittleWhateverTheySay) {
+TEST_F(UdpAmplification, MavlinkImuSendsStrangersLittle) {
   ImuSourceConfig config;
   config.type = ImuSourceType::kMavlink;
   config.mavlink.link.port = 14540;
@@ -259,7 +247,7 @@ TEST_F(UdpAmplification, AMavlinkImuSendsStrangersLittleWhateverTheySay) {
   for (const auto& [what, bytes] : kinds) forge_to(config, 14540, "IMU, MAVLink, " + what, bytes);
 }
 
-TEST_F(UdpAmplification, ALineOfAnImuIsNotAnswered) {
+TEST_F(UdpAmplification, ImuLinesAreNotAnswered) {
   ImuSourceConfig config;
   config.line.port = 5005;
   const std::string line = "\nIMU,1000000,0.01,-0.02,0.03,0.1,-0.2,9.81*4F\n";
@@ -267,7 +255,7 @@ TEST_F(UdpAmplification, ALineOfAnImuIsNotAnswered) {
   forge_to(config, 5005, "IMU, line", {bytes.begin(), bytes.end()});
 }
 
-TEST_F(UdpAmplification, MavlinkHearsItsAutopilotsOnly) {
+TEST_F(UdpAmplification, MavlinkServerIgnoresStrangers) {
   mavlink::MavlinkConfig config;
   config.address = TwoHosts::kServer;
   config.port = 14550;
@@ -283,7 +271,7 @@ TEST_F(UdpAmplification, MavlinkHearsItsAutopilotsOnly) {
   expect_little();
 }
 
-TEST_F(UdpAmplification, NativeAnswersAreNoLongerThanTheirQuestions) {
+TEST_F(UdpAmplification, NativeAnswersStrangersInProportion) {
   native::NativeConfig config;
   config.address = TwoHosts::kServer;
   serve([&](auto& io) { return native::start_native_server(io, config, model_, clock_); });

@@ -1,4 +1,4 @@
-// The Jacobians of the bound against differences of what they linearise.
+// The Jacobians of the bound against numerical differences.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -14,21 +14,21 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-const Pose kBody{exp_so3({0.3, -0.5, 1.1}), {0.4, -0.2, 1.3}};
-const Pose kTag{exp_so3({-0.7, 0.4, 2.0}), {2.1, 0.6, 0.9}};
+const Pose kX_WB{exp_so3({0.3, -0.5, 1.1}), {0.4, -0.2, 1.3}};
+const Pose kX_WT{exp_so3({-0.7, 0.4, 2.0}), {2.1, 0.6, 0.9}};
 
 Pose moved(const Pose& X, const Vector3d& position, const Vector3d& rotation) {
   return {exp_so3(rotation) * X.q, X.p + position};
 }
 
-/// A camera that sees kTag from kBody, with and without a lens.
+/// A camera that sees kX_WT from kX_WB, with and without a lens.
 CameraMount camera(Distortion lens) {
   CameraMount mount;
   mount.model = {752, 480, 460, 455, 371, 243, lens, {}};
   if (lens == Distortion::kRadialTangential)
     mount.model.coefficients = {-0.28, 0.07, 2e-4, 2e-5, 0};
   // Forward axis from the body towards the tag.
-  const Vector3d z = (kBody.inverse() * kTag.p).normalized();
+  const Vector3d z = (kX_WB.inverse() * kX_WT.p).normalized();
   Eigen::Matrix3d R_BV;
   R_BV.col(2) = z;
   R_BV.col(0) = z.cross(Vector3d::UnitY()).normalized();
@@ -41,9 +41,9 @@ class CornerRowsOf : public testing::TestWithParam<Distortion> {};
 
 TEST_P(CornerRowsOf, AgreeWithDifferencesOfTheProjection) {
   const CameraMount mount = camera(GetParam());
-  const RecordedTag tag{3, 0.2, kTag, 0, 0};
+  const RecordedTag tag{3, 0.2, kX_WT, 0, 0};
   constexpr double kNoise_px = 0.4;
-  const CornerRows rows = corner_rows(kBody, mount, tag, kNoise_px);
+  const CornerRows rows = corner_rows(kX_WB, mount, tag, kNoise_px);
   const auto pixels = [&](const Pose& X_WB, const Pose& X_BV, const Pose& X_WT) {
     VectorXd px(8);
     for (int i = 0; i < 4; ++i) {
@@ -60,9 +60,9 @@ TEST_P(CornerRowsOf, AgreeWithDifferencesOfTheProjection) {
   expect_jacobian(
       J,
       [&](const VectorXd& d) {
-        return pixels(moved(kBody, d.segment<3>(0), d.segment<3>(3)),
+        return pixels(moved(kX_WB, d.segment<3>(0), d.segment<3>(3)),
                       moved(mount.X_BV, d.segment<3>(6), d.segment<3>(9)),
-                      moved(kTag, d.segment<3>(12), d.segment<3>(15)));
+                      moved(kX_WT, d.segment<3>(12), d.segment<3>(15)));
       },
       kTolerance);
 }
@@ -70,29 +70,29 @@ TEST_P(CornerRowsOf, AgreeWithDifferencesOfTheProjection) {
 INSTANTIATE_TEST_SUITE_P(Lenses, CornerRowsOf,
                          testing::Values(Distortion::kNone, Distortion::kRadialTangential));
 
-TEST(RelativeRowsOf, TheTagAgreeWithDifferences) {
-  const Pose X_TB = kTag.inverse() * kBody;
-  expect_jacobian(relative_to_tag(kBody, kTag), [&](const VectorXd& d) {
-    const Pose moved_TB = moved(kTag, d.segment<3>(6), d.segment<3>(9)).inverse() *
-                          moved(kBody, d.segment<3>(3), d.segment<3>(0));
+TEST(RelativeRowsOf, TagAgreeWithDifferences) {
+  const Pose X_TB = kX_WT.inverse() * kX_WB;
+  expect_jacobian(relative_to_tag(kX_WB, kX_WT), [&](const VectorXd& d) {
+    const Pose moved_TB = moved(kX_WT, d.segment<3>(6), d.segment<3>(9)).inverse() *
+                          moved(kX_WB, d.segment<3>(3), d.segment<3>(0));
     VectorXd e(6);
     e << moved_TB.p - X_TB.p, log_so3(moved_TB.q * X_TB.q.conjugate());
     return e;
   });
 }
 
-TEST(RelativeRowsOf, TheLevelAxesAgreeWithDifferences) {
-  const int axis = heading_axis(kTag.q);
+TEST(RelativeRowsOf, LevelAxesAgreeWithDifferences) {
+  const int axis = heading_axis(kX_WT.q);
   const auto level_from = [&](const Pose& X_WT) {
     const Vector3d h = X_WT.q * Vector3d::Unit(axis);
     return Pose{exp_so3({0, 0, std::atan2(h.y(), h.x())}), X_WT.p};
   };
   // Errors in axes that stay parallel to W: the level axes at zero perturbation are turned back.
-  const Pose X_WL = level_from(kTag);
-  const Pose X_LB = X_WL.inverse() * kBody;
-  expect_jacobian(relative_to_level(kBody, kTag, axis), [&](const VectorXd& d) {
-    const Pose moved_LB = level_from(moved(kTag, d.segment<3>(6), d.segment<3>(9))).inverse() *
-                          moved(kBody, d.segment<3>(3), d.segment<3>(0));
+  const Pose X_WL = level_from(kX_WT);
+  const Pose X_LB = X_WL.inverse() * kX_WB;
+  expect_jacobian(relative_to_level(kX_WB, kX_WT, axis), [&](const VectorXd& d) {
+    const Pose moved_LB = level_from(moved(kX_WT, d.segment<3>(6), d.segment<3>(9))).inverse() *
+                          moved(kX_WB, d.segment<3>(3), d.segment<3>(0));
     VectorXd e(6);
     e << X_WL.q * (moved_LB.p - X_LB.p), X_WL.q * log_so3(moved_LB.q * X_LB.q.conjugate());
     return e;
@@ -125,9 +125,9 @@ TruthSample carried(const TruthSample& from, const VectorXd& d, const Vector3d& 
   return s;
 }
 
-TEST(InertialStepOf, TheTruthAgreesWithDifferencesOfTheIntegration) {
+TEST(InertialStepOf, TruthAgreesWithDifferencesOfTheIntegration) {
   TruthSample from;
-  from.X_WB = kBody;
+  from.X_WB = kX_WB;
   from.v_WB = {0.5, -1.0, 0.2};
   const Vector3d force_W(1.0, -2.0, 11.0);
   const Vector3d w_B(0.8, -1.5, 0.6);
@@ -149,7 +149,7 @@ TEST(InertialStepOf, TheTruthAgreesWithDifferencesOfTheIntegration) {
 
 TEST(InertialStepOf, TwoHalvesAreOneWhole) {
   TruthSample a;
-  a.X_WB = kBody;
+  a.X_WB = kX_WB;
   a.v_WB = {0.5, -1.0, 0.2};
   const Vector3d force_W(1.0, -2.0, 11.0);
   const TruthSample b = carried(a, VectorXd::Zero(15), force_W, Vector3d::Zero(), 0.0025);

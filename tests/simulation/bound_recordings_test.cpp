@@ -1,5 +1,5 @@
-// Our bound against an independent computation of the same (another formulation, other code) on the
-// open recordings.
+// The bound against an independent computation (another formulation, other code) on the open
+// recordings.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "simulation/bound_run.hpp"
+#include "support/results.hpp"
 #include "support/shared_data.hpp"
 
 namespace fiducap {
@@ -36,13 +37,14 @@ const PublishedBound kTable[] = {{"sim_table", 'A', 2.46, 0.071, 2.53, 1.19, 0.1
                                  {"sim_big", 'C', 1.79, 0.016, 2.61, 0.97, 0, 0, 0},
                                  {"sim_big", 'D', 0.95, 0.013, 2.52, 0.95, 0, 0, 0}};
 
-constexpr double kSettled_s = 5.0;
+constexpr double kDegree = 180 / std::numbers::pi;
+constexpr double kBoundSettled_s = 5.0;
 // One per cent, and half a unit of the last digit printed there.
 constexpr double kShare = 0.01;
 
 class OpenRecordings : public testing::TestWithParam<PublishedBound> {};
 
-double rms(const BoundRun& run, Instant from, double bound::BoundAt::*figure) {
+double rms_from(const BoundRun& run, Instant from, double bound::BoundAt::*figure) {
   double sum = 0;
   int count = 0;
   for (const bound::BoundAt& at : run.at) {
@@ -53,26 +55,24 @@ double rms(const BoundRun& run, Instant from, double bound::BoundAt::*figure) {
   return std::sqrt(sum / count);
 }
 
-TEST_P(OpenRecordings, HaveTheBoundThatWasFoundIndependently) {
+TEST_P(OpenRecordings, HaveTheIndependentBound) {
   const PublishedBound& expected = GetParam();
   const auto folder = shared_data();
   if (!folder) GTEST_SKIP() << kNoSharedData;
-  const auto data = load_estimation_data((*folder / expected.recording).string());
-  ASSERT_TRUE(data.has_value()) << data.error().text();
-  const BoundRun run = run_bound(*data, {expected.knowledge});
-  const Instant from = time_of(data->samples.front()) + from_seconds(kSettled_s);
+  const auto data = value_of(load_estimation_data((*folder / expected.recording).string()));
+  const BoundRun run = run_bound(data, {expected.knowledge});
+  const Instant from = time_of(data.samples.front()) + from_seconds(kBoundSettled_s);
   const auto agree = [](double found, double expect, double last_digit, const char* what) {
     EXPECT_NEAR(found, expect, kShare * expect + 0.5 * last_digit) << what;
   };
-  constexpr double kDegree = 180 / std::numbers::pi;
   const double mm_digit = expected.position_mm > 10 ? 0.1 : 0.01;
-  agree(1e3 * rms(run, from, &bound::BoundAt::position_m), expected.position_mm, mm_digit,
+  agree(1e3 * rms_from(run, from, &bound::BoundAt::position_m), expected.position_mm, mm_digit,
         "position, mm");
-  agree(kDegree * rms(run, from, &bound::BoundAt::rotation_rad), expected.rotation_deg, 0.001,
+  agree(kDegree * rms_from(run, from, &bound::BoundAt::rotation_rad), expected.rotation_deg, 0.001,
         "orientation, deg");
-  agree(1e3 * rms(run, from, &bound::BoundAt::velocity_m_s), expected.velocity_mm_s, 0.01,
+  agree(1e3 * rms_from(run, from, &bound::BoundAt::velocity_m_s), expected.velocity_mm_s, 0.01,
         "velocity, mm/s");
-  agree(1e3 * rms(run, from, &bound::BoundAt::camera_m), expected.camera_mm, mm_digit,
+  agree(1e3 * rms_from(run, from, &bound::BoundAt::camera_m), expected.camera_mm, mm_digit,
         "camera, mm");
   agree(1e3 * run.map.position_m, expected.map_mm, expected.map_mm > 10 ? 0.1 : 0.01, "map, mm");
   agree(kDegree * run.map.rotation_rad, expected.map_deg, 0.001, "map, deg");
@@ -96,16 +96,15 @@ const PublishedSmoothing kSmoothing[] = {{"sim_table", 'A', 1.27, 0.035},
 
 class OpenRecordingsByAllData : public testing::TestWithParam<PublishedSmoothing> {};
 
-TEST_P(OpenRecordingsByAllData, HaveTheSmoothingBoundThatWasFoundIndependently) {
+TEST_P(OpenRecordingsByAllData, HaveTheIndependentSmoothingBound) {
   const PublishedSmoothing& expected = GetParam();
   const auto folder = shared_data();
   if (!folder) GTEST_SKIP() << kNoSharedData;
-  const auto data = load_estimation_data((*folder / expected.recording).string());
-  ASSERT_TRUE(data.has_value()) << data.error().text();
-  // Images used here; theirs is of every image.
+  const auto data = value_of(load_estimation_data((*folder / expected.recording).string()));
+  // Images used here; the published number is of all images.
   constexpr int kImages = 20;
   const BoundRun run =
-      run_bound(*data, {expected.knowledge}, images_spread(*data, kImages, kSettled_s));
+      run_bound(data, {expected.knowledge}, images_spread(data, kImages, kBoundSettled_s));
   ASSERT_EQ(run.smoothed.size(), static_cast<std::size_t>(kImages));
   double position = 0;
   double rotation = 0;
@@ -113,7 +112,6 @@ TEST_P(OpenRecordingsByAllData, HaveTheSmoothingBoundThatWasFoundIndependently) 
     position += one.position_m * one.position_m / kImages;
     rotation += one.rotation_rad * one.rotation_rad / kImages;
   }
-  constexpr double kDegree = 180 / std::numbers::pi;
   std::cout << expected.recording << " " << expected.knowledge << ": " << 1e3 * std::sqrt(position)
             << " mm, " << kDegree * std::sqrt(rotation) << " deg\n";
   constexpr double kOfFewImages = 0.03;

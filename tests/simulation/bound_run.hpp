@@ -10,7 +10,7 @@
 
 namespace fiducap {
 
-/// What is given beforehand: `A` map unknown, extrinsics with prior; `B` map unknown, true
+/// Prior knowledge: `A` map unknown, extrinsics with prior; `B` map unknown, true
 /// extrinsics; `C` true map, extrinsics with prior; `D` both true.
 struct KnowledgeCase {
   char letter{'A'};
@@ -21,16 +21,15 @@ struct KnowledgeCase {
 /// The causal bound along one set of data, after each image.
 struct BoundRun {
   std::vector<bound::BoundAt> at;
-  bound::MapBound map;         ///< At the end.
-  bound::TagsCovariance tags;  ///< At the end; with an unknown map.
-  std::optional<bound::BoundAt>
-      gap;  ///< Just before the reference tag is seen again after kAway_s.
+  bound::MapBound map;                ///< At the end.
+  bound::TagsCovariance tags;         ///< At the end; with an unknown map.
+  std::optional<bound::BoundAt> gap;  ///< Before the reference tag is seen again after kAway_s.
   std::optional<bound::BoundAt> gap_after;  ///< By that image.
   /// Poses that were asked for, by all data: the smoothing bound.
   std::vector<bound::PoseBound> smoothed;
 };
 
-/// So long out of sight that its return closes a loop.
+/// Time out of sight after which its return closes a loop.
 inline constexpr double kAway_s = 30.0;
 
 /// Two images that follow each other: before a loop is closed for the first time, and then.
@@ -49,9 +48,9 @@ struct Closure {
 [[nodiscard]] BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge,
                                  const std::vector<Instant>& kept = {});
 
-/// How the corners of one sighting are off.
+/// Noise of the corners of one sighting.
 using SightNoise = std::function<bound::TagSight(const CornerFrame&, const TagSighting&)>;
-/// The same with corners of which each tag's are differently good.
+/// The same with a noise for every sighting.
 [[nodiscard]] BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge,
                                  const SightNoise& noise,
                                  const std::optional<bound::LastingErrors>& lasting,

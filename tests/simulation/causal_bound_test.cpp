@@ -6,13 +6,13 @@
 #include <cmath>
 
 #include "base/pose.hpp"
-#include "simulation/simulation.hpp"
+#include "simulation/estimation_data.hpp"
 #include "support/bound/causal_bound.hpp"
 
 namespace fiducap::bound {
 namespace {
 
-constexpr int kImages = 6;
+constexpr int kBoundImages = 6;
 constexpr double kInterval_s = 0.05;
 constexpr double kFades_s = 0.08;
 
@@ -28,8 +28,7 @@ TruthSample truth(int k) {
 
 BoundProblem problem(char letter) {
   BoundProblem p;
-  p.camera.model = {752, 480, 460, 460, 376, 240, Distortion::kNone, {}};
-  p.camera.X_BV = simulation::forward_camera();
+  p.camera = forward_mount();
   p.imu = ImuNoise{1e-3, 1e-4, 1e-2, 1e-3, 200};
   Eigen::Matrix3d facing;  // tag z against x, tag y up
   facing << 0, 0, -1, -1, 0, 0, 0, 1, 0;
@@ -42,34 +41,32 @@ BoundProblem problem(char letter) {
   return p;
 }
 
-/// How the errors that last enter a tag's corners.
+/// Root of the covariance of lasting errors of a tag's corners.
 Matrix8 lasting_root() {
   Matrix8 out;
-  for (int i = 0; i < 8; ++i) {
+  for (int i = 0; i < 8; ++i)
     for (int j = 0; j < 8; ++j) out(i, j) = i == j ? 0.5 : 0.1 * std::sin(i + 3 * j);
-  }
   return out;
 }
 
-/// Which tags image k shows: the second one joins later, and one image is empty.
+/// Tags in image k: the second one joins later, and one image is empty.
 std::vector<int> seen(int k) {
   if (k == 3) return {};
-  if (k < 2) return {4};
-  return {9, 4};
+  return k < 2 ? std::vector<int>{4} : std::vector<int>{9, 4};
 }
 
-/// Everything at once: body states of all images, extrinsics, tags; information in, marginal of the
-/// last image out.
+/// All states at once: body states of all images, extrinsics, tags. Sums information; gives the
+/// marginal of an image.
 class WholeProblem {
  public:
   explicit WholeProblem(const BoundProblem& p) : p_(p) {
     const int tags = p.map_known ? 0 : 12;
-    first_lasting_ = kBody * kImages + 6 + tags;
-    const int size = first_lasting_ + 2 * 8 * kImages;
+    first_lasting_ = kBody * kBoundImages + 6 + tags;
+    const int size = first_lasting_ + 2 * 8 * kBoundImages;
     information_.setZero(size, size);
     start();
     for (const int id : {4, 9}) fade(id);
-    for (int k = 0; k < kImages; ++k) {
+    for (int k = 0; k < kBoundImages; ++k) {
       if (k > 0) motion(k);
       for (const int id : seen(k)) corners(k, id);
     }
@@ -80,29 +77,26 @@ class WholeProblem {
         Eigen::MatrixXd::Identity(information_.rows(), information_.cols()));
     const int body = kBody * image;
     std::vector<int> index;
-    for (const int at : {body + kRotation, body + kPosition}) {
+    for (const int at : {body + kRotation, body + kPosition})
       for (int i = 0; i < 3; ++i) index.push_back(at + i);
-    }
     Eigen::Matrix<double, 12, 12> out = Eigen::Matrix<double, 12, 12>::Zero();
     if (p_.map_known) {
       out.topLeftCorner<6, 6>() = P(index, index);
       return out;
     }
     for (int i = 0; i < 6; ++i) index.push_back(tag_at(id) + i);
-    out = P(index, index);
-    return out;
+    return P(index, index);
   }
 
  private:
-  [[nodiscard]] static int extrinsics_at() { return kBody * kImages; }
+  [[nodiscard]] static int extrinsics_at() { return kBody * kBoundImages; }
   [[nodiscard]] static int tag_at(int id) { return extrinsics_at() + 6 + (id == 4 ? 0 : 6); }
 
   void know(int at, int count, double sigma) {
     information_.diagonal().segment(at, count).array() += 1 / (sigma * sigma);
   }
 
-  /// The same knowledge as the recursion starts with; what is exact there is far below everything
-  /// else here.
+  /// The prior of the recursion; exact quantities have a far smaller sigma than all others.
   void start() {
     constexpr double kExact = 1e-6;
     know(kRotation, 2, 0.5);
@@ -115,7 +109,7 @@ class WholeProblem {
     know(extrinsics_at() + 3, 3, p_.extrinsics_known ? kExact : p_.camera.rotation_sigma_rad);
   }
 
-  /// The tag's lasting errors in image k; those that are in no image are a prior.
+  /// The tag's lasting errors in image k; without an image they are a prior.
   [[nodiscard]] int lasting_at(int k, int id) const {
     return first_lasting_ + 8 * (2 * k + (id == 4 ? 0 : 1));
   }
@@ -124,18 +118,16 @@ class WholeProblem {
   void fade(int id) {
     const double a = std::exp(-kInterval_s / kFades_s);
     know(lasting_at(0, id), 8, 1.0);
-    for (int k = 1; k < kImages; ++k) {
+    for (int k = 1; k < kBoundImages; ++k) {
       if (k == 4) {
         know(lasting_at(k, id), 8, 1.0);
         continue;
       }
-      Eigen::Matrix<double, 8, 1> ones;
-      ones.setOnes();
       const double weight = 1 / (1 - a * a);
       const int before = lasting_at(k - 1, id);
       const int now = lasting_at(k, id);
-      information_.diagonal().segment<8>(before) += a * a * weight * ones;
-      information_.diagonal().segment<8>(now) += weight * ones;
+      information_.diagonal().segment<8>(before).array() += a * a * weight;
+      information_.diagonal().segment<8>(now).array() += weight;
       for (int i = 0; i < 8; ++i) {
         information_(before + i, now + i) -= a * weight;
         information_(now + i, before + i) -= a * weight;
@@ -170,8 +162,8 @@ class WholeProblem {
 
 class TwoTags : public testing::TestWithParam<char> {};
 
-/// Seen from a tag: what is gauge drops out, where "exact" of 1e-6 would still show.
-void expect_alike(const Matrix12& recursive, const Matrix12& at_once, int image,
+/// Relative to a tag, which removes the gauge (with its sigma of 1e-6).
+void expect_equal(const Matrix12& recursive, const Matrix12& at_once, int image,
                   const RecordedTag& tag) {
   const RelativeRows J = relative_to_tag(truth(image).X_WB, tag.X_WT);
   const Eigen::Matrix<double, 6, 6> a = J * recursive * J.transpose();
@@ -181,11 +173,11 @@ void expect_alike(const Matrix12& recursive, const Matrix12& at_once, int image,
   EXPECT_LT((a - b).cwiseAbs().maxCoeff(), kRounding * b.cwiseAbs().maxCoeff()) << a << "\n\n" << b;
 }
 
-/// Recursive and at once, seen from each tag: the body in the end, and where it was before.
-void expect_alike(const BoundProblem& p) {
+/// Recursive and at once, relative to each tag: the body at the end, and poses kept before.
+void expect_equal(const BoundProblem& p) {
   const std::vector<int> kept_at{1, 3};  // before the second tag is known; without any
   CausalBound bound(p);
-  for (int k = 0; k < kImages; ++k) {
+  for (int k = 0; k < kBoundImages; ++k) {
     bound.move_to(truth(k));
     if (std::find(kept_at.begin(), kept_at.end(), k) != kept_at.end()) bound.keep_pose();
     std::vector<TagSight> sights;
@@ -195,25 +187,25 @@ void expect_alike(const BoundProblem& p) {
   }
   const WholeProblem whole(p);
   for (const RecordedTag& tag : p.tags) {
-    const int last = kImages - 1;
-    expect_alike(bound.body_and_tag(tag.tag_id), whole.body_and_tag(last, tag.tag_id), last, tag);
+    const int last = kBoundImages - 1;
+    expect_equal(bound.body_and_tag(tag.tag_id), whole.body_and_tag(last, tag.tag_id), last, tag);
     for (std::size_t i = 0; i < kept_at.size(); ++i)
-      expect_alike(bound.kept_and_tag(i, tag.tag_id), whole.body_and_tag(kept_at[i], tag.tag_id),
+      expect_equal(bound.kept_and_tag(i, tag.tag_id), whole.body_and_tag(kept_at[i], tag.tag_id),
                    kept_at[i], tag);
   }
 }
 
-TEST_P(TwoTags, HaveTheCovarianceOfOneBigInformationMatrix) { expect_alike(problem(GetParam())); }
+TEST_P(TwoTags, HaveTheCovarianceOfTheWholeProblem) { expect_equal(problem(GetParam())); }
 
-TEST_P(TwoTags, HaveItAlsoWithErrorsThatFadeWhileATagIsInView) {
+TEST_P(TwoTags, HaveItWithLastingErrors) {
   BoundProblem p = problem(GetParam());
   p.lasting = LastingErrors{.fades_s = kFades_s, .visit_ends = from_seconds(1.5 * kInterval_s)};
-  expect_alike(p);
+  expect_equal(p);
 }
 
 INSTANTIATE_TEST_SUITE_P(Cases, TwoTags, testing::Values('A', 'B', 'C', 'D'));
 
-TEST(CausalBound, SaysNothingBeforeTheReferenceTagIsSeen) {
+TEST(CausalBound, IsUnknownBeforeTheReferenceTagIsSeen) {
   CausalBound bound(problem('A'));
   EXPECT_FALSE(bound.now().has_value());
   bound.move_to(truth(0));
@@ -226,23 +218,21 @@ TEST(CausalBound, SaysNothingBeforeTheReferenceTagIsSeen) {
 
 TEST(CausalBound, GrowsWithoutTagsAndShrinksWithThem) {
   CausalBound bound(problem('A'));
-  bound.move_to(truth(0));
-  bound.see(std::vector<int>{4, 9});
-  const double first = bound.now()->position_m;
-  bound.move_to(truth(1));
-  bound.see(std::vector<int>{});
-  const double coasted = bound.now()->position_m;
-  bound.move_to(truth(2));
-  bound.see(std::vector<int>{4, 9});
-  EXPECT_GT(coasted, first);
-  EXPECT_LT(bound.now()->position_m, first);
+  const auto after = [&](int k, const std::vector<int>& ids) {
+    bound.move_to(truth(k));
+    bound.see(ids);
+    return bound.now()->position_m;
+  };
+  const double first = after(0, {4, 9});
+  EXPECT_GT(after(1, {}), first);
+  EXPECT_LT(after(2, {4, 9}), first);
 }
 
-TEST(CausalBound, KnowingMoreNeverHurts) {
+TEST(CausalBound, IsNotRaisedByMoreKnowledge) {
   std::vector<double> position_m;
   for (const char letter : {'A', 'B', 'C', 'D'}) {
     CausalBound bound(problem(letter));
-    for (int k = 0; k < kImages; ++k) {
+    for (int k = 0; k < kBoundImages; ++k) {
       bound.move_to(truth(k));
       bound.see(seen(k));
     }

@@ -8,7 +8,6 @@
 
 #include "detection/corner_sigma.hpp"
 #include "detection/observe.hpp"
-#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
 
@@ -26,7 +25,7 @@ constexpr double kFarFrom_s = 0.75;
 constexpr double kFarTo_s = 1.25;
 constexpr double kLeastFades_s = 0.3;
 constexpr double kMostFades_s = 30;
-// What is new in every image is at least this share of all.
+// Least share of errors that are new in every image.
 constexpr double kLeastPassing = 0.1;
 constexpr int kFewestPairs = 500;
 constexpr double kModules = 8;
@@ -36,7 +35,7 @@ bool is_misread(const CornerError& error) {
          std::max(kMisread_px, kMisreadSigmas * error.sigma_px);
 }
 
-/// Raw coordinates of the corners to those away from the tag's middle and across.
+/// Turns raw coordinates of corners into radial (from the tag's middle) and tangential ones.
 Matrix8 outwards(const std::array<Eigen::Vector2d, 4>& px) {
   const Eigen::Vector2d middle = 0.25 * (px[0] + px[1] + px[2] + px[3]);
   Matrix8 out = Matrix8::Zero();
@@ -48,7 +47,7 @@ Matrix8 outwards(const std::array<Eigen::Vector2d, 4>& px) {
   return out;
 }
 
-/// Of a number with the same one in the next image.
+/// Correlation of errors with those in the next image.
 struct Lasting {
   double product{};
   double square{};
@@ -102,14 +101,14 @@ struct Products {
   }
 };
 
-/// Nothing of it below `least` of the largest.
+/// With eigenvalues of at least `least`.
 Matrix8 positive(const Matrix8& found, double least) {
   const Eigen::SelfAdjointEigenSolver<Matrix8> eigen(found);
   return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(least).asDiagonal() *
          eigen.eigenvectors().transpose();
 }
 
-/// By how much less errors have in common later than at once after each other.
+/// From the decrease of the correlation with time.
 double fading_time(const Products& narrow, const Products& wide) {
   const double near = narrow.near.sum.trace() + wide.near.sum.trace();
   const double far = narrow.far.sum.trace() + wide.far.sum.trace();
@@ -140,36 +139,6 @@ Matrix8 root_of(const Matrix8& covariance) {
   return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
 }
 
-}  // namespace
-
-std::vector<CornerError> corner_errors(const EstimationData& data) {
-  std::vector<CornerError> out;
-  TagObservations seen;
-  for (const SensorSample& sample : data.samples) {
-    const auto* image = std::get_if<CornerFrame>(&sample);
-    if (image == nullptr) continue;
-    observe(*image, data.camera.model, data.tag_set, {}, seen);
-    const Pose X_VW =
-        (data.truth_near(image->exposed_at - image->clock_shift).X_WB * data.camera.X_BV).inverse();
-    for (const TagObservation& tag : seen.tags) {
-      const RecordedTag* truth = data.tag(tag.tag_id);
-      if (truth == nullptr) continue;
-      const CornerResidual residual = corner_residual(tag, X_VW * truth->X_WT, data.camera.model);
-      if (!residual.in_front) continue;
-      const auto seen_as =
-          std::find_if(image->tags.begin(), image->tags.end(),
-                       [&](const TagSighting& one) { return one.tag_id == tag.tag_id; });
-      out.push_back({image->exposed_at, tag.tag_id, tag.raw_px, residual.y,
-                     corner_sigma_px(*seen_as, image->pixel_noise)});
-    }
-  }
-  return out;
-}
-
-double CornerScatter::excess() const { return std::sqrt(chi_square); }
-
-namespace {
-
 /// Sorts one run's errors by tag and visit.
 class Visits {
  public:
@@ -192,6 +161,30 @@ class Visits {
 };
 
 }  // namespace
+
+std::vector<CornerError> corner_errors(const EstimationData& data) {
+  std::vector<CornerError> out;
+  TagObservations seen;
+  for_each_image(data, [&](const CornerFrame& image) {
+    observe(image, data.camera.model, data.tag_set, {}, seen);
+    const Pose X_VW =
+        (data.truth_near(image.exposed_at - image.clock_shift).X_WB * data.camera.X_BV).inverse();
+    for (const TagObservation& tag : seen.tags) {
+      const RecordedTag* truth = data.tag(tag.tag_id);
+      if (truth == nullptr) continue;
+      const CornerResidual residual = corner_residual(tag, X_VW * truth->X_WT, data.camera.model);
+      if (!residual.in_front) continue;
+      const auto seen_as =
+          std::find_if(image.tags.begin(), image.tags.end(),
+                       [&](const TagSighting& one) { return one.tag_id == tag.tag_id; });
+      out.push_back({image.exposed_at, tag.tag_id, tag.raw_px, residual.y,
+                     corner_sigma_px(*seen_as, image.pixel_noise)});
+    }
+  });
+  return out;
+}
+
+double CornerScatter::excess() const { return std::sqrt(chi_square); }
 
 CornerScatter corner_scatter(std::span<const std::vector<CornerError>> runs) {
   CornerScatter out;

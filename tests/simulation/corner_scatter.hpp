@@ -10,7 +10,7 @@
 
 namespace fiducap {
 
-/// What the corners of one tag in one image were off.
+/// Errors of the corners of one tag in one image.
 struct CornerError {
   Instant at{};
   int tag_id{};
@@ -19,19 +19,18 @@ struct CornerError {
   double sigma_px{};                         ///< Of the detector; 0: none.
 };
 
-/// Of all sightings of tags whose place is known, in order of time; true extrinsics, true lens.
+/// Of all sightings of tags with known poses, in order of time; true extrinsics, true lens.
 [[nodiscard]] std::vector<CornerError> corner_errors(const EstimationData& data);
 
-/// Covariance, in sigmas, of each corner away from the middle of its tag and across …
+/// Covariance, in sigmas, of each corner radially (from the middle of its tag) and tangentially.
 struct ScatterShare {
-  bound::Matrix8 passing{bound::Matrix8::Identity()};  ///< … of what is new in every image …
-  bound::Matrix8 lasting{bound::Matrix8::Zero()};      ///< … and of what fades.
+  bound::Matrix8 passing{bound::Matrix8::Identity()};  ///< Of errors that are new in every image.
+  bound::Matrix8 lasting{bound::Matrix8::Zero()};      ///< Of errors that fade.
 };
 
-/// How corners scatter in truth. Misread tags (off by more than a pixel and ten sigmas) are not in
-/// it.
+/// True scatter of corners, without misread tags (off by more than a pixel and ten sigmas).
 struct CornerScatter {
-  // Modules narrower than this share their pixels with what lies beside them.
+  // Modules narrower than this share their pixels with their neighbours.
   static constexpr double kNarrow_px = 2.5;
 
   double rms_px{};      ///< Of a coordinate.
@@ -40,18 +39,18 @@ struct CornerScatter {
   /// that stays.
   double to_next{};
   ScatterShare narrow, wide;  ///< Of tags with such modules.
-  double fades_s{};           ///< Until 1/e of what lasts is left.
+  double fades_s{};           ///< Time until 1/e of the lasting errors is left.
   double lasting_share{};     ///< Of the variance in sigmas.
   int sightings{};
 
-  /// What to multiply the detector's sigma by.
+  /// Factor of the detector's sigma.
   [[nodiscard]] double excess() const;
 };
 
 /// @param runs  of the same experiment: a single one has too few sightings
 [[nodiscard]] CornerScatter corner_scatter(std::span<const std::vector<CornerError>> runs);
 
-/// The bound for corners with this scatter, if all errors were white and equal …
+/// The bound for corners with this scatter if all errors were white and equal …
 [[nodiscard]] BoundRun white_bound(const EstimationData& data, KnowledgeCase knowledge,
                                    const CornerScatter& scatter);
 /// … and as they are.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,8 +18,8 @@ namespace fiducap {
 struct EstimationData {
   std::string name;
   std::vector<SensorSample> samples;  ///< IMU and corners, as SampleMerger gives them out.
-  std::vector<TruthSample>
-      truth;  ///< Times strictly increase; every IMU sample's and every image's is among them.
+  /// Times strictly increase; every IMU sample's and every image's is among them.
+  std::vector<TruthSample> truth;
   std::vector<RecordedTag> tags;  ///< True poses, sorted by id.
   TagSetConfig tag_set;
   CameraMount camera;                      ///< True place, prior sigmas.
@@ -41,21 +42,38 @@ struct EstimationData {
   [[nodiscard]] double path_m(Instant at) const;
 };
 
+/// Calls `work` with every image, in order.
+template <typename Data, typename Work>
+void for_each_image(Data& data, Work work) {
+  for (auto& sample : data.samples)
+    if (auto* image = std::get_if<CornerFrame>(&sample)) work(*image);
+}
+[[nodiscard]] bool shows(const CornerFrame& image, int tag_id);
+/// All samples of a source up to an instant, in the order of SampleMerger.
+/// @param make  changes a sample; nullptr: it stays as it is
+[[nodiscard]] std::vector<SensorSample> merged(
+    SensorSource& source, bool has_imu, Instant end,
+    const std::function<SensorSample(const SensorSample&)>& make = nullptr);
+/// The lowest id of the first image that shows a tag.
+[[nodiscard]] int first_tag(const EstimationData& data);
+
+/// A pinhole camera that looks ahead.
+[[nodiscard]] CameraMount forward_mount();
 /// Configured pose of a camera, drawn with its sigmas.
 [[nodiscard]] Pose drawn_extrinsics(const CameraMount& mount, std::uint64_t seed);
 
 /// A body of the simulator, its tags as corners with noise or as found in images.
 struct SimulatedDataSetup {
-  std::string world{"table"};  ///< Room preset and class of motion; `hall` is walked by `survey`,
-                               ///< `hover` is nearly at rest in it, `big` is `ceiling`,
-                               ///< `pavillon` and `ring` are walked by `loop`.
+  /// Room preset and class of motion; `hall` is walked by `survey`, `hover` is nearly at rest in
+  /// it, `big` is `ceiling`, `pavillon` and `ring` are walked by `loop`.
+  std::string world{"table"};
   double seconds{30.0};
   double speed{1.0};  ///< Scales the motion's time.
   std::uint64_t seed{1};
   bool has_imu{true};
   simulation::FaultConfig faults{};
-  /// RoomConfig::texture: images are rendered, tags found and points followed in them
-  /// (rendered_corners.hpp). Empty: corners with white noise.
+  /// RoomConfig::texture: images are rendered, tags found and points followed in them, led by the
+  /// truth. Empty: corners with white noise.
   std::string texture{};
   /// Error of the nominal extrinsics, drawn with these sigmas per axis, which are the filter's
   /// prior.
@@ -66,8 +84,8 @@ struct SimulatedDataSetup {
   std::string images_for{};
   simulation::DaylightConfig daylight{};  ///< Of images.
   double exposure_s{0.005};               ///< Of images: motion blur.
-  double readout_s{0};                    ///< Rolling shutter as it is …
-  double readout_told_s{0};               ///< … and as configured …
+  double readout_s{0};                    ///< Of the rolling shutter; true …
+  double readout_configured_s{0};         ///< … and as configured …
   double readout_sigma_s{0};              ///< … with this sigma.
   double imu_noise_factor{1};             ///< Factor of all configured densities.
   int cameras{1};          ///< More than one: they look along x, -x, y and -y of the body.
@@ -80,7 +98,7 @@ struct SimulatedDataSetup {
   /// Errors of the configured lenses, drawn with these sigmas.
   double focal_error{0};
   double centre_error_px{0};
-  /// … of a calibration of a distorting lens (told_lens).
+  /// … of a calibration of a distorting lens (calibrated_lens).
   double lens_error_px{0};
   double corner_noise_px{0.4};              ///< Of corners without images.
   double gravity_m_s2{kUsualGravity_m_s2};  ///< True; not known to the filter.
@@ -90,6 +108,16 @@ struct SimulatedDataSetup {
 [[nodiscard]] int most_seen_tag(const EstimationData& data);
 
 [[nodiscard]] EstimationData simulate(const SimulatedDataSetup& setup);
+
+/// Result of a calibration of a lens: parameters with errors that move corners by `rms_px` per
+/// coordinate over the image, without the effect of a rotation.
+[[nodiscard]] CameraModel calibrated_lens(const CameraModel& lens, double rms_px,
+                                          std::uint64_t seed);
+
+/// A body with such a lens, with corner noise as in images.
+/// @param configured_px  configured lens error, with matching sigmas of its parameters; 0: exact
+[[nodiscard]] EstimationData with_calibrated_lens(SimulatedDataSetup setup, double error_px,
+                                                  double configured_px);
 
 /// A recording in the extended EuRoC layout with truth of everything. @return Error naming what is
 /// missing.

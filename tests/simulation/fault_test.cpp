@@ -1,5 +1,4 @@
-// What breaks inside of a running server costs what it belongs to, and nothing else for longer
-// than a moment.
+// Failed allocations in a running server: every protocol and thread continues.
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/time.h>
@@ -9,8 +8,6 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/ip/udp.hpp>
-#include <fiducap/client.hpp>
-#include <fiducap/control.hpp>
 #include <functional>
 #include <random>
 
@@ -25,13 +22,13 @@ namespace asio = boost::asio;
 using asio::ip::tcp;
 using asio::ip::udp;
 
-constexpr timeval kPatience{5, 0};
+constexpr timeval kTimeout{5, 0};
 
 template <typename Socket>
 Socket connect(asio::io_context& io, std::uint16_t port) {
   Socket socket(io);
   socket.connect({asio::ip::address_v4::loopback(), port});
-  ::setsockopt(socket.native_handle(), SOL_SOCKET, SO_RCVTIMEO, &kPatience, sizeof(kPatience));
+  ::setsockopt(socket.native_handle(), SOL_SOCKET, SO_RCVTIMEO, &kTimeout, sizeof(kTimeout));
   return socket;
 }
 
@@ -63,7 +60,7 @@ class ServerUnderFaults : public testing::Test {
     demo.recorder.folder = folder_.file("recordings");
     return demo;
   }
-  /// Which protocols do not answer; `all` is empty when everything is well.
+  /// The protocols that do not answer.
   std::string deaf() {
     const ProtocolPorts ports = server_->ports();
     std::string all;
@@ -80,7 +77,7 @@ class ServerUnderFaults : public testing::Test {
     ask("native", client_.wait_for_frame(before, std::chrono::seconds(5)));
     return all;
   }
-  /// A connection is taken in: it is ended by a malformed message.
+  /// A connection is accepted: the server ends it after a malformed message.
   static bool knock(std::uint16_t port) {
     asio::io_context io;
     boost::system::error_code error;
@@ -95,15 +92,11 @@ class ServerUnderFaults : public testing::Test {
   static constexpr const char* kToken = "correct horse battery";
   TemporaryFolder folder_;
   RunningServer server_;
-  Client client_{[this] {
-    ClientOptions options;
-    options.port = server_->ports().native;
-    return options;
-  }()};
+  Client client_{server_.client_options()};
 };
 
-/// Any one allocation of the I/O thread fails, 300 times over, while clients come and go.
-TEST_F(ServerUnderFaults, EveryProtocolGoesOnAfterAllocationsThatFailed) {
+/// Any one allocation of the I/O thread fails, 300 times, while clients come and go.
+TEST_F(ServerUnderFaults, EveryProtocolSurvivesFailedAllocations) {
   ASSERT_EQ(deaf(), "") << "before any fault";
   std::mt19937 random(20261123);
   std::uniform_int_distribution<int> nth(1, 40);
@@ -135,13 +128,13 @@ TEST_F(ServerUnderFaults, EveryProtocolGoesOnAfterAllocationsThatFailed) {
   EXPECT_TRUE(server_.clean());
 }
 
-/// Every other thread in its turn, while the server records, stores its map and shows its page.
+/// The same in every other thread, while the server records, stores its map and serves its page.
 class ThreadUnderFaults : public ServerUnderFaults,
                           public testing::WithParamInterface<const char*> {
  protected:
   ThreadUnderFaults() : ServerUnderFaults([] {}) {}
 
-  /// What makes work for the thread.
+  /// Uses what the threads work for.
   void use_all(const std::string& recording) {
     (void)control_.start_recording(recording);
     (void)control_.commit_map();
@@ -163,7 +156,7 @@ class ThreadUnderFaults : public ServerUnderFaults,
     }
     return false;
   }
-  bool all_bodies_are_tracked() {
+  bool bodies_are_valid() {
     Frame frame;
     return client_.latest(frame) && frame.bodies.size() == 3 &&
            std::all_of(frame.bodies.begin(), frame.bodies.end(),
@@ -172,28 +165,22 @@ class ThreadUnderFaults : public ServerUnderFaults,
   RecordingState state_of(const std::string& name) {
     ControlState state;
     (void)control_.list(state);
-    for (const Recording& one : state.recordings) {
+    for (const Recording& one : state.recordings)
       if (one.name == name) return one.state;
-    }
     return RecordingState::kFailed;
   }
 
-  Control control_{[this] {
-    ControlOptions options;
-    options.port = server_->ports().native;
-    options.token = kToken;
-    return options;
-  }()};
+  Control control_{server_.control_options(kToken)};
 };
 
-TEST_P(ThreadUnderFaults, GoesOnAndTheServerWithIt) {
-  ASSERT_TRUE(comes_true([this] { return all_bodies_are_tracked(); }));
+TEST_P(ThreadUnderFaults, SurvivesFailedAllocations) {
+  ASSERT_TRUE(comes_true([this] { return bodies_are_valid(); }));
   std::mt19937 random(20261124);
   std::uniform_int_distribution<int> nth(1, 60);
   AllocationFault::reach_threads(GetParam());
   constexpr int kEnough = 5;
   int failed = 0;
-  // A thread that works twice a second meets few of them: as many rounds as it takes.
+  // A thread that works twice a second has few faults per round.
   for (int i = 0; i < 40 || (failed <= kEnough && i < 400); ++i) {
     AllocationFault::arm(nth(random));
     use_all("during" + std::to_string(i));
@@ -202,7 +189,7 @@ TEST_P(ThreadUnderFaults, GoesOnAndTheServerWithIt) {
   AllocationFault::reach_threads("");
   EXPECT_GT(failed, kEnough);
   EXPECT_EQ(deaf(), "") << "after " << failed << " faults";
-  EXPECT_TRUE(comes_true([this] { return all_bodies_are_tracked(); }));
+  EXPECT_TRUE(comes_true([this] { return bodies_are_valid(); }));
   use_all("afterwards");
   EXPECT_TRUE(comes_true([this] { return state_of("afterwards") == RecordingState::kFinished; }));
   server_.stop();

@@ -1,23 +1,22 @@
-// The real program from outside: exit codes, signals, what it prints.
+// The program fiducapd: exit codes, signals, output.
 #include <fcntl.h>
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <signal.h>
 #include <unistd.h>
 
 #include <array>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
-#include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <sstream>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "daemon/config/config_file.hpp"
 #include "support/fiducapd_process.hpp"
+#include "support/running_server.hpp"
 
 namespace fiducap {
 namespace {
@@ -25,14 +24,14 @@ namespace {
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 
-/// A full pipe, like `| less` without scrolling.
+/// A pipe that is full, as of `| less`.
 class FullPipe final {
  public:
   FullPipe() {
     EXPECT_EQ(::pipe2(ends_.data(), O_CLOEXEC | O_NONBLOCK), 0);
     while (::write(ends_[1], "x", 1) == 1) {
     }
-    ::fcntl(ends_[1], F_SETFL, 0);  // from here on a writer waits
+    ::fcntl(ends_[1], F_SETFL, 0);  // now a writer blocks
   }
   ~FullPipe() {
     ::close(ends_[0]);
@@ -46,22 +45,8 @@ class FullPipe final {
   std::array<int, 2> ends_{};
 };
 
-/// What the server answers to `GET /healthz` once frames flow, or last within a minute.
-std::string health(std::uint16_t port) {
-  std::string line;
-  for (int i = 0; i < 1200; ++i, std::this_thread::sleep_for(50ms)) {
-    boost::asio::ip::tcp::iostream web(boost::asio::ip::address_v4::loopback().to_string(),
-                                       std::to_string(port));
-    if (!web) continue;
-    web.expires_after(5s);
-    web << "GET /healthz HTTP/1.0\r\nHost: localhost\r\n\r\n" << std::flush;
-    if (std::getline(web, line) && line.find(" 200 ") != std::string::npos) break;
-  }
-  return line;
-}
-
-/// What the server answers to one request; empty: nothing.
-std::string ask(std::uint16_t port, const std::string& request, const std::string& secret) {
+/// The answer to one request; empty: none.
+std::string ask(std::uint16_t port, const std::string& request, const std::string& secret = {}) {
   boost::asio::ip::tcp::iostream web(boost::asio::ip::address_v4::loopback().to_string(),
                                      std::to_string(port));
   if (!web) return {};
@@ -73,16 +58,21 @@ std::string ask(std::uint16_t port, const std::string& request, const std::strin
   return answer.str();
 }
 
-/// Whether the answer has that within a minute.
+/// @return whether the answer has that text within a minute
 bool answers(std::uint16_t port, const std::string& request, const std::string& secret,
              const std::string& what) {
-  for (int i = 0; i < 600; ++i, std::this_thread::sleep_for(100ms)) {
-    if (ask(port, request, secret).find(what) != std::string::npos) return true;
-  }
-  return false;
+  return wait_until([&] { return ask(port, request, secret).find(what) != std::string::npos; });
 }
 
-/// Of the address that it prints; empty: it prints none.
+/// @return whether frames flow within a minute
+bool is_healthy(std::uint16_t port) {
+  return wait_until([&] {
+    const std::string answer = ask(port, "GET /healthz");
+    return answer.substr(0, answer.find('\n')).find(" 200 ") != std::string::npos;
+  });
+}
+
+/// The secret in the printed address; empty: none is printed.
 std::string printed_secret(const FiducapdProcess& program, std::uint16_t port) {
   const std::string address = "http://127.0.0.1:" + std::to_string(port) + "/#";
   if (!program.prints(address)) return {};
@@ -96,7 +86,7 @@ std::vector<std::string> with_demo(std::vector<std::string> more) {
   return more;
 }
 
-TEST(Fiducapd, FindsTheShippedDemoUsable) {
+TEST(Fiducapd, AcceptsTheShippedDemo) {
   FiducapdProcess program(with_demo({"--check-config"}));
   EXPECT_EQ(program.exit_code(), 0) << program.output();
 }
@@ -114,15 +104,14 @@ TEST(Fiducapd, RefusesATokenThatOthersCanRead) {
   }
 }
 
-TEST(Fiducapd, PrintsAConfigurationThatItTakesBack) {
+TEST(Fiducapd, PrintsAConfigurationThatItReads) {
   FiducapdProcess program(with_demo({"--print-config"}));
   ASSERT_EQ(program.exit_code(), 0);
-  const auto again = parse_config(program.output(), "printed.yaml");
-  ASSERT_TRUE(again) << again.error().front().text();
-  EXPECT_EQ(print_config(*again), program.output());
+  const auto again = value_of(parse_config(program.output(), "printed.yaml"));
+  EXPECT_EQ(print_config(again), program.output());
 }
 
-TEST(Fiducapd, EndsWith2AndAllFaultsWhenTheConfigurationIsWrong) {
+TEST(Fiducapd, EndsWith2AndAllFaultsOfTheConfiguration) {
   FiducapdProcess program(with_demo({"--set", "tags.size_m=-1", "--set", "streaming.speed=3"}));
   EXPECT_EQ(program.exit_code(), 2);
   EXPECT_THAT(program.output(), HasSubstr("tags.size_m = -1: must be finite and > 0"));
@@ -135,7 +124,7 @@ TEST(Fiducapd, EndsWith2WhenTheCommandLineIsWrong) {
   EXPECT_EQ(FiducapdProcess({"--config", "/no/such/file.yaml"}).exit_code(), 2);
 }
 
-TEST(Fiducapd, EndsWith1WhenSomethingItNeedsIsNotThere) {
+TEST(Fiducapd, EndsWith1WhenAFileIsMissing) {
   auto arguments = corners_on_free_ports();
   arguments.insert(arguments.end(), {"--set", "map.file=/no/such/map.yaml"});
   FiducapdProcess program(with_demo(arguments));
@@ -143,7 +132,7 @@ TEST(Fiducapd, EndsWith1WhenSomethingItNeedsIsNotThere) {
   EXPECT_THAT(program.output(), HasSubstr("/no/such/map.yaml"));
 }
 
-TEST(Fiducapd, EndsCleanlyOnSignalsWithinASecondAndSaysWhatItDid) {
+TEST(Fiducapd, EndsWithStatisticsWithinASecondOfASignal) {
   for (const int number : {SIGINT, SIGTERM}) {
     FiducapdProcess program(with_demo(corners_on_free_ports()));
     ASSERT_TRUE(program.prints("page on http://127.0.0.1:")) << program.output();
@@ -156,32 +145,29 @@ TEST(Fiducapd, EndsCleanlyOnSignalsWithinASecondAndSaysWhatItDid) {
   }
 }
 
-TEST(Fiducapd, ServesAndEndsWhileNobodyReadsWhatItSays) {
-  const FullPipe terminal;
+/// The demo with its output into that file serves and ends.
+void expect_serves(
+    int output, const std::function<void()>& started = [] {}) {
   const std::uint16_t port = free_port();
   auto arguments = corners_on_free_ports();
   arguments.insert(arguments.end(), {"--set", "streaming.web.port=" + std::to_string(port)});
-  FiducapdProcess program(with_demo(arguments), terminal.in());
-  EXPECT_THAT(health(port), HasSubstr(" 200 "));
+  FiducapdProcess program(with_demo(arguments), output);
+  started();
+  EXPECT_TRUE(is_healthy(port));
   program.signal(SIGTERM);
   EXPECT_EQ(program.exit_code(), 0);
 }
+
+TEST(Fiducapd, ServesAndEndsWhenItsOutputIsNotRead) { expect_serves(FullPipe().in()); }
 
 TEST(Fiducapd, ServesAndEndsWhenItsTerminalIsGone) {
   std::array<int, 2> ends{};
   ASSERT_EQ(::pipe2(ends.data(), O_CLOEXEC), 0);
   ::close(ends[0]);
-  const std::uint16_t port = free_port();
-  auto arguments = corners_on_free_ports();
-  arguments.insert(arguments.end(), {"--set", "streaming.web.port=" + std::to_string(port)});
-  FiducapdProcess program(with_demo(arguments), ends[1]);
-  ::close(ends[1]);
-  EXPECT_THAT(health(port), HasSubstr(" 200 "));
-  program.signal(SIGTERM);
-  EXPECT_EQ(program.exit_code(), 0);
+  expect_serves(ends[1], [&] { ::close(ends[1]); });
 }
 
-TEST(Fiducapd, LeadsASetupOnThePageAndServesWhatComesOfIt) {
+TEST(Fiducapd, SetsUpOnThePageAndServes) {
   const TemporaryFolder folder;
   const std::string file = folder.file("robot.yaml");
   const std::uint16_t port = free_port();
@@ -196,31 +182,31 @@ TEST(Fiducapd, LeadsASetupOnThePageAndServesWhatComesOfIt) {
   const auto say = [&](const std::string& command) {
     EXPECT_THAT(ask(port, "POST /api/v1/setup/" + command, secret), HasSubstr(" 202 ")) << command;
   };
-  const auto setup_says = [&](const std::string& what) {
+  const auto setup_shows = [&](const std::string& what) {
     return answers(port, "GET /api/v1/setup", secret, what);
   };
-  ASSERT_TRUE(setup_says("\"step\":\"camera\"")) << program.output();
+  ASSERT_TRUE(setup_shows("\"step\":\"camera\"")) << program.output();
   EXPECT_THAT(ask(port, "GET /api/v1/setup", "1"), HasSubstr(" 403 "));
   say("camera?open=/dev/video63");
-  EXPECT_TRUE(setup_says("/dev/video63"));
+  EXPECT_TRUE(setup_shows("/dev/video63"));
   say("camera?open=simulated");
-  ASSERT_TRUE(setup_says("\"corners\":[["));
+  ASSERT_TRUE(setup_shows("\"corners\":[["));
   EXPECT_TRUE(answers(port, "GET /api/v1/setup/picture", secret, "image/jpeg"))
-      << "made once it is asked";
+      << "made on request";
   for (const char* command : {"next", "next", "sheet?size_mm=400", "next", "guess",
                               "imu?source=", "next", "next", "write"})
     say(command);
   // The same process continues with a robot instead of the set-up.
-  EXPECT_THAT(health(port), HasSubstr(" 200 ")) << program.output();
+  EXPECT_TRUE(is_healthy(port)) << program.output();
   ASSERT_TRUE(program.prints("serving 1 bodies")) << program.output();
   EXPECT_TRUE(std::filesystem::exists(file));
   EXPECT_THAT(ask(port, "GET /api/v1/setup", secret), HasSubstr(" 404 "));
-  EXPECT_THAT(ask(port, "GET /api/v1/state", ""), testing::Not(HasSubstr(secret))) << "of its log";
+  EXPECT_THAT(ask(port, "GET /api/v1/state"), testing::Not(HasSubstr(secret))) << "in its log";
   program.signal(SIGTERM);
   EXPECT_EQ(program.exit_code(), 0) << program.output();
 }
 
-TEST(Fiducapd, ASetupWithAWrongSettingEndsWith2) {
+TEST(Fiducapd, EndsWith2WhenASetupHasAWrongSetting) {
   const TemporaryFolder folder;
   FiducapdProcess program({"--setup", folder.file("robot.yaml"), "--set", "streaming.web.prot=1"});
   EXPECT_EQ(program.exit_code(), 2);

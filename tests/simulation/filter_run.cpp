@@ -8,10 +8,48 @@
 #include "base/pose.hpp"
 #include "pipeline/body_tracker.hpp"
 #include "pipeline/replay/bodies_replay.hpp"
-#include "simulation/truth_errors.hpp"
 #include "support/memory_source.hpp"
 
 namespace fiducap {
+
+Vector6d pose_error(const Pose& estimate, const Pose& truth) {
+  Vector6d e;
+  e << estimate.p - truth.p, log_so3(estimate.q * truth.q.conjugate());
+  return e;
+}
+
+double normalised(const Eigen::VectorXd& e, const Eigen::MatrixXd& P) {
+  return e.dot(P.ldlt().solve(e));
+}
+
+MapErrors map_errors(std::span<const KnownTag> map, const EstimationData& data, const Pose& X_WR,
+                     const Pose& X_WT) {
+  const Pose X_WT_true = X_WR * data.tag(data.reference_tag)->X_WT;
+  MapErrors out;
+  for (const KnownTag& entry : map) {
+    const RecordedTag* tag = data.tag(entry.tag_id);
+    if (tag == nullptr) continue;
+    const Pose truth = X_WR * tag->X_WT;
+    const Vector6d level = pose_error(entry.X_WT, truth);
+    out.position_m += level.head<3>().squaredNorm();
+    out.rotation_rad += level.tail<3>().squaredNorm();
+    out.ids.push_back(tag->tag_id);
+    if (tag->tag_id == data.reference_tag) continue;
+    const Vector6d near = pose_error(X_WT.inverse() * entry.X_WT, X_WT_true.inverse() * truth);
+    out.near_position_m += near.head<3>().squaredNorm();
+    out.near_rotation_rad += near.tail<3>().squaredNorm();
+    out.nees += normalised(level, entry.covariance) / 6;
+    ++out.others;
+  }
+  const double n = static_cast<double>(std::max<std::size_t>(1, out.ids.size()));
+  const double others = std::max(1, out.others);
+  out.position_m = std::sqrt(out.position_m / n);
+  out.rotation_rad = std::sqrt(out.rotation_rad / n);
+  out.near_position_m = std::sqrt(out.near_position_m / others);
+  out.near_rotation_rad = std::sqrt(out.near_rotation_rad / others);
+  out.nees /= others;
+  return out;
+}
 
 namespace {
 
@@ -99,10 +137,7 @@ class Run {
   }
 
   void close_loop(const CornerFrame& corners) {
-    const bool sees =
-        std::any_of(corners.tags.begin(), corners.tags.end(),
-                    [&](const TagSighting& t) { return t.tag_id == data_.reference_tag; });
-    if (!sees) return;
+    if (!shows(corners, data_.reference_tag)) return;
     const bool returns =
         reference_seen_ && to_seconds(corners.exposed_at - *reference_seen_) > kAway_s;
     if (returns && result_.gap_path_m == 0 && !result_.at.empty()) {
@@ -144,7 +179,7 @@ class Run {
     return at;
   }
 
-  /// What needs the tags of the filter's state.
+  /// Errors relative to the tags of the filter's state.
   void compare_to_tags(const BodyEstimate& estimate, const Pose& X_WB, FilterRun::At& at) {
     at.position_m = at.level_position_m;
     at.rotation_rad = at.level_rotation_rad;
@@ -201,6 +236,19 @@ class Run {
   FilterRun result_;
 };
 
+TagMap start_map(const EstimationData& data, const FilterChoice& choice) {
+  if (choice.start) return *choice.start;
+  TagMap map;
+  if (!choice.knowledge.map_known()) {
+    map.reference_tag = data.reference_tag;
+    return map;
+  }
+  for (const RecordedTag& tag : data.tags)
+    map.tags.push_back(
+        {{tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()}, TagState::kSurveyed, 0, 0, 0, 0});
+  return map;
+}
+
 }  // namespace
 
 Pose workspace_of(const EstimationData& data) {
@@ -226,38 +274,12 @@ PipelineSetup pipeline_of(const EstimationData& data, const FilterChoice& choice
   setup.estimator.estimate_extrinsics = !choice.knowledge.extrinsics_known();
   if (!choice.knowledge.map_known()) setup.gauge.reference_tag = data.reference_tag;
   setup.filter = choice.filter;
-  // How long a pose may be shown without a tag is the body's limit; without a live path around it,
-  // the filter alone decides when it does not know the motion any more.
+  // The time of a pose without a tag is a limit of the live path; without it, the filter alone
+  // decides when the motion is lost.
   constexpr double kNever_s = 1e6;
   if (!choice.live) setup.lose_after_s = kNever_s;
   return setup;
 }
-
-namespace {
-
-TagMap start_map(const EstimationData& data, const FilterChoice& choice) {
-  if (choice.start) return *choice.start;
-  TagMap map;
-  if (!choice.knowledge.map_known()) {
-    map.reference_tag = data.reference_tag;
-    return map;
-  }
-  for (const RecordedTag& tag : data.tags)
-    map.tags.push_back(
-        {{tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()}, TagState::kSurveyed, 0, 0, 0, 0});
-  return map;
-}
-
-void score_map(const EstimationData& data, const Pose& X_WR, TogetherRun& run) {
-  std::vector<KnownTag> tags;
-  for (const MapTag& entry : run.map.tags) tags.push_back(entry.tag);
-  const MapErrors errors = map_errors(tags, data, X_WR, Pose{});
-  run.map_position_m = errors.position_m;
-  run.map_rotation_rad = errors.rotation_rad;
-  run.map_nees = errors.nees;
-}
-
-}  // namespace
 
 FilterRun FilterRun::scored_after(double t_s) const {
   FilterRun out = *this;
@@ -309,7 +331,12 @@ TogetherRun run_together(std::span<const EstimationData> data, const FilterChoic
   for (std::size_t i = 0; i < runs.size(); ++i)
     out.bodies.push_back(runs[i].finish(replay.pipeline(i)));
   out.map = *replay.map().snapshot();
-  score_map(data.front(), runs.front().X_WR(), out);
+  std::vector<KnownTag> tags;
+  for (const MapTag& entry : out.map.tags) tags.push_back(entry.tag);
+  const MapErrors errors = map_errors(tags, data.front(), runs.front().X_WR(), Pose{});
+  out.map_position_m = errors.position_m;
+  out.map_rotation_rad = errors.rotation_rad;
+  out.map_nees = errors.nees;
   return out;
 }
 

@@ -8,12 +8,34 @@
 #include <vector>
 
 #include "estimation/body_filter.hpp"
+#include "estimation/known_tag.hpp"
 #include "mapping/tag_map.hpp"
 #include "pipeline/body_pipeline.hpp"
 #include "simulation/bound_run.hpp"
 #include "simulation/estimation_data.hpp"
 
 namespace fiducap {
+
+/// Place, then rotation vector, in the axes in which both poses are.
+[[nodiscard]] Vector6d pose_error(const Pose& estimate, const Pose& truth);
+
+/// eᵀ P⁻¹ e
+[[nodiscard]] double normalised(const Eigen::VectorXd& e, const Eigen::MatrixXd& P);
+
+/// RMSE of a map's tags; those that the data does not have are left out.
+struct MapErrors {
+  std::vector<int> ids;
+  double position_m{};  ///< In the workspace.
+  double rotation_rad{};
+  int others{};              ///< But the reference tag.
+  double near_position_m{};  ///< Of those, in the reference tag's axes.
+  double near_rotation_rad{};
+  double nees{};  ///< Of those, in the workspace: mean per degree of freedom.
+};
+/// @param X_WR  room axes → workspace
+/// @param X_WT  the reference tag as the map has it
+[[nodiscard]] MapErrors map_errors(std::span<const KnownTag> map, const EstimationData& data,
+                                   const Pose& X_WR, const Pose& X_WT);
 
 /// An image of a run, just corrected.
 struct FilterMoment {
@@ -25,12 +47,12 @@ struct FilterMoment {
   const CornerFrame& corners;
 };
 
-/// How a filter is run over data.
+/// Parameters of a run.
 struct FilterChoice {
   std::string filter{"robocentric"};
   KnowledgeCase knowledge{'A'};
   EstimatorConfig estimator{};
-  /// The map grows with what the bodies see and is returned to them, as in the server. False: it is
+  /// The map is made by the bodies and returned to them, as in the server. False: it is
   /// that of the knowledge case.
   bool live{false};
   bool frozen{false};                                   ///< A live map that does not change.
@@ -38,7 +60,7 @@ struct FilterChoice {
   double refine_period_s{MapConfig{}.refine_period_s};  ///< Of a live map.
   /// Called at every image with an anchored pose.
   std::function<void(const FilterMoment&)> watch{};
-  /// Called at every image with what its body, counted from 0, made of it, and the map it had.
+  /// Called at every image with the number of its body, the update and the map.
   std::function<void(std::size_t, const BodyUpdate&, const TagMap&)> listen{};
   /// Called with each map event, after its image.
   std::function<void(const MapEvent&, Instant)> hear{};
@@ -53,7 +75,8 @@ struct Nees {
   double velocity{kNone};    ///< 3
   double biases{kNone};      ///< 6
   double extrinsics{kNone};  ///< 6; only when they are estimated
-  double tags{kNone};  ///< 6: mean over the tags in the state but the reference; every half second
+  /// 6: mean over the tags in the state but the reference; every half second.
+  double tags{kNone};
 };
 
 /// One filter over one set of data, compared with the truth at every image.
@@ -63,8 +86,8 @@ struct FilterRun {
     bool has_tags{};
     double position_m{};  ///< In the reference tag's axes, as the filter sees that tag.
     double rotation_rad{};
-    double level_position_m{};  ///< In the workspace: level, origin and heading by the reference
-                                ///< tag (or the known map).
+    /// In the workspace: level, origin and heading by the reference tag (or the known map).
+    double level_position_m{};
     double level_rotation_rad{};
     double velocity_m_s{};  ///< Body axes.
     double rate_rad_s{};    ///< Body axes.
@@ -93,8 +116,8 @@ struct FilterRun {
   double near_map_position_m{};  ///< The same in the reference tag's axes, without that tag.
   double near_map_rotation_rad{};
   std::vector<int> map_ids;  ///< Of those tags.
-  double gap_m{};  ///< position_m just before the reference tag is seen again after kAway_s; 0:
-                   ///< never was.
+  /// position_m just before the reference tag is seen again after kAway_s; 0: never was.
+  double gap_m{};
   double gap_rotation_rad{};
   double gap_after_m{};      ///< By the image that shows it.
   double gap_path_m{};       ///< Travelled until then.
@@ -113,6 +136,10 @@ struct FilterRun {
   [[nodiscard]] double mean(const std::function<double(const At&)>& of) const;
   [[nodiscard]] double position_rmse_m() const {
     return rms([](const At& a) { return a.level_position_m; });
+  }
+  /// Of the pose, per degree of freedom.
+  [[nodiscard]] double pose_nees() const {
+    return mean([](const At& a) { return a.nees.pose / 6; });
   }
   [[nodiscard]] double mean_nees() const {
     return mean([](const At& a) { return a.nees.whole; });

@@ -4,15 +4,14 @@
 
 #include <map>
 
-#include <Eigen/Cholesky>
-
 #include "base/pose.hpp"
 #include "mapping/graph/map_graph.hpp"
 #include "mapping/tag_map.hpp"
 #include "pipeline/body_pipeline.hpp"
-#include "simulation/estimation_data.hpp"
+#include "simulation/filter_run.hpp"
 #include "simulation/room_shape.hpp"
 #include "simulation/simulation.hpp"
+#include "support/results.hpp"
 
 namespace fiducap {
 
@@ -35,16 +34,14 @@ struct RobotSetup {
   std::optional<int> reference_tag{};
   simulation::FaultConfig faults{};
   std::map<int, double> larger{};  ///< Relative size offset of tags, by id.
-  double told_focal{1};            ///< Configured focal length relative to the true one.
+  double configured_focal{1};      ///< Configured focal length relative to the true one.
 };
 
 /// Segments of a body's pipeline for a motion over three tags on a table.
 struct Robot {
   explicit Robot(const RobotSetup& setup) : id(setup.id) {
     simulation::SimulatedBodyConfig body;
-    CameraMount mount;
-    mount.model = {752, 480, 460, 460, 376, 240, Distortion::kNone, {}};
-    mount.X_BV = simulation::forward_camera();
+    const CameraMount mount = forward_mount();
     body.cameras = {mount};
     body.has_imu = setup.has_imu;
     body.camera.images = false;
@@ -52,15 +49,15 @@ struct Robot {
     body.trajectory.kind = "table";
     body.trajectory.seed = body.seed = setup.seed;
     body.trajectory.duration_s = setup.seconds;
-    auto motion = simulation::make_trajectory(body.trajectory, table(), mount.X_BV);
-    auto source =
-        simulation::make_simulated_source(setup.room, body, kStart, nullptr, std::move(*motion));
+    auto motion = value_of(simulation::make_trajectory(body.trajectory, table(), mount.X_BV));
+    const auto source = value_of(
+        simulation::make_simulated_source(setup.room, body, kStart, nullptr, std::move(motion)));
     PipelineSetup pipeline_setup;
     pipeline_setup.sensors.cameras = {mount};
     pipeline_setup.sensors.cameras[0].X_BV = drawn_extrinsics(mount, setup.seed);
-    CameraModel& told = pipeline_setup.sensors.cameras[0].model;
-    told.fu *= setup.told_focal;
-    told.fv *= setup.told_focal;
+    CameraModel& lens = pipeline_setup.sensors.cameras[0].model;
+    lens.fu *= setup.configured_focal;
+    lens.fv *= setup.configured_focal;
     if (setup.has_imu) pipeline_setup.sensors.imu = body.imu.noise;
     for (const RecordedTag& tag : simulation::tags_of(setup.room)) {
       const auto larger = setup.larger.find(tag.tag_id);
@@ -74,7 +71,7 @@ struct Robot {
     estimator = pipeline_setup.estimator;
     BodyPipeline pipeline(pipeline_setup);
     const MapView view{std::make_shared<const TagMap>(), setup.may_define_workspace};
-    for (auto sample = (*source)->next({}); sample && *sample; sample = (*source)->next({})) {
+    for (auto sample = source->next({}); sample && *sample; sample = source->next({})) {
       (void)pipeline.push(std::move(**sample));
       while (pipeline.next() != nullptr) {
         const BodyUpdate* update = pipeline.take(view);
@@ -94,15 +91,26 @@ struct Robot {
 
 using Robots = std::vector<Robot>;
 
-/// Bodies' segments one after the other, in the order of the bodies.
-inline MapGraph graph_of(const Robots& robots) {
-  MapGraph graph;
+/// Two robots with different motions. @param second  but for id and seed
+inline Robots two_robots(RobotSetup second = {}) {
+  const Robot first(
+      {.id = 1, .seed = 3, .seconds = second.seconds, .configured_focal = second.configured_focal});
+  second.id = 2;
+  second.seed = 4;
+  return {first, Robot(second)};
+}
+
+/// A graph of the bodies' segments, in the order of the bodies.
+inline MapGraph graph_of(const Robots& robots, MapGraph graph = MapGraph{}) {
   for (const Robot& robot : robots)
     for (const MotionSegment& segment : robot.segments) EXPECT_TRUE(graph.add(segment));
   return graph;
 }
+inline GraphSolution solution_of(const Robots& robots) {
+  return value_of(graph_of(robots).solve());
+}
 
-/// The yaw and shift that lays tags over where others have them.
+/// The yaw and shift that fits tags to other poses of the same tags.
 template <class Place>
 Pose level_between(const std::vector<GraphTagEstimate>& tags, const Place& place) {
   std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
@@ -122,22 +130,39 @@ inline Score score(const std::vector<GraphTagEstimate>& tags, const std::map<int
   turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = level.rotation();
   Score out;
   for (const GraphTagEstimate& tag : tags) {
-    const Pose X = level * tag.X_WT;
-    const Pose& expected = truth.at(tag.tag_id);
-    Vector6d error;
-    error << X.p - expected.p, log_so3(X.q * expected.q.conjugate());
+    const Vector6d error = pose_error(level * tag.X_WT, truth.at(tag.tag_id));
     const Matrix6d covariance = turn * tag.covariance * turn.transpose();
-    out.nees += error.dot(covariance.ldlt().solve(error)) / 6 / static_cast<double>(tags.size());
+    out.nees += normalised(error, covariance) / 6 / static_cast<double>(tags.size());
     out.worst_m = std::max(out.worst_m, error.head<3>().norm());
   }
   return out;
 }
 
+/// Tags of one component of the graph.
 inline std::vector<GraphTagEstimate> in_component(const GraphSolution& solution, int component) {
   std::vector<GraphTagEstimate> out;
   for (const GraphTagEstimate& tag : solution.tags)
     if (tag.component == component) out.push_back(tag);
   return out;
+}
+
+/// The map as a server would store it.
+inline TagMap stored(const GraphSolution& solution) {
+  TagMap map;
+  auto known = std::make_shared<KnownMap>();
+  known->pairs = solution.pairs;
+  for (const GraphTagEstimate& tag : in_component(solution, 0)) {
+    known->tags.push_back({tag.tag_id, tag.edge_m, tag.X_WT, tag.covariance});
+    map.tags.push_back({.tag = known->tags.back(), .sightings = tag.sightings});
+  }
+  map.known = std::move(known);
+  return map;
+}
+
+/// As if the filter had run in other axes.
+inline void move_axes(const Pose& G, MotionSegment& segment) {
+  for (auto& instance : segment.instances) instance.body = in_other_axes(G, instance.body);
+  for (KnownTag& tag : segment.tags) tag.X_WT = G * tag.X_WT;
 }
 
 }  // namespace fiducap

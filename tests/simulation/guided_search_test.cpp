@@ -1,5 +1,4 @@
 // Regions, forecast and filter together, on rendered images.
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -10,11 +9,12 @@
 #include "pipeline/body_pipeline.hpp"
 #include "simulation/room_shape.hpp"
 #include "simulation/simulation.hpp"
+#include "support/results.hpp"
 
 namespace fiducap {
 namespace {
 
-struct Outcome {
+struct SearchOutcome {
   SearchStatistics settled;  ///< After the start.
   int images{};
   int found{};
@@ -25,37 +25,25 @@ struct Outcome {
 
 CameraMount small_camera() {
   CameraMount mount;
-  mount.model = {376,
-                 240,
-                 230,
-                 230,
-                 187.5,
-                 119.5,
-                 Distortion::kRadialTangential,
-                 {-0.28, 0.07, 2e-4, 2e-5, 0}};
+  mount.model = {376, 240, 230, 230, 187.5, 119.5, Distortion::kRadialTangential, {}};
+  mount.model.coefficients = {-0.28, 0.07, 2e-4, 2e-5, 0};
   mount.X_BV = simulation::forward_camera();
   return mount;
 }
 
-TagSetConfig print_of(const std::vector<RecordedTag>& tags) {
-  TagSetConfig print;
-  for (const RecordedTag& tag : tags) print.sizes_m[tag.tag_id] = tag.edge_m;
-  return print;
-}
-
-/// A body in a room: its samples through its pipeline, what was found against the truth.
-class Loop {
+/// The pipeline of a body in a room; compares tags that it finds with the truth.
+class SearchLoop {
  public:
-  Loop(const simulation::RoomConfig& room, const DetectorConfig& detector,
-       const EstimatorConfig& estimator)
+  SearchLoop(const simulation::RoomConfig& room, const DetectorConfig& detector,
+             const EstimatorConfig& estimator)
       : tags_(simulation::tags_of(room)), pipeline_(setup_of(tags_, detector, estimator)) {}
 
-  Outcome run(simulation::SimulatedSource& source) {
+  SearchOutcome run(simulation::SimulatedSource& source) {
     for (bool more = true; more;) {
-      auto next = source.next({});
-      more = next && next->has_value();
+      auto next = value_of(source.next({}));
+      more = next.has_value();
       if (more) {
-        (void)pipeline_.push(std::move(**next));
+        (void)pipeline_.push(std::move(*next));
       } else {
         pipeline_.finish();
       }
@@ -76,7 +64,7 @@ class Loop {
                                 const DetectorConfig& detector, const EstimatorConfig& estimator) {
     PipelineSetup setup;
     setup.sensors = {{small_camera()}, simulation::ImuErrors{}.noise};
-    setup.tags = print_of(tags);
+    for (const RecordedTag& tag : tags) setup.tags.sizes_m[tag.tag_id] = tag.edge_m;
     setup.detector = detector;
     setup.estimator = estimator;
     return setup;
@@ -104,10 +92,9 @@ class Loop {
     const auto corners = unbend_corners(mount().model, tag.corners_px);
     const auto corners_W = simulation::corners_of(*truth);
     ++outcome_.found;
-    for (std::size_t i = 0; i < 4; ++i) {
+    for (std::size_t i = 0; i < 4; ++i)
       outcome_.squares_px2 +=
           (corners[i] - *mount().model.project(X_VW * corners_W[i])).squaredNorm() / 8;
-    }
   }
   [[nodiscard]] const CameraMount& mount() const {
     return pipeline_.setup().sensors.cameras.front();
@@ -116,12 +103,13 @@ class Loop {
   std::vector<RecordedTag> tags_;
   BodyPipeline pipeline_;
   MapView empty_{std::make_shared<const TagMap>()};
-  Outcome outcome_;
+  SearchOutcome outcome_;
   SearchStatistics start_;
 };
 
-Outcome run(const std::string& room_name, double seconds, const DetectorConfig& detector,
-            const EstimatorConfig& estimator = {}, const std::string& texture = "clutter") {
+SearchOutcome run_search(const std::string& room_name, double seconds,
+                         const DetectorConfig& detector, const EstimatorConfig& estimator = {},
+                         const std::string& texture = "clutter") {
   simulation::RoomConfig room;
   room.preset = room_name;
   room.texture = texture;
@@ -129,37 +117,38 @@ Outcome run(const std::string& room_name, double seconds, const DetectorConfig& 
   body.cameras = {small_camera()};
   body.trajectory.kind = room_name == "hall" ? "survey" : room_name;
   body.trajectory.duration_s = seconds;
-  const auto source = simulation::make_simulated_source(room, body, instant_from_ns(0), nullptr);
-  return Loop(room, detector, estimator).run(**source);
+  const auto source =
+      value_of(simulation::make_simulated_source(room, body, instant_from_ns(0), nullptr));
+  return SearchLoop(room, detector, estimator).run(*source);
 }
 
-TEST(GuidedSearch, FindsWhatWholeImagesShowAndLooksAtFewOfThem) {
+TEST(GuidedSearch, FindsTagsWithFewWholeImages) {
   DetectorConfig whole;
   whole.regions = false;
   for (const char* room : {"hall", "table"}) {
-    const Outcome ours = run(room, 8, {});
-    const Outcome theirs = run(room, 8, whole);
-    ASSERT_GT(theirs.found, 100) << room;
-    ASSERT_EQ(ours.images, theirs.images);
-    EXPECT_GE(ours.found, theirs.found * 98 / 100) << room;
-    EXPECT_GE(ours.settled.found, ours.settled.expected * 97 / 100) << room;
-    // One in ten by schedule; tags that leave the image call for a few more.
-    EXPECT_LE(ours.settled.whole_images, ours.settled.images / 5) << room;
-    EXPECT_EQ(theirs.settled.whole_images, theirs.settled.images) << room;
+    const SearchOutcome guided = run_search(room, 8, {});
+    const SearchOutcome all = run_search(room, 8, whole);
+    SCOPED_TRACE(room);
+    ASSERT_GT(all.found, 100);
+    ASSERT_EQ(guided.images, all.images);
+    EXPECT_GE(guided.found, all.found * 98 / 100);
+    EXPECT_GE(guided.settled.found, guided.settled.expected * 97 / 100);
+    // One in ten by schedule; tags that leave the image cause a few more.
+    EXPECT_LE(guided.settled.whole_images, guided.settled.images / 5);
+    EXPECT_EQ(all.settled.whole_images, all.settled.images);
     constexpr double kNoWorse = 1.1;
-    EXPECT_LT(std::sqrt(ours.squares_px2 / ours.found),
-              kNoWorse * std::sqrt(theirs.squares_px2 / theirs.found))
-        << room;
+    EXPECT_LT(std::sqrt(guided.squares_px2 / guided.found),
+              kNoWorse * std::sqrt(all.squares_px2 / all.found));
   }
 }
 
-TEST(GuidedSearch, FollowsPointsOfATexturedRoomWhenAskedTo) {
+TEST(GuidedSearch, FollowsPointsOfATexturedRoom) {
   EstimatorConfig estimator;
-  const Outcome without = run("loop", 5, {}, estimator, "sharp");
+  const SearchOutcome without = run_search("loop", 5, {}, estimator, "sharp");
   EXPECT_EQ(without.points, 0);
   EXPECT_EQ(without.landmarks, 0);
   estimator.landmarks = true;
-  const Outcome with = run("loop", 5, {}, estimator, "sharp");
+  const SearchOutcome with = run_search("loop", 5, {}, estimator, "sharp");
   EXPECT_GT(with.points, 50 * 20);  // every second image of 100
   EXPECT_GT(with.landmarks, 50);
 }

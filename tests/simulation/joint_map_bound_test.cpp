@@ -7,7 +7,7 @@
 
 #include "base/pose.hpp"
 #include "mapping/tag_map.hpp"
-#include "simulation/simulation.hpp"
+#include "simulation/estimation_data.hpp"
 #include "support/bound/causal_bound.hpp"
 #include "support/bound/joint_map_bound.hpp"
 
@@ -37,8 +37,7 @@ struct Scene {
   }
   [[nodiscard]] BoundProblem problem() const {
     BoundProblem p;
-    p.camera.model = {752, 480, 460, 460, 376, 240, Distortion::kNone, {}};
-    p.camera.X_BV = simulation::forward_camera();
+    p.camera = forward_mount();
     p.imu = ImuNoise{1e-3, 1e-4, 1e-2, 1e-3, 200};
     Eigen::Matrix3d facing;  // tag z against x, tag y up
     facing << 0, 0, -1, -1, 0, 0, 0, 1, 0;
@@ -88,13 +87,17 @@ void expect_near(const MatrixXd& found, const MatrixXd& expected, double share) 
 // Covariances hold numbers from 1e-8 (m², of neighbours) to 1; half of the digits remain.
 constexpr double kRounding = 1e-6;
 
-TEST(JointMapBound, OfOneBodyIsThatBodysOwnMap) {
-  const Scene scene;
-  const std::vector<TagsCovariance> alone{scene.knowledge(0, {4, 9, 14})};
-  const JointMap map = scene.map(alone);
+class JointMapBoundTest : public testing::Test {
+ protected:
+  const Scene scene_;
+};
+
+TEST_F(JointMapBoundTest, OfOneBodyIsItsOwnMap) {
+  const std::vector<TagsCovariance> alone{scene_.knowledge(0, {4, 9, 14})};
+  const JointMap map = scene_.map(alone);
   ASSERT_EQ(map.tags.size(), 3u);
   for (std::size_t i = 0; i < 3; ++i) {
-    const auto own = against_first(alone.front().P, scene.problem().tags, i);
+    const auto own = against_first(alone.front().P, scene_.problem().tags, i);
     const auto at = static_cast<Eigen::Index>(6 * i);
     // All of it against the largest: place and heading of the first are zero.
     EXPECT_LT((map.P.block<6, 6>(at, at) - own).cwiseAbs().maxCoeff(),
@@ -155,10 +158,9 @@ MatrixXd tags_at_once(const Scene& scene) {
   return P.bottomRightCorner(18, 18);
 }
 
-TEST(JointMapBound, OfTwoBodiesIsThatOfOneBigInformationMatrix) {
-  const Scene scene;
-  const JointMap map = scene.map(scene.both());
-  const MatrixXd at_once = tags_at_once(scene);
+TEST_F(JointMapBoundTest, OfTwoBodiesIsThatOfTheWholeProblem) {
+  const JointMap map = scene_.map(scene_.both());
+  const MatrixXd at_once = tags_at_once(scene_);
   ASSERT_EQ(map.tags.size(), 3u);
   // The big matrix holds numbers from 1e-5² to 10².
   constexpr double kRoundingOfAll = 1e-4;
@@ -168,9 +170,8 @@ TEST(JointMapBound, OfTwoBodiesIsThatOfOneBigInformationMatrix) {
   }
 }
 
-TEST(JointMapBound, HoldsPlaceAndHeadingOfTheReferenceTagButNotItsTilt) {
-  const Scene scene;
-  const JointMap map = scene.map(scene.both());
+TEST_F(JointMapBoundTest, FixesPlaceAndHeadingOfTheReferenceTag) {
+  const JointMap map = scene_.map(scene_.both());
   const Eigen::Quaterniond q = map.tags.front().X_WT.q;
   const Eigen::RowVector3d heading = heading_row(q, heading_axis(q));
   const double tilt = map.P.block<3, 3>(3, 3).trace();
@@ -180,55 +181,51 @@ TEST(JointMapBound, HoldsPlaceAndHeadingOfTheReferenceTagButNotItsTilt) {
 }
 
 // The definition of W has no information about the room: errors relative to it halve as well.
-TEST(JointMapBound, HalvesWhenAllIsSeenTwice) {
-  const Scene scene;
-  std::vector<TagsCovariance> bodies = scene.both();
-  const JointMap once = scene.map(bodies);
-  for (const TagsCovariance& body : scene.both()) bodies.push_back(body);
-  expect_near(scene.map(bodies).P, 0.5 * once.P, kRounding);
+TEST_F(JointMapBoundTest, HalvesWhenAllIsSeenTwice) {
+  std::vector<TagsCovariance> bodies = scene_.both();
+  const JointMap once = scene_.map(bodies);
+  for (const TagsCovariance& body : scene_.both()) bodies.push_back(body);
+  expect_near(scene_.map(bodies).P, 0.5 * once.P, kRounding);
 }
 
-TEST(JointMapBound, DoesNotAskWhereABodyStarted) {
-  const Scene scene;
-  std::vector<TagsCovariance> bodies = scene.both();
-  const JointMap map = scene.map(bodies);
+TEST_F(JointMapBoundTest, DoesNotDependOnTheStartOfABody) {
+  std::vector<TagsCovariance> bodies = scene_.both();
+  const JointMap map = scene_.map(bodies);
   // The second one's start is uncertain by half a metre and half a radian, in one direction of all
   // four.
   MatrixXd common = MatrixXd::Zero(12, 1);
   for (int i = 0; i < 2; ++i) {
-    const Eigen::Vector3d p = scene.problem().tags[static_cast<std::size_t>(i + 1)].X_WT.p;
+    const Eigen::Vector3d p = scene_.problem().tags[static_cast<std::size_t>(i + 1)].X_WT.p;
     common.middleRows<3>(6 * i) =
         Eigen::Vector3d(0.3, -0.4, 0.1) + 0.5 * Eigen::Vector3d::UnitZ().cross(p);
     common(6 * i + 5) = 0.5;
   }
   bodies[1].P += common * common.transpose();
-  expect_near(scene.map(bodies).P, map.P, kRounding);
+  expect_near(scene_.map(bodies).P, map.P, kRounding);
 }
 
-TEST(JointMapBound, DoesNotAskWhereTheRoomStands) {
-  const Scene scene;
+TEST_F(JointMapBoundTest, DoesNotDependOnThePoseOfTheRoom) {
   const Scene elsewhere{{exp_so3({0, 0, 1.2}), {7, -5, 3}}};
-  const JointMap here = scene.map(scene.both());
+  const JointMap here = scene_.map(scene_.both());
   const JointMap there = elsewhere.map(elsewhere.both());
   const std::vector<int> all{4, 9, 14};
-  EXPECT_NEAR(figures_of(there, all).raw_m, figures_of(here, all).raw_m,
-              kRounding * figures_of(here, all).raw_m);
-  EXPECT_NEAR(figures_of(there, all).level_m, figures_of(here, all).level_m,
-              kRounding * figures_of(here, all).level_m);
+  const auto one = figures_of(here, all);
+  const auto other = figures_of(there, all);
+  EXPECT_NEAR(other.raw_m, one.raw_m, kRounding * one.raw_m);
+  EXPECT_NEAR(other.level_m, one.level_m, kRounding * one.level_m);
 }
 
-TEST(JointMapBound, LeavesOutABodyThatSharesNoTag) {
-  const Scene scene;
-  const std::vector<TagsCovariance> bodies{scene.knowledge(0, kOfFirst), scene.knowledge(1, {14})};
-  const JointMap map = scene.map(bodies);
+TEST_F(JointMapBoundTest, LeavesOutABodyThatSharesNoTag) {
+  const std::vector<TagsCovariance> bodies{scene_.knowledge(0, kOfFirst),
+                                           scene_.knowledge(1, {14})};
+  const JointMap map = scene_.map(bodies);
   ASSERT_EQ(map.tags.size(), 2u);
-  const JointMap alone = scene.map(std::span(bodies).first(1));
+  const JointMap alone = scene_.map(std::span(bodies).first(1));
   expect_near(map.P, alone.P, kRounding);
 }
 
-TEST(JointMapBound, LaysItsMapOverTheTruthAsScoresOfMapsDo) {
-  const Scene scene;
-  const JointMap map = scene.map(scene.both());
+TEST_F(JointMapBoundTest, FitsItsMapToTheTruthAsScoresDo) {
+  const JointMap map = scene_.map(scene_.both());
   // Each column is an error; all of them together have the map's covariance. So small that it is
   // linear.
   constexpr double kSmall = 1e-4;

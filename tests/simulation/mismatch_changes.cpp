@@ -30,27 +30,26 @@ constexpr double kHinge_m = 0.8;
 constexpr double kDoorOpens_rad = std::numbers::pi / 3;
 constexpr double kDoorPeriod_s = 4;
 constexpr double kElsewhere_m = 2.0;
-// A corner of a smeared side is found a tenth of the smear off, and a tag that smears over two of
-// its eight cells is not read.
+// Corners of a blurred side are off by a tenth of the blur; a tag with a blur of two of its eight
+// cells is not read.
 constexpr double kSmearFound = 0.1;
 constexpr double kSmearRead = 2.0 / 8;
 constexpr double kFirstSecond_s = 1.0;
-// A tag that is misread before comes into view in between:
+// A tag that was misread comes into view between:
 constexpr double kLater_s = 1.1;
 constexpr double kLatest_s = 2.6;
 
 void for_imu(EstimationData& data, const std::function<void(ImuSample&)>& work) {
-  for (SensorSample& sample : data.samples) {
+  for (SensorSample& sample : data.samples)
     if (auto* imu = std::get_if<ImuSample>(&sample)) work(*imu);
-  }
 }
 
-/// Where the camera is at an instant of the IMU's clock.
+/// Pose of the camera at an instant of the IMU's clock.
 Pose camera_at(const EstimationData& data, Instant at) {
   return data.truth_near(at).X_WB * data.camera.X_BV;
 }
 
-/// How the tag is seen in an image, by the simulator's own rules; nullopt: it is not.
+/// Sighting of the tag in an image by the rules of the simulator; nullopt: it is not seen.
 std::optional<TagSighting> sight(const EstimationData& data, const CornerFrame& image,
                                  const RecordedTag& tag, const simulation::ImageKey& key) {
   const Pose X_WV = camera_at(data, image.exposed_at);
@@ -66,18 +65,17 @@ void forget(CornerFrame& image, int tag_id) {
   std::erase_if(image.tags, [&](const TagSighting& t) { return t.tag_id == tag_id; });
 }
 
-bool shows(const CornerFrame& image, int tag_id) {
-  return std::any_of(image.tags.begin(), image.tags.end(),
-                     [&](const TagSighting& t) { return t.tag_id == tag_id; });
+void sort_by_id(std::vector<TagSighting>& tags) {
+  std::sort(tags.begin(), tags.end(),
+            [](const TagSighting& a, const TagSighting& b) { return a.tag_id < b.tag_id; });
 }
 
 void insert(CornerFrame& image, const TagSighting& tag) {
   image.tags.push_back(tag);
-  std::sort(image.tags.begin(), image.tags.end(),
-            [](const TagSighting& a, const TagSighting& b) { return a.tag_id < b.tag_id; });
+  sort_by_id(image.tags);
 }
 
-/// A place somewhere ahead of the camera at some time, turned to it.
+/// A random pose ahead of the camera at a random time, facing it.
 Pose place_ahead(const EstimationData& data, Random& random) {
   const double t_s = random.uniform(0, length_s(data));
   const double ahead_m = random.uniform(1.0, 4.0);
@@ -88,7 +86,7 @@ Pose place_ahead(const EstimationData& data, Random& random) {
   return X_WV * Pose{facing * exp_so3({tilt_x, tilt_y, 0}), {0, 0, ahead_m}};
 }
 
-/// How many of a sample of the images show it.
+/// Number of images, of every twentieth, that show it.
 int count_seen(EstimationData& data, const RecordedTag& tag) {
   constexpr std::size_t kEvery = 20;
   int count = 0;
@@ -98,7 +96,7 @@ int count_seen(EstimationData& data, const RecordedTag& tag) {
   return count;
 }
 
-/// Of some places far from the first print the one that is seen most.
+/// Of some places far from the first print, the one seen most.
 RecordedTag second_print(EstimationData& data, const RecordedTag& first, std::uint64_t seed) {
   constexpr int kTries = 60;
   Random random(seed, Purpose::kRoom, kSecondPrint);
@@ -116,7 +114,7 @@ RecordedTag second_print(EstimationData& data, const RecordedTag& first, std::ui
   return best;
 }
 
-/// When each tag of the room is seen first.
+/// First time at which each tag of the room is seen.
 std::map<int, double> first_seen(EstimationData& data) {
   std::map<int, double> first;
   for_images(data, [&](const CornerFrame& image, std::size_t, double t_s) {
@@ -132,11 +130,8 @@ void for_images(EstimationData& data,
                 const std::function<void(CornerFrame&, std::size_t k, double t_s)>& work) {
   const Instant first = time_of(data.samples.front());
   std::size_t k = 0;
-  for (SensorSample& sample : data.samples) {
-    auto* image = std::get_if<CornerFrame>(&sample);
-    if (image == nullptr) continue;
-    work(*image, k++, to_seconds(image->exposed_at - first));
-  }
+  for_each_image(
+      data, [&](CornerFrame& image) { work(image, k++, to_seconds(image.exposed_at - first)); });
 }
 
 double length_s(const EstimationData& data) {
@@ -145,11 +140,9 @@ double length_s(const EstimationData& data) {
 
 std::vector<int> often_seen(const EstimationData& data, std::size_t count) {
   std::map<int, int> images;
-  for (const SensorSample& sample : data.samples) {
-    const auto* image = std::get_if<CornerFrame>(&sample);
-    if (image == nullptr) continue;
-    for (const TagSighting& tag : image->tags) ++images[tag.tag_id];
-  }
+  for_each_image(data, [&](const CornerFrame& image) {
+    for (const TagSighting& tag : image.tags) ++images[tag.tag_id];
+  });
   images.erase(data.reference_tag);
   std::vector<int> ids;
   for (const auto& [id, seen] : images) ids.push_back(id);
@@ -177,25 +170,25 @@ void print_larger(EstimationData& data, double factor, std::optional<int> only) 
   for (auto& [id, size_m] : data.tag_set.sizes_m) size_m /= !only || id == *only ? factor : 1;
 }
 
-void lengthen_told_lens(EstimationData& data, double factor) {
+void lengthen_configured_lens(EstimationData& data, double factor) {
   data.camera.model.fu *= factor;
   data.camera.model.fv *= factor;
 }
 
-void move_told_centre(EstimationData& data, const Eigen::Vector2d& by_px) {
+void move_configured_centre(EstimationData& data, const Eigen::Vector2d& by_px) {
   data.camera.model.cu += by_px.x();
   data.camera.model.cv += by_px.y();
 }
 
 void bend_images(EstimationData& data, double k1, double k2) {
-  const CameraModel& told = data.camera.model;
+  const CameraModel& lens = data.camera.model;
   for_images(data, [&](CornerFrame& image, std::size_t, double) {
     for (TagSighting& tag : image.tags) {
       for (Eigen::Vector2d& px : tag.corners_px) {
-        const auto ideal = undistort(told, px);
+        const auto ideal = undistort(lens, px);
         if (!ideal) continue;
-        const Eigen::Vector2d from_centre = ideal->px - Eigen::Vector2d(told.cu, told.cv);
-        const Eigen::Vector2d ray = from_centre.cwiseQuotient(Eigen::Vector2d(told.fu, told.fv));
+        const Eigen::Vector2d from_centre = ideal->px - Eigen::Vector2d(lens.cu, lens.cv);
+        const Eigen::Vector2d ray = from_centre.cwiseQuotient(Eigen::Vector2d(lens.fu, lens.fv));
         const double square = ray.squaredNorm();
         px += (k1 + k2 * square) * square * from_centre;
       }
@@ -238,18 +231,16 @@ void swap_imu_axes(EstimationData& data) {
   });
 }
 
-void turn_told_camera(EstimationData& data, double angle_rad) {
+void turn_configured_camera(EstimationData& data, double angle_rad) {
   data.nominal_X_BV.q = data.nominal_X_BV.q * exp_so3({0, 0, angle_rad});
 }
 
 void swap_ids(EstimationData& data, int a, int b, double from_s) {
   for_images(data, [&](CornerFrame& image, std::size_t, double t_s) {
     if (t_s < from_s) return;
-    for (TagSighting& tag : image.tags) {
+    for (TagSighting& tag : image.tags)
       if (tag.tag_id == a || tag.tag_id == b) tag.tag_id = a + b - tag.tag_id;
-    }
-    std::sort(image.tags.begin(), image.tags.end(),
-              [](const TagSighting& s, const TagSighting& t) { return s.tag_id < t.tag_id; });
+    sort_by_id(image.tags);
   });
 }
 
@@ -287,7 +278,7 @@ void show_beside(EstimationData& data, const RecordedTag& print, std::uint64_t s
   for_images(data, [&](CornerFrame& image, std::size_t k, double) {
     const auto seen = sight(data, image, print, {seed + kSecondPrint, 0, k});
     if (!seen) return;
-    // As a detector does it: an id that appears twice is left out.
+    // As in a detector, an id that appears twice is dropped.
     if (shows(image, print.tag_id)) {
       forget(image, print.tag_id);
     } else {
@@ -316,9 +307,8 @@ void blur(EstimationData& data, double exposure_s, std::uint64_t seed) {
   };
   for_images(data, [&](CornerFrame& image, std::size_t, double) {
     std::vector<TagSighting> read;
-    for (TagSighting tag : image.tags) {
+    for (TagSighting tag : image.tags)
       if (smear(image, tag)) read.push_back(tag);
-    }
     image.tags = std::move(read);
   });
 }
@@ -365,8 +355,7 @@ void misread_as(EstimationData& data, int tag_id, std::uint64_t seed) {
   for (std::size_t i = first; i < std::min(first + images, early.size()); ++i) {
     auto& tags = early[i]->tags;
     tags[static_cast<std::size_t>(which) % tags.size()].tag_id = tag_id;
-    std::sort(tags.begin(), tags.end(),
-              [](const TagSighting& a, const TagSighting& b) { return a.tag_id < b.tag_id; });
+    sort_by_id(tags);
   }
 }
 

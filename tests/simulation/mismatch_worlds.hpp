@@ -16,10 +16,9 @@ struct Mismatch {
   using Data = std::function<void(EstimationData&, std::uint64_t seed)>;
 
   std::string name;
-  Faults faults{};  ///< What the simulator does otherwise, …
-  Data data{};      ///< … changes of its samples or of the configuration.
-  /// What differs from the other rows without being wrong: the run that this one is compared with
-  /// has it too. Rows with the same word in `base` share that run.
+  Faults faults{};  ///< Changes of the simulator.
+  Data data{};      ///< Changes of its samples or of the configuration.
+  /// Name of the unmodified run that this row is compared with. It has the changes below, too.
   std::string base{};
   Setup base_setup{};
   Data base_data{};
@@ -27,6 +26,7 @@ struct Mismatch {
 
 /// The rows of docs/design/mismatch.md; the first one is "nothing".
 [[nodiscard]] const std::vector<Mismatch>& mismatches();
+[[nodiscard]] const Mismatch& mismatch_named(const std::string& name);
 
 /// The world of `setup` without the mismatch, and with it. The truth stays the truth in both.
 [[nodiscard]] EstimationData unmodified_world(SimulatedDataSetup setup, const Mismatch& mismatch);

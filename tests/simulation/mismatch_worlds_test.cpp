@@ -12,41 +12,32 @@
 namespace fiducap {
 namespace {
 
-constexpr double kSeconds = 10;
+constexpr double kWorldSeconds = 10;
 // Arithmetic only, no measurement.
 constexpr double kExact = 1e-12;
-
-const Mismatch& named(const std::string& name) {
-  const auto found = std::find_if(mismatches().begin(), mismatches().end(),
-                                  [&](const Mismatch& m) { return m.name == name; });
-  if (found == mismatches().end()) throw std::runtime_error("no mismatch " + name);
-  return *found;
-}
 
 /// The same seed without and with a mismatch.
 struct Worlds {
   EstimationData clean, wrong;
   explicit Worlds(const std::string& name, const std::string& world = "sparse") {
-    const SimulatedDataSetup setup{.world = world, .seconds = kSeconds, .seed = 1};
-    clean = unmodified_world(setup, named(name));
-    wrong = mismatched_world(setup, named(name));
+    const SimulatedDataSetup setup{.world = world, .seconds = kWorldSeconds, .seed = 1};
+    clean = unmodified_world(setup, mismatch_named(name));
+    wrong = mismatched_world(setup, mismatch_named(name));
   }
 };
 
-std::vector<CornerFrame> images_of(const EstimationData& data) {
-  std::vector<CornerFrame> images;
-  for (const SensorSample& sample : data.samples) {
-    if (const auto* image = std::get_if<CornerFrame>(&sample)) images.push_back(*image);
-  }
-  return images;
+template <class Sample>
+std::vector<Sample> samples_of(const EstimationData& data) {
+  std::vector<Sample> out;
+  for (const SensorSample& sample : data.samples)
+    if (const auto* one = std::get_if<Sample>(&sample)) out.push_back(*one);
+  return out;
 }
-
+std::vector<CornerFrame> images_of(const EstimationData& data) {
+  return samples_of<CornerFrame>(data);
+}
 std::vector<ImuSample> readings_of(const EstimationData& data) {
-  std::vector<ImuSample> readings;
-  for (const SensorSample& sample : data.samples) {
-    if (const auto* imu = std::get_if<ImuSample>(&sample)) readings.push_back(*imu);
-  }
-  return readings;
+  return samples_of<ImuSample>(data);
 }
 
 /// Stamps of the second minus those of the first.
@@ -59,13 +50,13 @@ std::vector<double> stamp_errors(const Worlds& worlds) {
   return errors;
 }
 
-double rms(const std::vector<double>& values) {
+double rms_of(const std::vector<double>& values) {
   double sum = 0;
   for (const double x : values) sum += x * x;
   return std::sqrt(sum / static_cast<double>(values.size()));
 }
 
-/// Root of the mean square by which the corners of a tag have moved where both worlds show it.
+/// RMS motion of a tag's corners in images that show it in both worlds.
 double moved_px(const Worlds& worlds, int tag_id, double from_s, double to_s) {
   const auto clean = images_of(worlds.clean);
   const auto wrong = images_of(worlds.wrong);
@@ -81,10 +72,10 @@ double moved_px(const Worlds& worlds, int tag_id, double from_s, double to_s) {
       }
     }
   }
-  return moves.empty() ? 0 : rms(moves);
+  return moves.empty() ? 0 : rms_of(moves);
 }
 
-/// In how many images another set of ids is seen.
+/// Number of images with another set of ids.
 int images_with_other_ids(const Worlds& worlds) {
   const auto ids = [](const CornerFrame& image) {
     std::set<int> all;
@@ -98,7 +89,7 @@ int images_with_other_ids(const Worlds& worlds) {
   return others;
 }
 
-TEST(MismatchWorlds, EachRowDiffersFromItsUnmodifiedRunButTheFirst) {
+TEST(MismatchWorlds, AllRowsButTheFirstDifferFromTheirBase) {
   const auto differ = [](const EstimationData& a, const EstimationData& b) {
     if (a.samples.size() != b.samples.size()) return true;
     if (a.camera.model.fu != b.camera.model.fu || a.camera.model.cu != b.camera.model.cu)
@@ -128,7 +119,7 @@ TEST(MismatchWorlds, EachRowDiffersFromItsUnmodifiedRunButTheFirst) {
   }
 }
 
-TEST(MismatchWorlds, ImuIsFiveTimesNoisierThanTold) {
+TEST(MismatchWorlds, ImuIsFiveTimesNoisierThanConfigured) {
   const Worlds worlds("IMU x5");
   const auto scatter = [](const EstimationData& data) {
     std::vector<double> errors;
@@ -136,17 +127,16 @@ TEST(MismatchWorlds, ImuIsFiveTimesNoisierThanTold) {
       const Eigen::Vector3d w = data.rate_at(imu.sampled_at);
       errors.push_back((imu.w_WB_B - w - data.truth_near(imu.sampled_at).bias_w).x());
     }
-    return rms(errors);
+    return rms_of(errors);
   };
-  constexpr double kOfFive =
-      0.2;  // 2000 readings scatter by 2 %, the rate by differences is coarse
+  constexpr double kOfFive = 0.2;  // 2000 readings scatter by 2 %, differences of rates are coarse
   EXPECT_NEAR(scatter(worlds.wrong) / scatter(worlds.clean), 5, kOfFive);
   EXPECT_EQ(worlds.wrong.imu->gyro_noise_rad_s_rtHz, worlds.clean.imu->gyro_noise_rad_s_rtHz);
 }
 
-TEST(MismatchWorlds, StampsAreOffAsSaid) {
+TEST(MismatchWorlds, StampsAreOffAsNamed) {
   constexpr double kOfThree_s = 0.0006;  // four sigmas of 200 draws
-  EXPECT_NEAR(rms(stamp_errors(Worlds("stamps 3 ms"))), 0.003, kOfThree_s);
+  EXPECT_NEAR(rms_of(stamp_errors(Worlds("stamps 3 ms"))), 0.003, kOfThree_s);
   const auto jump = stamp_errors(Worlds("jump 0.2 s"));
   EXPECT_NEAR(jump.front(), 0, kExact);
   EXPECT_NEAR(jump.back(), 0.2, kExact);
@@ -154,15 +144,15 @@ TEST(MismatchWorlds, StampsAreOffAsSaid) {
   EXPECT_NEAR(stamp_errors(Worlds("0.5 s latency undeclared")).front(), 0.5, kExact);
 }
 
-TEST(MismatchWorlds, WhatIsToldIsOffAsSaid) {
-  const auto told = [](const EstimationData& data, int tag_id) {
+TEST(MismatchWorlds, ConfigurationIsOffAsNamed) {
+  const auto size_ratio = [](const EstimationData& data, int tag_id) {
     return data.tag_set.edge_of(tag_id) / data.tag(tag_id)->edge_m;
   };
   const Worlds all("prints 2 %"), one("one print 2 %");
   const int tag_id = most_seen_tag(one.clean);
   for (const RecordedTag& tag : all.clean.tags) {
-    EXPECT_NEAR(told(all.wrong, tag.tag_id), 1 / 1.02, kExact);
-    EXPECT_NEAR(told(one.wrong, tag.tag_id), tag.tag_id == tag_id ? 1 / 1.02 : 1, kExact);
+    EXPECT_NEAR(size_ratio(all.wrong, tag.tag_id), 1 / 1.02, kExact);
+    EXPECT_NEAR(size_ratio(one.wrong, tag.tag_id), tag.tag_id == tag_id ? 1 / 1.02 : 1, kExact);
   }
   const Worlds lens("both lens");
   EXPECT_NEAR(lens.wrong.camera.model.fu / lens.clean.camera.model.fu, 1.01, kExact);
@@ -174,34 +164,35 @@ TEST(MismatchWorlds, WhatIsToldIsOffAsSaid) {
   EXPECT_NEAR(angle, std::acos(0), 1e-7);  // acos near its end
 }
 
-TEST(MismatchWorlds, RollingShutterMovesCornersAndIsNotTold) {
+TEST(MismatchWorlds, RollingShutterMovesCornersUnconfigured) {
   const Worlds worlds("readout 15 ms");
-  EXPECT_GT(moved_px(worlds, most_seen_tag(worlds.clean), 0, kSeconds), 0.5);
+  EXPECT_GT(moved_px(worlds, most_seen_tag(worlds.clean), 0, kWorldSeconds), 0.5);
   EXPECT_EQ(worlds.wrong.camera.readout_s, 0);
 }
 
 TEST(MismatchWorlds, BlurScattersFastCornersOnly) {
   const Worlds slow("blur 20 ms", "table"), fast("blur 20 ms", "sparse");
-  const double slow_px = moved_px(slow, most_seen_tag(slow.clean), 0, kSeconds);
-  const double fast_px = moved_px(fast, most_seen_tag(fast.clean), 0, kSeconds);
+  const double slow_px = moved_px(slow, most_seen_tag(slow.clean), 0, kWorldSeconds);
+  const double fast_px = moved_px(fast, most_seen_tag(fast.clean), 0, kWorldSeconds);
   EXPECT_GT(slow_px, 0.05);
   EXPECT_GT(fast_px, 1.2 * slow_px);
 }
 
-TEST(MismatchWorlds, OneTagIsMisreadInTheFirstSecondBeforeItIsThere) {
+TEST(MismatchWorlds, TagIsMisreadInTheFirstSecond) {
   for (const char* name : {"misread id", "misread reference"}) {
+    SCOPED_TRACE(name);
     const Worlds worlds(name);
     const auto clean = images_of(worlds.clean);
     const auto wrong = images_of(worlds.wrong);
     const int others = images_with_other_ids(worlds);
-    EXPECT_GE(others, 1) << name;
-    EXPECT_LE(others, 2) << name;
-    EXPECT_EQ(images_of(worlds.clean).size(), wrong.size()) << name;
+    EXPECT_GE(others, 1);
+    EXPECT_LE(others, 2);
+    EXPECT_EQ(clean.size(), wrong.size());
     const int late = std::string(name) == "misread id" ? mismatch::late_tag(worlds.clean)
                                                        : worlds.clean.reference_tag;
     for (const CornerFrame& image : clean) {
       if (to_seconds(image.exposed_at - clean.front().exposed_at) >= 1.0) break;
-      for (const TagSighting& tag : image.tags) EXPECT_NE(tag.tag_id, late) << name;
+      for (const TagSighting& tag : image.tags) EXPECT_NE(tag.tag_id, late);
     }
   }
 }
@@ -209,11 +200,11 @@ TEST(MismatchWorlds, OneTagIsMisreadInTheFirstSecondBeforeItIsThere) {
 TEST(MismatchWorlds, DoorMovesItsTagAfterAThird) {
   const Worlds worlds("door");
   const int tag_id = most_seen_tag(worlds.clean);
-  EXPECT_EQ(moved_px(worlds, tag_id, 0, kSeconds / 3 - 0.1), 0);
-  EXPECT_GT(moved_px(worlds, tag_id, kSeconds / 3, kSeconds), 20);
+  EXPECT_EQ(moved_px(worlds, tag_id, 0, kWorldSeconds / 3 - 0.1), 0);
+  EXPECT_GT(moved_px(worlds, tag_id, kWorldSeconds / 3, kWorldSeconds), 20);
 }
 
-TEST(MismatchWorlds, SecondPrintIsSeenFarFromTheFirst) {
+TEST(MismatchWorlds, SecondPrintIsSeen) {
   const Worlds worlds("id twice");
   EXPECT_GT(images_with_other_ids(worlds), 20);
 }
@@ -262,14 +253,11 @@ TEST(MismatchWorlds, ImuIsClippedOrWired) {
   EXPECT_EQ(b.f_B, Eigen::Vector3d(a.f_B.y(), a.f_B.x(), a.f_B.z()));
 }
 
-TEST(MismatchWorlds, RunTellsWhatWasSaid) {
-  EstimationData data = simulate({.world = "table", .seconds = kSeconds, .seed = 1});
-  for (SensorSample& sample : data.samples) {
+TEST(MismatchWorlds, RunListsEachReportOnce) {
+  EstimationData data = simulate({.world = "table", .seconds = kWorldSeconds, .seed = 1});
+  for (SensorSample& sample : data.samples)
     if (auto* imu = std::get_if<ImuSample>(&sample)) imu->f_B /= 9.81;
-  }
-  FilterChoice choice{.filter = "world"};
-  choice.live = true;
-  const FilterRun run = run_filter(data, choice);
+  const FilterRun run = run_filter(data, {.filter = "world", .live = true});
   const auto in_g = [](const std::string& text) { return text.find(" g") != std::string::npos; };
   EXPECT_TRUE(std::any_of(run.said.begin(), run.said.end(), in_g));
   const std::set<std::string> once(run.said.begin(), run.said.end());

@@ -1,24 +1,25 @@
-// Recordings of the whole server on disks that are full, stuck, or gone with the process.
+// Recordings of the whole server on full and stuck disks, and when it is killed.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/resource.h>
 
 #include <algorithm>
-#include <chrono>
-#include <fiducap/client.hpp>
-#include <fiducap/control.hpp>
-#include <functional>
+#include <fstream>
 #include <future>
 #include <map>
-#include <thread>
+#include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "base/log.hpp"
+#include "base/whole_file.hpp"
 #include "mapping/store/map_store.hpp"
 #include "support/fault_disk.hpp"
 #include "support/fiducapd_process.hpp"
 #include "support/frozen_file.hpp"
 #include "support/running_server.hpp"
+#include "support/temporary_folder.hpp"
 #include "tools/live/live_verbs.hpp"
+#include "tools/replay/replay_inputs.hpp"
+#include "tools/replay/replay_verbs.hpp"
 
 namespace fiducap {
 namespace {
@@ -27,35 +28,17 @@ using namespace std::chrono_literals;
 using testing::HasSubstr;
 using testing::MatchesRegex;
 
-constexpr const char* kToken = "correct horse";
+constexpr const char* kOperatorToken = "correct horse";
 constexpr std::size_t kDisk_bytes = 150'000;  // a second or two of one robot's IMU
 
-template <typename Condition>
-bool wait_until(Condition condition) {
-  for (int i = 0; i < 1200; ++i, std::this_thread::sleep_for(50ms))
-    if (condition()) return true;
-  return false;
-}
-
-class AtEnd final {
- public:
-  explicit AtEnd(std::function<void()> what) : what_(std::move(what)) {}
-  ~AtEnd() { what_(); }
-  AtEnd(const AtEnd&) = delete;
-  AtEnd& operator=(const AtEnd&) = delete;
-
- private:
-  std::function<void()> what_;
-};
-
-/// What a person types, and gets to see.
+/// The operator's command line.
 class Operator final {
  public:
   explicit Operator(std::uint16_t port) {
     arguments_.server = "127.0.0.1:" + std::to_string(port);
-    arguments_.token = kToken;
+    arguments_.token = kOperatorToken;
     options_.port = port;
-    options_.token = kToken;
+    options_.token = kOperatorToken;
   }
   int record(const std::string& name) {
     arguments_.name = name;
@@ -66,7 +49,7 @@ class Operator final {
     return run(run_control_stop);
   }
   int list() { return run(run_control_list); }
-  [[nodiscard]] std::string said() const { return out_.str() + err_.str(); }
+  [[nodiscard]] std::string output() const { return out_.str() + err_.str(); }
   /// The newest recording; empty: the server does not answer.
   Recording newest() {
     ControlState state;
@@ -95,9 +78,9 @@ class RecorderTest : public testing::Test {
   RecorderTest() {
     auto arguments = corners_on_free_ports();
     arguments.insert(arguments.begin(), {"--config", demo_file()});
-    for (const std::string& set :
-         {"streaming.native.port=" + std::to_string(port_), std::string("operator.token=") + kToken,
-          "recorder.folder=" + folder_.file("recordings")})
+    for (const std::string& set : {"streaming.native.port=" + std::to_string(port_),
+                                   std::string("operator.token=") + kOperatorToken,
+                                   "recorder.folder=" + folder_.file("recordings")})
       arguments.insert(arguments.end(), {"--set", set});
     server_.emplace(arguments);
   }
@@ -115,35 +98,35 @@ class RecorderTest : public testing::Test {
   Operator operator_{port_};
 };
 
-TEST_F(RecorderTest, AStopSaysWhatIsOnDisk) {
+TEST_F(RecorderTest, StopReportsTheSavedData) {
   ASSERT_TRUE(is_up()) << server_->output();
-  ASSERT_EQ(operator_.record("flight"), 0) << operator_.said();
-  EXPECT_THAT(operator_.said(), HasSubstr("recording \"flight\""));
+  ASSERT_EQ(operator_.record("flight"), 0) << operator_.output();
+  EXPECT_THAT(operator_.output(), HasSubstr("recording \"flight\""));
   ASSERT_TRUE(wait_until([&] { return operator_.newest().samples > 0; }));
-  ASSERT_EQ(operator_.stop(), 0) << operator_.said();
-  EXPECT_THAT(operator_.said(),
+  ASSERT_EQ(operator_.stop(), 0) << operator_.output();
+  EXPECT_THAT(operator_.output(),
               MatchesRegex("the recording has ended: [1-9][0-9]* samples, [0-9.]+ .B; "
                            "0 dropped\n"));
   EXPECT_EQ(operator_.newest().state, RecordingState::kFinished);
 }
 
-TEST_F(RecorderTest, AFullDiskIsAFailureWithItsReasonAndTheNextRecordingWorks) {
+TEST_F(RecorderTest, FullDiskIsReportedAndTheNextRecordingWorks) {
   ASSERT_TRUE(is_up()) << server_->output();
   allow_files_of(kDisk_bytes);
-  ASSERT_EQ(operator_.record("full"), 0) << operator_.said();
+  ASSERT_EQ(operator_.record("full"), 0) << operator_.output();
   ASSERT_TRUE(wait_until([&] { return operator_.newest().state == RecordingState::kFailed; }));
   EXPECT_EQ(operator_.list(), 0);
-  EXPECT_THAT(operator_.said(), HasSubstr("recording \"full\" failed: "));
+  EXPECT_THAT(operator_.output(), HasSubstr("recording \"full\" failed: "));
   EXPECT_EQ(operator_.stop(), 1);
-  EXPECT_THAT(operator_.said(), HasSubstr("File too large"));
-  EXPECT_THAT(operator_.said(), MatchesRegex("(.|\n)*[1-9][0-9]* bytes saved(.|\n)*"));
+  EXPECT_THAT(operator_.output(), HasSubstr("File too large"));
+  EXPECT_THAT(operator_.output(), MatchesRegex("(.|\n)*[1-9][0-9]* bytes saved(.|\n)*"));
   EXPECT_THAT(server_->output(), HasSubstr("recorder: the recording \"full\" has failed: "));
 
   EXPECT_EQ(operator_.record("full"), 1) << "the name is taken";
-  EXPECT_THAT(operator_.said(), HasSubstr("nothing is overwritten"));
+  EXPECT_THAT(operator_.output(), HasSubstr("nothing is overwritten"));
   allow_files_of(RLIM_INFINITY);
-  ASSERT_EQ(operator_.record("room again"), 0) << operator_.said();
-  EXPECT_EQ(operator_.stop(), 0) << operator_.said();
+  ASSERT_EQ(operator_.record("room again"), 0) << operator_.output();
+  EXPECT_EQ(operator_.stop(), 0) << operator_.output();
 }
 
 /// The newest stamp in each stream of a session, by file.
@@ -165,12 +148,12 @@ std::map<std::string, std::int64_t> newest_stamps(const std::filesystem::path& s
   return newest;
 }
 
-TEST_F(RecorderTest, AKilledServerLosesASecondAtMost) {
+TEST_F(RecorderTest, KilledServerLosesASecondAtMost) {
   // Files are flushed together, a second apart; images come to the recorder a little late.
   constexpr std::int64_t kApart_ns = 1'500'000'000;
   constexpr std::int64_t kRecorded_ns = 3'500'000'000;
   ASSERT_TRUE(is_up()) << server_->output();
-  ASSERT_EQ(operator_.record("killed"), 0) << operator_.said();
+  ASSERT_EQ(operator_.record("killed"), 0) << operator_.output();
   const std::filesystem::path session = folder_.file("recordings/killed");
   const std::string imu = "drone/mav0/imu0/data.csv";
   std::int64_t first = 0;
@@ -191,17 +174,17 @@ std::uint64_t newest_line() {
   return lines.empty() ? 0 : lines.back().number;
 }
 
-bool the_log_has(const std::string& text, std::uint64_t after = 0) {
+bool log_has(const std::string& text, std::uint64_t after = 0) {
   const auto lines = log::lines_after(after);
   return std::any_of(lines.begin(), lines.end(), [&](const log::Line& line) {
     return line.text.find(text) != std::string::npos;
   });
 }
 
-TEST(RecorderOnAStuckDisk, ServesOnAndStoresTheMapAtTheEnd) {
+TEST(RecorderOnAStuckDisk, LetsTheServerContinueAndStoreItsMap) {
   const TemporaryFolder folder;
   ServerConfig config = corner_demo();
-  config.operators.token = kToken;
+  config.operators.token = kOperatorToken;
   config.recorder.folder = folder.file("recordings");
   config.recorder.at_start = "flight";
   config.map.store = folder.file("map.sqlite");
@@ -210,61 +193,106 @@ TEST(RecorderOnAStuckDisk, ServesOnAndStoresTheMapAtTheEnd) {
   RunningServer server(config, {}, [&] {
     frozen.emplace(folder.file("recordings/flight/drone/mav0/tags0/frames.csv"));
   });
-  const AtEnd thaw([&] { frozen->thaw(); });  // or the server could not be destroyed
+  // Otherwise the server could not be destroyed.
+  const std::shared_ptr<void> thaw(nullptr, [&](void*) { frozen->thaw(); });
   Operator person(server->ports().native);
-  ClientOptions options;
-  options.port = server->ports().native;
-  const Client client(options);
+  const Client client(server.client_options());
   Frame frame;
-  ASSERT_TRUE(wait_until([&] { return client.latest(frame) && the_log_has("joined the map"); }))
-      << "frames go out, and tags come into the map";
-  EXPECT_EQ(person.stop(0.2), 1) << person.said();
-  EXPECT_THAT(person.said(), HasSubstr("its disk has taken nothing for 0.2 s"));
-  EXPECT_EQ(person.record("next"), 1) << person.said();
-  EXPECT_THAT(person.said(), HasSubstr("\"next\" has not begun"));
+  ASSERT_TRUE(wait_until([&] { return client.latest(frame) && log_has("joined the map"); }))
+      << "frames are sent, and tags are mapped";
+  EXPECT_EQ(person.stop(0.2), 1) << person.output();
+  EXPECT_THAT(person.output(), HasSubstr("its disk has taken nothing for 0.2 s"));
+  EXPECT_EQ(person.record("next"), 1) << person.output();
+  EXPECT_THAT(person.output(), HasSubstr("\"next\" has not begun"));
   EXPECT_EQ(person.list(), 0);
-  EXPECT_THAT(person.said(), HasSubstr("recording \"flight\" stopping"));
+  EXPECT_THAT(person.output(), HasSubstr("recording \"flight\" stopping"));
   const std::uint64_t seen = frame.number;
   EXPECT_TRUE(wait_until([&] { return client.latest(frame) && frame.number > seen + 100; }));
 
   server.stop();
   EXPECT_FALSE(server.clean()) << "a thread is left behind";
-  auto store = MapStore::open(config.map.store);
-  ASSERT_TRUE(store) << store.error().text();
-  const auto map = store->newest();
-  ASSERT_TRUE(map) << map.error().text();
-  EXPECT_FALSE(map->tags.empty());
+  EXPECT_FALSE(value_of(value_of(MapStore::open(config.map.store)).newest()).tags.empty());
 }
 
-TEST(RecorderWithoutADisk, TheServerStartsAndSaysWhatIsMissing) {
+TEST(RecorderWithoutADisk, LetsTheServerStart) {
   const TemporaryFolder folder;
   ServerConfig config = corner_demo();
-  config.operators.token = kToken;
+  config.operators.token = kOperatorToken;
   config.recorder.folder = folder.write("no_folder", "a file");
   config.recorder.at_start = "flight";
   RunningServer server(config);
   Operator person(server->ports().native);
   EXPECT_EQ(person.list(), 0);
-  EXPECT_THAT(person.said(), HasSubstr("recording \"flight\" failed"));
-  EXPECT_TRUE(the_log_has("the recording \"flight\" has failed"));
+  EXPECT_THAT(person.output(), HasSubstr("recording \"flight\" failed"));
+  EXPECT_TRUE(log_has("the recording \"flight\" has failed"));
   server.stop();
   EXPECT_TRUE(server.clean());
 }
 
-TEST(MapOnAStuckDisk, HoldsUpTheEndForSecondsOnly) {
+TEST(MapOnAStuckDisk, DelaysTheEndBySecondsOnly) {
   test::FaultDisk disk;
   ServerConfig config = corner_demo();
   config.map.store = "map.sqlite";
   config.map.builder.commit_period_s = 3600;  // only at the end
-  std::promise<void> mended;
+  std::promise<void> repaired;
   const auto begin = newest_line();
   RunningServer server(config);
-  ASSERT_TRUE(wait_until([&] { return the_log_has("joined the map", begin); }));
-  disk.on_sync([has_been_mended = mended.get_future().share()] { has_been_mended.wait(); });
-  const AtEnd mend([&] { mended.set_value(); });  // or the server could not be destroyed
+  ASSERT_TRUE(wait_until([&] { return log_has("joined the map", begin); }));
+  disk.on_sync([wait = repaired.get_future().share()] { wait.wait(); });
+  // Otherwise the server could not be destroyed.
+  const std::shared_ptr<void> repair(nullptr, [&](void*) { repaired.set_value(); });
   server.stop();
   EXPECT_FALSE(server.clean());
-  EXPECT_TRUE(the_log_has("the disk of the map is stuck"));
+  EXPECT_TRUE(log_has("the disk of the map is stuck"));
+}
+
+class RefinedSessionTest : public testing::Test {
+ protected:
+  /// Three robots in real time until the map has adopted this number of solutions.
+  void serve_and_record(int refinements) {
+    ServerConfig config = corner_demo();
+    config.map.builder.refine_period_s = 0.5;
+    config.recorder.folder = folder_.file("recordings");
+    config.recorder.at_start = "session";
+    RunningServer server(config);
+    ASSERT_TRUE(wait_until([&] { return adopted() >= refinements; }));
+    server.stop();
+    ASSERT_TRUE(server.clean());
+  }
+  /// Solutions on disk.
+  [[nodiscard]] int adopted() const {
+    const auto turns = read_refinement_turns(session() + "/refinements.csv");
+    return turns ? static_cast<int>(std::count_if(turns->begin(), turns->end(),
+                                                  [](const auto& t) { return t.adopted; }))
+                 : 0;
+  }
+  /// @return the replay's report about the live estimates
+  nlohmann::json replay() {
+    ReplayArguments arguments;
+    arguments.recordings = {session()};
+    arguments.out = folder_.file("out");
+    std::ostringstream out;
+    std::ostringstream err;
+    EXPECT_EQ(run_replay(arguments, {out, err}), 0) << err.str();
+    const auto report = read_whole_file(folder_.file("out/report.json"));
+    return report ? nlohmann::json::parse(*report)["live"] : nlohmann::json{};
+  }
+  [[nodiscard]] std::string session() const { return folder_.file("recordings/session"); }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(RefinedSessionTest, IsReplayedBitwise) {
+  serve_and_record(5);
+  auto live = replay();
+  EXPECT_EQ(live["turns_missed"], 0);
+  EXPECT_GT(live["compared"], 100);
+  EXPECT_EQ(live["different"], 0) << live;
+
+  // Counter-check: without the refinements it is another session.
+  std::ofstream(session() + "/refinements.csv") << "#taken_after,adopted_after\n";
+  live = replay();
+  EXPECT_GT(live["different"], 100) << live;
 }
 
 }  // namespace

@@ -18,8 +18,7 @@ BodySensors sensors_of(const EstimationData& data) {
   return sensors;
 }
 
-/// Feeds a size check of its own with what the pipeline's images show, so that its inside can be
-/// looked at.
+/// Feeds a separate size check with the pipeline's images, so that its state is accessible.
 SizeRun run_check(const EstimationData& data, const std::string& filter, int tag) {
   PipelineSetup setup;
   setup.sensors = sensors_of(data);
@@ -43,7 +42,7 @@ SizeRun run_check(const EstimationData& data, const std::string& filter, int tag
       if (rejections.add(update->report)) out.rejection_said_at_s.push_back(t);
       if (!update->estimate) continue;
       check.add({update->seen, *update->estimate, update->report, update->beliefs, {}});
-      if (const auto news = check.take_event()) out.said.push_back({t, *news});
+      if (const auto event = check.take_event()) out.said.push_back({t, *event});
     }
   };
   for (const SensorSample& sample : data.samples) {

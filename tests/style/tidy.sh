@@ -1,9 +1,8 @@
 #!/usr/bin/env bash
-# clang-tidy over our sources, as .clang-tidy says: tidy.sh BUILD_FOLDER [PATTERN]
+# clang-tidy over our sources by .clang-tidy: tidy.sh BUILD_FOLDER [PATTERN]
 #
-# What it costs is parsing the same headers again and again, so it reads what the compiler reads: a few
-# sources of one folder at once (FIDUCAP_TOGETHER). Exit code 77: not here, or not the version whose
-# answers the project knows.
+# Its cost is the repeated parsing of headers, so it reads what the compiler reads: a few sources of one
+# folder at once (FIDUCAP_TOGETHER). Exit code 77: it is missing or has another version.
 set -eu
 cd "$(dirname "$0")/../.."
 build=$1
@@ -29,8 +28,8 @@ sources=$(awk '/"command":/ {sub(/^[^:]*: "/, ""); sub(/",?$/, ""); gsub(/\\"/, 
     $1 ~ pattern && !seen[$1]++')
 [ -n "$sources" ] || say_why_not "no source is built in $build"
 
-# CI has no time to read everything each time: what the newest commits have changed, and of the rest a
-# third, another one with each commit. By hand everything is read.
+# CI has no time for all sources: those that the newest commits have changed, and a third of the rest, another one with
+# each commit. By hand all are read.
 readonly kNewest=40 kTurns=3
 if [ -n "${CI:-}" ] && oldest=$(git rev-parse --quiet --verify "HEAD~$kNewest"); then
   changed=$(git diff --name-only --diff-filter=d "$oldest" HEAD -- server client | while IFS= read -r file; do

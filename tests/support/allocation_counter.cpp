@@ -85,7 +85,7 @@ void* operator new(std::size_t size, std::align_val_t a) {
 void* operator new[](std::size_t size, std::align_val_t a) {
   return counted(size, static_cast<std::size_t>(a));
 }
-// A sanitizer's own nothrow forms would not come here, and their memory would meet our free().
+// Memory of a sanitizer's own nothrow forms would be released by free() below.
 void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
   return try_counted(size, alignof(::max_align_t));
 }

@@ -21,15 +21,15 @@ class AllocationCounter final {
   std::uint64_t start_;
 };
 
-/// Lets one operator new throw bad_alloc: in the threads that are in reach, the n-th from `arm` on.
-/// From any thread. Link `fiducap_allocation_counter`.
+/// Makes one operator new throw bad_alloc: in the chosen threads, the n-th from `arm` on.
+/// Thread-safe. Link `fiducap_allocation_counter`.
 class AllocationFault final {
  public:
   static void reach_this_thread();
-  /// Those whose name begins so, and no others by name. @param name_begin  a literal; "": none
+  /// Chooses threads by the begin of their name. @param name_begin  a literal; "": none
   static void reach_threads(const char* name_begin);
   static void arm(int nth);
-  /// @return false: fewer allocations came than it waited for, none has failed
+  /// @return false: there were fewer allocations, none has failed
   static bool disarm();
 };
 

@@ -24,8 +24,8 @@ class ClientProcess final {
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_adddup2(&actions, ends[1], 1);
     posix_spawn_file_actions_adddup2(&actions, ends[1], 2);
-    posix_spawn_file_actions_addclosefrom_np(&actions,
-                                             3);  // or the client would keep our port open
+    // Without this the client would keep our port open.
+    posix_spawn_file_actions_addclosefrom_np(&actions, 3);
     std::vector<char*> argv;
     for (auto& argument : arguments) argv.push_back(argument.data());
     argv.push_back(nullptr);
@@ -37,7 +37,7 @@ class ClientProcess final {
   }
   ~ClientProcess() {
     if (pid_ > 0) {
-      ::kill(pid_, SIGKILL);  // some clients take no other sign while they wait for a frame
+      ::kill(pid_, SIGKILL);  // some clients ignore others while they wait for a frame
       ::waitpid(pid_, nullptr, 0);
     }
     ::close(out_);
@@ -45,7 +45,7 @@ class ClientProcess final {
   ClientProcess(const ClientProcess&) = delete;
   ClientProcess& operator=(const ClientProcess&) = delete;
 
-  /// All it has printed so far; the end of a long output is left out.
+  /// Its output so far, at most 4 MB.
   const std::string& output() {
     char buffer[65536];
     for (ssize_t n = 0; (n = ::read(out_, buffer, sizeof(buffer))) > 0;) {

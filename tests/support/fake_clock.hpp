@@ -6,7 +6,7 @@
 
 namespace fiducap {
 
-/// Time moves only when the test says so; waiting jumps to the end of the wait.
+/// Only the test moves its time; a wait sets it to the end of the wait.
 class FakeClock final : public Clock {
  public:
   explicit FakeClock(Instant start = instant_from_ns(0)) : ns_(to_ns(start)) {}

@@ -8,7 +8,7 @@
 namespace fiducap {
 
 /// Carries out every command and records it.
-class FakeOperatorApi final : public OperatorApi {
+class FakeOperatorApi : public OperatorApi {
  public:
   std::string operator_token{"correct horse"};
   std::vector<Body> all{

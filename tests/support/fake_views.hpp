@@ -9,12 +9,12 @@
 
 namespace fiducap {
 
-/// Cameras whose pictures are texts, made when a test says so.
+/// Cameras whose pictures are texts that the test makes.
 class FakeViews final : public CameraViews {
  public:
   std::vector<Camera> all{{1, 0, 752, 480, 20}, {1, 1, 640, 400, 20}, {2, 0, 752, 480, 30}};
-  std::map<std::size_t, std::optional<ViewRequest>> watched;  ///< As asked for last.
-  int asked{0};                                               ///< How often.
+  std::map<std::size_t, std::optional<ViewRequest>> watched;  ///< The last requests.
+  int asked{0};                                               ///< Number of requests.
   std::map<std::size_t, Picture> made;
 
   void make(std::size_t camera, std::string text) {

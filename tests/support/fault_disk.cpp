@@ -8,16 +8,11 @@
 
 namespace fiducap::test {
 
-namespace {
-
-constexpr std::size_t kSector = 512;
-
-}  // namespace
-
-/// What SQLite calls.
+/// Functions that SQLite calls.
 struct DiskCalls {
   using File = FaultDisk::File;
   using Fault = FaultDisk::Fault;
+  static constexpr std::size_t kSector = 512;
 
   struct Inner {
     FaultDisk* disk{};
@@ -32,7 +27,7 @@ struct DiskCalls {
   static FaultDisk& disk_of(sqlite3_vfs* vfs) { return *static_cast<FaultDisk*>(vfs->pAppData); }
   static Inner& in(sqlite3_file* file) { return *reinterpret_cast<Handle*>(file)->inner; }
 
-  // --- the disk ---
+  // Of the disk.
 
   static int open(sqlite3_vfs* vfs, const char* name, sqlite3_file* file, int flags, int* given) {
     FaultDisk& disk = disk_of(vfs);
@@ -45,7 +40,7 @@ struct DiskCalls {
       found->former = std::exchange(disk.files_[name], found);
     }
     reinterpret_cast<Handle*>(file)->inner = new Inner{&disk, found};
-    file->pMethods = &kMethods;
+    file->pMethods = methods();
     if (given != nullptr) *given = flags;
     return SQLITE_OK;
   }
@@ -82,7 +77,7 @@ struct DiskCalls {
   }
   static int last_error(sqlite3_vfs*, int, char*) { return 0; }
 
-  // --- a file ---
+  // Of a file.
 
   static int close(sqlite3_file* file) {
     unlock(file, SQLITE_LOCK_NONE);
@@ -173,28 +168,14 @@ struct DiskCalls {
     return SQLITE_OK;
   }
 
-  static const sqlite3_io_methods kMethods;
+  static const sqlite3_io_methods* methods() {
+    static const sqlite3_io_methods all{
+        2,           close,          read,         write,   cut,    sync,     size,
+        lock,        unlock,         reserved,     control, sector, promises, shared_map,
+        shared_lock, shared_barrier, shared_unmap, nullptr, nullptr};
+    return &all;
+  }
 };
-
-const sqlite3_io_methods DiskCalls::kMethods{2,
-                                             DiskCalls::close,
-                                             DiskCalls::read,
-                                             DiskCalls::write,
-                                             DiskCalls::cut,
-                                             DiskCalls::sync,
-                                             DiskCalls::size,
-                                             DiskCalls::lock,
-                                             DiskCalls::unlock,
-                                             DiskCalls::reserved,
-                                             DiskCalls::control,
-                                             DiskCalls::sector,
-                                             DiskCalls::promises,
-                                             DiskCalls::shared_map,
-                                             DiskCalls::shared_lock,
-                                             DiskCalls::shared_barrier,
-                                             DiskCalls::shared_unmap,
-                                             nullptr,
-                                             nullptr};
 
 FaultDisk::FaultDisk() : vfs_(std::make_unique<sqlite3_vfs>()), before_(sqlite3_vfs_find(nullptr)) {
   vfs_->iVersion = 2;
@@ -226,9 +207,8 @@ std::shared_ptr<FaultDisk::File> FaultDisk::find(const std::string& path) const 
 FaultDisk::Fault FaultDisk::step(Fault possible) {
   if (off_) return Fault::kPowerCut;
   if (steps_++ != fault_at_ || fault_ == Fault::kReadFails) return Fault::kNone;
-  if (fault_ == Fault::kPowerCut) off_ = failed_ = true;
+  if (fault_ == Fault::kPowerCut) return off_ = failed_ = true, fault_;
   if (fault_ == Fault::kFull) full_ = true;  // failed when something does not fit
-  if (fault_ == Fault::kPowerCut) return fault_;
   if (fault_ != possible) return Fault::kNone;
   failed_ = true;
   return fault_;
@@ -245,7 +225,7 @@ void FaultDisk::fail_at(std::uint64_t step, Fault fault) {
   failed_ = false;
 }
 
-void FaultDisk::mend() {
+void FaultDisk::recover() {
   full_ = unreadable_ = false;
   fault_ = Fault::kNone;
 }
@@ -257,12 +237,12 @@ void FaultDisk::apply(std::string& bytes, const Write& write) {
             bytes.begin() + static_cast<std::ptrdiff_t>(write.at));
 }
 
-/// @param keep  asked for each sector
+/// @param keep  decides for each sector
 void FaultDisk::apply_torn(std::string& bytes, const Write& write,
                            const std::function<bool()>& keep) {
   for (std::size_t from = 0; from < write.bytes.size();) {
-    const std::size_t length =
-        std::min(write.bytes.size() - from, kSector - (write.at + from) % kSector);
+    const std::size_t length = std::min(
+        write.bytes.size() - from, DiskCalls::kSector - (write.at + from) % DiskCalls::kSector);
     if (keep()) apply(bytes, {write.at + from, write.bytes.substr(from, length), false});
     from += length;
   }
@@ -289,7 +269,7 @@ void FaultDisk::reboot(std::uint32_t seed) {
     files_[path] = after;
   }
   off_ = false;
-  mend();
+  recover();
 }
 
 std::string FaultDisk::content(const std::string& path) const {

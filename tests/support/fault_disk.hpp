@@ -22,10 +22,10 @@ class FaultDisk final {
   enum class Fault {
     kNone,
     kPowerCut,    ///< The step does not happen, and nothing after it until `reboot`.
-    kFull,        ///< No room, from this step on until `mend`.
-    kSyncFails,   ///< Only this step, if it is a sync: what it was to save stays volatile for good.
+    kFull,        ///< No room, from this step on until `recover`.
+    kSyncFails,   ///< Only this step, if it is a sync: its writes stay volatile.
     kWriteFails,  ///< Only this step, if it is a write: half of it is written.
-    kReadFails    ///< Reads fail from this step on until `mend`.
+    kReadFails    ///< Reads fail from this step on until `recover`.
   };
 
   FaultDisk();
@@ -38,15 +38,15 @@ class FaultDisk final {
   [[nodiscard]] std::uint64_t reads() const { return reads_; }
   /// @param step  counted from now, 0: the next one
   void fail_at(std::uint64_t step, Fault fault);
-  /// There is room again, reads succeed.
-  void mend();
-  /// What the disk holds after the power cut; without one it is cut now. Again with another seed:
-  /// another outcome of the same cut.
+  /// There is room, and reads succeed.
+  void recover();
+  /// The disk after the power cut; without one the power is cut now. Another seed gives another
+  /// outcome of the same cut.
   void reboot(std::uint32_t seed);
   /// Called at each sync, before it is done.
   void on_sync(std::function<void()> call) { on_sync_ = std::move(call); }
 
-  /// The fault was met.
+  /// The fault occurred.
   [[nodiscard]] bool has_failed() const { return failed_; }
   /// As programs see it; empty when it is not there.
   [[nodiscard]] std::string content(const std::string& path) const;
@@ -61,16 +61,17 @@ class FaultDisk final {
   };
   struct File {
     std::string now;      ///< As programs see it.
-    std::string durable;  ///< As the disk holds it for certain.
+    std::string durable;  ///< After any power cut.
     std::vector<Write> volatile_writes{};
-    std::shared_ptr<File> former{};  ///< Deleted, of the same name; back when neither was synced.
-    bool deleted{};                  ///< And for certain only when `durable` is empty.
-    int sharers{};                   ///< Connections with a lock.
+    std::shared_ptr<File>
+        former{};    ///< Deleted, of the same name; may return when neither was synced.
+    bool deleted{};  ///< After a power cut only when `durable` is empty.
+    int sharers{};   ///< Connections with a lock.
     std::vector<std::unique_ptr<char[]>> shared{};  ///< Memory of the connections (WAL index).
   };
 
   /// @param possible  what a fault may do to this kind of step, besides power cuts
-  /// @return the fault that the step meets
+  /// @return the fault of this step
   Fault step(Fault possible);
   bool read_fails();
   static void apply(std::string& bytes, const Write& write);

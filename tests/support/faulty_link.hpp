@@ -16,17 +16,17 @@
 
 namespace fiducap {
 
-/// What a network does to what passes; shares are from 0 to 1.
+/// Faults of a network; shares are from 0 to 1.
 struct LinkFaults {
   double lost{};
   double twice{};
-  double shortened{};      ///< Cut anywhere: no UDP does that, a broken tunnel may.
-  Duration least_delay{};  ///< Of each datagram by itself, so that they overtake each other.
+  double shortened{};      ///< Cut anywhere: by a broken tunnel, not by UDP.
+  Duration least_delay{};  ///< Of each datagram, so that they overtake each other.
   Duration most_delay{};
-  double late{};  ///< As much later again as `very_late`.
+  double late{};  ///< Delayed by another `very_late`.
   Duration very_late{};
 
-  /// A network as bad as this seed wants it.
+  /// A network drawn at random.
   static LinkFaults drawn(std::mt19937& random) {
     const auto upto = [&](double most) {
       return std::uniform_real_distribution(0.0, most)(random);
@@ -42,7 +42,7 @@ class FaultyLink final {
  public:
   using Bytes = std::vector<std::byte>;
 
-  /// @param random  outlives the link; the only chance there is
+  /// @param random  outlives the link
   FaultyLink(std::mt19937& random, const LinkFaults& faults) : random_(random), faults_(faults) {}
 
   void set(const LinkFaults& faults) { faults_ = faults; }
@@ -116,10 +116,10 @@ class FaultyStream final {
   std::vector<std::pair<Instant, std::size_t>> arrives_;
 };
 
-/// How many seeds a test of the network goes through: FIDUCAP_SEEDS, or `otherwise`.
+/// Number of seeds of a test of the network: FIDUCAP_SEEDS, or `otherwise`.
 inline std::uint32_t seeds(std::uint32_t otherwise) {
-  const char* wanted = std::getenv("FIDUCAP_SEEDS");
-  return wanted == nullptr ? otherwise : static_cast<std::uint32_t>(std::atol(wanted));
+  const char* requested = std::getenv("FIDUCAP_SEEDS");
+  return requested == nullptr ? otherwise : static_cast<std::uint32_t>(std::atol(requested));
 }
 
 }  // namespace fiducap

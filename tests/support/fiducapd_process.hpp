@@ -5,24 +5,19 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/ip/tcp.hpp>
 #include <chrono>
 #include <cstdint>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "support/loopback_socket.hpp"
+#include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {
 
-inline std::string demo_file() {
-  return (std::filesystem::path(FIDUCAP_SOURCE_DIR) / "config" / "demo.yaml").string();
-}
+inline std::string demo_file() { return FIDUCAP_SOURCE_DIR "/config/demo.yaml"; }
 
 /// For the demo: ready corners instead of images (a thousandth of the cost).
 inline std::vector<std::string> corners_on_free_ports() {
@@ -35,17 +30,17 @@ inline std::vector<std::string> corners_on_free_ports() {
 }
 
 inline std::uint16_t free_port() {
-  boost::asio::io_context io;
-  const boost::asio::ip::tcp::acceptor any(io, {boost::asio::ip::address_v4::loopback(), 0});
-  return any.local_endpoint().port();
+  const int any = bound_socket(SOCK_STREAM);
+  const std::uint16_t port = port_of(any);
+  ::close(any);
+  return port;
 }
 
 /// fiducapd with these arguments; its output goes to a file, or to `output` where one is given.
 class FiducapdProcess final {
  public:
   explicit FiducapdProcess(std::vector<std::string> arguments, int output_to = -1) {
-    arguments.insert(arguments.begin(),
-                     (std::filesystem::path(FIDUCAP_BINARY_DIR) / "bin" / "fiducapd").string());
+    arguments.insert(arguments.begin(), FIDUCAP_BINARY_DIR "/bin/fiducapd");
     std::vector<char*> argv;
     for (auto& argument : arguments) argv.push_back(argument.data());
     argv.push_back(nullptr);
@@ -73,11 +68,7 @@ class FiducapdProcess final {
   }
   void signal(int number) const { ::kill(pid_, number); }
   [[nodiscard]] pid_t pid() const { return pid_; }
-  [[nodiscard]] std::string output() const {
-    std::ostringstream text;
-    text << std::ifstream(folder_.file("output")).rdbuf();
-    return text.str();
-  }
+  [[nodiscard]] std::string output() const { return content_of(folder_.file("output")); }
   [[nodiscard]] bool prints(const std::string& text) const {
     for (int i = 0; i < 300; ++i) {
       if (output().find(text) != std::string::npos) return true;

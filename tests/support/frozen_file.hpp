@@ -12,7 +12,7 @@
 
 namespace fiducap {
 
-/// A file that a writer waits for, as on a disk that does not answer, until `thaw`.
+/// A file that blocks its writer until `thaw`, as on a disk that does not answer.
 class FrozenFile final {
  public:
   explicit FrozenFile(std::string path) : path_(std::move(path)) {

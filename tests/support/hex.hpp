@@ -8,21 +8,14 @@
 
 namespace fiducap {
 
-/// "00ff 10" → bytes; everything that is not a hex digit is for the reader's eyes only.
+/// "00ff 10" → bytes; all other characters are ignored.
 inline std::vector<std::byte> from_hex(std::string_view text) {
+  std::string digits;
+  for (const char c : text)
+    if (std::isxdigit(static_cast<unsigned char>(c)) != 0) digits += c;
   std::vector<std::byte> bytes;
-  int high = -1;
-  for (const char c : text) {
-    if (!std::isxdigit(static_cast<unsigned char>(c))) continue;
-    const int digit =
-        std::isdigit(static_cast<unsigned char>(c)) ? c - '0' : std::tolower(c) - 'a' + 10;
-    if (high < 0) {
-      high = digit;
-    } else {
-      bytes.push_back(static_cast<std::byte>(high * 16 + digit));
-      high = -1;
-    }
-  }
+  for (std::size_t i = 0; i + 1 < digits.size(); i += 2)
+    bytes.push_back(static_cast<std::byte>(std::stoi(digits.substr(i, 2), nullptr, 16)));
   return bytes;
 }
 

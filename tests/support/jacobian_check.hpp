@@ -1,39 +1,37 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Core>
 #include <functional>
 
 namespace fiducap {
 
-/// Central differences of f at zero perturbation. @param f  maps an n-vector of error coordinates
-/// to an m-vector.
-inline Eigen::MatrixXd central_differences(
-    const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& f, Eigen::Index n,
-    double step = 1e-5) {
-  Eigen::MatrixXd J;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    Eigen::VectorXd d = Eigen::VectorXd::Zero(n);
-    d(i) = step;
-    const Eigen::VectorXd column = (f(d) - f(-d)) / (2 * step);
-    if (J.size() == 0) J.resize(column.size(), n);
-    J.col(i) = column;
-  }
-  return J;
-}
+// Dense algebra of tests, compiled once: Eigen's products and decompositions are most of what a
+// test of a filter costs to compile.
+
+/// Maps n error coordinates to m numbers.
+using VectorFunction = std::function<Eigen::VectorXd(const Eigen::VectorXd&)>;
+
+/// Central differences of f at zero perturbation.
+[[nodiscard]] Eigen::MatrixXd central_differences(const VectorFunction& f, Eigen::Index n,
+                                                  double step = 1e-5);
 
 /// Compares an analytic Jacobian with central differences and prints both when they disagree.
-inline void expect_jacobian(const Eigen::MatrixXd& analytic,
-                            const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& f,
-                            double tolerance = 1e-6, double step = 1e-5) {
-  const Eigen::MatrixXd numeric = central_differences(f, analytic.cols(), step);
-  ASSERT_EQ(analytic.rows(), numeric.rows());
-  const double scale = std::max(1.0, numeric.cwiseAbs().maxCoeff());
-  EXPECT_LE((analytic - numeric).cwiseAbs().maxCoeff(), tolerance * scale)
-      << "analytic:\n"
-      << analytic << "\nnumeric:\n"
-      << numeric;
-}
+void expect_jacobian(const Eigen::MatrixXd& analytic, const VectorFunction& f,
+                     double tolerance = 1e-6, double step = 1e-5);
+
+/// The largest difference of two matrices is below `tolerance` times the largest number expected.
+void expect_matrices_near(const Eigen::MatrixXd& got, const Eigen::MatrixXd& expected,
+                          double tolerance);
+
+/// J P Jᵀ
+[[nodiscard]] Eigen::MatrixXd propagated(const Eigen::MatrixXd& J, const Eigen::MatrixXd& P);
+
+/// eᵀ P⁻¹ e
+[[nodiscard]] double squared_distance(const Eigen::VectorXd& e, const Eigen::MatrixXd& P);
+
+[[nodiscard]] Eigen::MatrixXd inverse(const Eigen::MatrixXd& A);
+
+/// Of a symmetric matrix.
+[[nodiscard]] double least_eigenvalue(const Eigen::MatrixXd& P);
 
 }  // namespace fiducap

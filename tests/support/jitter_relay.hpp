@@ -18,9 +18,8 @@
 
 namespace fiducap {
 
-/// A network with jitter between UDP clients and a server, where the kernel has no netem: each
-/// datagram, in each direction, waits for its own uniform time and may overtake others, as `netem
-/// delay 5ms 2ms` has it.
+/// A network with jitter between a UDP client and a server, where the kernel has no netem: each
+/// datagram has a uniform delay and may overtake others, as with `netem delay 5ms 2ms`.
 class JitterRelay final {
  public:
   JitterRelay(const std::string& host, std::uint16_t server_port, double mean_s, double spread_s)
@@ -49,7 +48,7 @@ class JitterRelay final {
   JitterRelay(const JitterRelay&) = delete;
   JitterRelay& operator=(const JitterRelay&) = delete;
 
-  /// Where the one client connects to.
+  /// For the client.
   [[nodiscard]] std::uint16_t port() const { return port_; }
 
  private:

@@ -85,10 +85,14 @@ std::string bag_file(const std::vector<StoredMessage>& messages, const LogFileOp
   std::size_t in_chunk = 0;
   const auto close_chunk = [&] {
     if (chunk.empty()) return;
-    chunks += bag_record(op(5) + field("compression", options.compression) +
-                             field("size", le<std::uint32_t>(chunk.size())),
-                         packed(chunk, options.compression));
-    chunks += bag_record(op(4) + field("ver", le<std::uint32_t>(1)), "");  // an index nobody reads
+    const auto packed_chunk = [&] {
+      return bag_record(op(5) + field("compression", options.compression) +
+                            field("size", le<std::uint32_t>(chunk.size())),
+                        packed(chunk, options.compression));
+    };
+    if (options.nested) chunk = packed_chunk();
+    chunks += packed_chunk();
+    chunks += bag_record(op(4) + field("ver", le<std::uint32_t>(1)), "");  // an index, not read
     chunk.clear();
     in_chunk = 0;
   };

@@ -6,7 +6,7 @@
 
 namespace fiducap::test {
 
-/// A message on its way into a file.
+/// A message to be stored.
 struct StoredMessage {
   std::string topic;
   std::string type;  ///< `sensor_msgs/Imu`
@@ -20,9 +20,10 @@ struct LogFileOptions {
   bool closed{true};      ///< With an index or a summary and its end.
   bool ros2{false};       ///< MCAP: profile ros2, messages in CDR.
   bool wrong_crc{false};  ///< MCAP: of the first chunk.
+  bool nested{false};     ///< Bag: each chunk in another one, as only hostile files have it.
 };
 
-/// Files as recorders write them, from the words of their formats.
+/// Files as recorders write them, made from the specifications of their formats.
 [[nodiscard]] std::string bag_file(const std::vector<StoredMessage>& messages,
                                    const LogFileOptions& options = {});
 [[nodiscard]] std::string mcap_file(const std::vector<StoredMessage>& messages,

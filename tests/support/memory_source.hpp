@@ -7,7 +7,7 @@
 
 namespace fiducap {
 
-/// Gives out samples that somebody else keeps.
+/// Returns samples that the caller owns.
 class MemorySource final : public SensorSource {
  public:
   explicit MemorySource(std::span<const SensorSample> samples) : samples_(samples) {}

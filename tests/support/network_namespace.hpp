@@ -4,7 +4,6 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-#include <cstdio>
 #include <functional>
 #include <future>
 #include <string>
@@ -15,26 +14,11 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 
+#include "support/shell.hpp"
+
 namespace fiducap {
 
-/// Output and success of a shell command, run where the calling thread is.
-struct Shell {
-  bool done{};
-  std::string output;
-};
-
-inline Shell shell(const std::string& command) {
-  Shell result;
-  std::FILE* pipe = ::popen((command + " 2>&1").c_str(), "r");
-  if (pipe == nullptr) return result;
-  char buffer[256];
-  while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) result.output += buffer;
-  result.done = ::pclose(pipe) == 0;
-  return result;
-}
-
-/// A thread in a network of its own. What is done `on` it, threads and sockets made there included,
-/// sees only that one.
+/// A thread in a network of its own. Work `on` it, with its threads and sockets, has only that one.
 class NetworkNamespace final {
  public:
   NetworkNamespace() {
@@ -87,7 +71,7 @@ struct TwoHosts {
 
   NetworkNamespace server;
   NetworkNamespace client;
-  std::string problem;  ///< Why they cannot be had here; empty: they are there.
+  std::string problem;  ///< Why they are not available; empty: they are.
 
   TwoHosts() {
     if (!server.permitted() || !client.permitted()) {

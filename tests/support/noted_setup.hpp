@@ -10,7 +10,7 @@
 
 namespace fiducap {
 
-/// A set-up that only notes what it was asked.
+/// A set-up that only records its calls.
 class NotedSetup final : public SetupApi {
  public:
   static constexpr std::string_view kSecret = "00112233445566778899aabbccddeeff";

@@ -9,7 +9,7 @@
 
 namespace fiducap::test {
 
-/// Who serialises a message.
+/// Serialisation of a message.
 enum class RosDialect { kRos1, kCdrLittle, kCdrBig };
 
 /// Writes the fields of one ROS message, as ROS 1 or as CDR in either byte order.

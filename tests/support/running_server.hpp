@@ -1,33 +1,81 @@
 #pragma once
 
+#include <algorithm>
+#include <chrono>
+#include <fiducap/client.hpp>
+#include <fiducap/control.hpp>
 #include <filesystem>
 #include <functional>
 #include <memory>
-#include <stdexcept>
 #include <thread>
+#include <vector>
 
 #include "daemon/server.hpp"
 #include "daemon/system.hpp"
+#include "simulation/simulation.hpp"
+#include "support/results.hpp"
 
 namespace fiducap {
 
 /// The shipped demo with ready corners instead of images (a thousandth of the cost) on free ports.
 inline ServerConfig corner_demo() {
   const auto file = std::filesystem::path(FIDUCAP_SOURCE_DIR) / "config" / "demo.yaml";
-  auto config = load_config(
+  ServerConfig config = value_of(load_config(
       file.string(), {"streaming.vrpn.port=0", "streaming.native.port=0", "streaming.natnet.port=0",
                       "streaming.vicon.port=0", "streaming.qualisys.base_port=0",
                       "streaming.qualisys.discovery_port=0", "streaming.dds.enabled=false",
-                      "streaming.web.port=0", "log_level=warning"});
-  if (!config) throw std::runtime_error(config.error().front().text());
-  for (auto& body : config->bodies) {
+                      "streaming.web.port=0", "log_level=warning"}));
+  for (auto& body : config.bodies) {
     body.source.simulator.camera.images = false;
     body.source.simulator.faults = {};
   }
-  // Corners alone come with more noise than a detector finds in the demo's sharp images.
-  config->estimator.corner_noise_px =
-      config->bodies.front().source.simulator.camera.corner_noise_px;
-  return *config;
+  // Simulated corners have more noise than corners of the demo's sharp images.
+  config.estimator.corner_noise_px = config.bodies.front().source.simulator.camera.corner_noise_px;
+  return config;
+}
+
+/// The robots of a configuration as the server simulates them, for their truth.
+inline std::vector<std::unique_ptr<simulation::SimulatedSource>> simulated_robots(
+    const ServerConfig& config, Instant start) {
+  std::vector<std::unique_ptr<simulation::SimulatedSource>> robots;
+  for (const BodyConfig& body : config.bodies) {
+    auto robot = body.source.simulator;
+    if (robot.cameras.empty())
+      for (const auto& camera : body.cameras) robot.cameras.push_back(camera.mount);
+    robots.push_back(
+        value_of(simulation::make_simulated_source(config.simulation, robot, start, nullptr)));
+  }
+  return robots;
+}
+
+/// Waits for a condition, at most a minute. @return whether it holds
+template <typename Condition>
+bool wait_until(Condition condition) {
+  for (int i = 0; i < 1200; ++i, std::this_thread::sleep_for(std::chrono::milliseconds(50)))
+    if (condition()) return true;
+  return condition();
+}
+
+/// Calls `each` for every frame of the client until it returns true. @return false after a timeout
+template <typename Each>
+bool follow(const Client& client, std::chrono::seconds timeout, Each each) {
+  const auto until = std::chrono::steady_clock::now() + timeout;
+  Frame frame;
+  while (std::chrono::steady_clock::now() < until) {
+    if (!client.wait_for_frame(frame.number, std::chrono::milliseconds(100)) ||
+        !client.latest(frame))
+      continue;
+    if (each(frame)) return true;
+  }
+  return false;
+}
+
+/// The frame has that number of bodies, and all are tracked.
+inline bool all_tracked(const Frame& frame, std::size_t count) {
+  return frame.bodies.size() == count &&
+         std::all_of(frame.bodies.begin(), frame.bodies.end(), [](const Body& body) {
+           return body.valid && body.tracking == Tracking::kTracking;
+         });
 }
 
 /// A server on a thread of its own; stopped at the end.
@@ -37,9 +85,7 @@ class RunningServer final {
   explicit RunningServer(
       const ServerConfig& config, const ServerOptions& options = {},
       std::function<void()> first = [] {}) {
-    auto built = Server::build(config, options, clock_);
-    if (!built) throw std::runtime_error(built.error().text());
-    server_ = std::move(*built);
+    server_ = value_of(Server::build(config, options, clock_));
     thread_ = std::jthread([this, first = std::move(first)] {
       first();
       clean_ = server_->run() == ServerEnd::kClean;
@@ -49,7 +95,19 @@ class RunningServer final {
   RunningServer(const RunningServer&) = delete;
   RunningServer& operator=(const RunningServer&) = delete;
 
-  /// @return how long the server took to end.
+  [[nodiscard]] ClientOptions client_options() const {
+    ClientOptions options;
+    options.port = server_->ports().native;
+    return options;
+  }
+  [[nodiscard]] ControlOptions control_options(const std::string& token) const {
+    ControlOptions options;
+    options.port = server_->ports().native;
+    options.token = token;
+    return options;
+  }
+
+  /// @return the time that the server took to end
   Duration stop() {
     const Instant begin = clock_.now();
     server_->stop();

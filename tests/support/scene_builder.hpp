@@ -9,8 +9,7 @@
 
 namespace fiducap {
 
-/// A frame with bodies `names`, all tracking, each in a different pose; tests change what they are
-/// about.
+/// A frame with bodies `names`, all tracking, in different poses.
 inline std::shared_ptr<SceneFrame> make_scene_frame(const std::vector<std::string>& names,
                                                     std::uint64_t number = 1) {
   auto model = std::make_shared<SceneModel>();
@@ -40,6 +39,13 @@ inline std::shared_ptr<SceneFrame> make_scene_frame(const std::vector<std::strin
   frame->model = model;
   frame->map = std::make_shared<TagMap>();
   return frame;
+}
+
+/// body0, body1 and so on.
+inline std::vector<std::string> numbered_names(int n) {
+  std::vector<std::string> names;
+  for (int i = 0; i < n; ++i) names.push_back("body" + std::to_string(i));
+  return names;
 }
 
 }  // namespace fiducap

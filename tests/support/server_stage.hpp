@@ -14,8 +14,8 @@
 
 namespace fiducap {
 
-/// A server and its clients on real loopback sockets, all in this thread. Whoever derives from it
-/// owns the server.
+/// A server and its clients on real loopback sockets, all in this thread. Derived classes own the
+/// server.
 /// @tparam Client  has pump()
 template <class Client>
 class ServerStage : public testing::Test {
@@ -26,16 +26,15 @@ class ServerStage : public testing::Test {
     io_.restart();
     io_.run_for(std::chrono::milliseconds(1));
     io_.restart();
-    io_.poll();  // on a busy machine the millisecond may be over before anything was looked at
+    io_.poll();  // on a busy machine the millisecond may be over before the first handler
     for (auto* client : clients_) client->pump();
   }
   void steps(int n) {
     for (int i = 0; i < n; ++i) step();
   }
   [[nodiscard]] bool until(const std::function<bool()>& holds) {
-    // A test that hangs has failed; nothing waits this long otherwise.
-    constexpr auto kHang = std::chrono::seconds(120);
-    const auto end = std::chrono::steady_clock::now() + kHang;
+    constexpr auto kTimeout = std::chrono::seconds(120);  // a test that hangs has failed
+    const auto end = std::chrono::steady_clock::now() + kTimeout;
     while (!holds()) {
       if (std::chrono::steady_clock::now() > end) return false;
       step();

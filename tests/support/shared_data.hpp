@@ -7,7 +7,7 @@
 namespace fiducap {
 
 /// The folder with the large recordings: $FIDUCAP_DATA, else `../shared/data` beside the project.
-/// Suites that need it say clearly that they were skipped: `GTEST_SKIP() << kNoSharedData`.
+/// Tests that need it are skipped without it: `GTEST_SKIP() << kNoSharedData`.
 inline std::optional<std::filesystem::path> shared_data() {
   const char* named = std::getenv("FIDUCAP_DATA");
   const std::filesystem::path folder =

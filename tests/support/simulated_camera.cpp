@@ -16,32 +16,25 @@ class SimulatedCamera::Device final : public Port {
 
   int control(unsigned long request, void* argument) override {
     if (is_unplugged()) return ENODEV;
-    switch (request) {
-      case VIDIOC_QUERYCAP:
-        return say_what_it_is(*static_cast<v4l2_capability*>(argument));
-      case VIDIOC_ENUM_FMT:
-        return list_format(*static_cast<v4l2_fmtdesc*>(argument));
-      case VIDIOC_ENUM_FRAMESIZES:
-        return list_size(*static_cast<v4l2_frmsizeenum*>(argument));
-      case VIDIOC_ENUM_FRAMEINTERVALS:
-        return list_interval(*static_cast<v4l2_frmivalenum*>(argument));
-      case VIDIOC_G_FMT:
-        return tell_format(*static_cast<v4l2_format*>(argument));
-      case VIDIOC_S_FMT:
-        return take_format(*static_cast<v4l2_format*>(argument));
-      case VIDIOC_G_PARM:
-      case VIDIOC_S_PARM:
-        return tell_rate(*static_cast<v4l2_streamparm*>(argument));
-      case VIDIOC_QUERYCTRL:
-        return describe_knob(*static_cast<v4l2_queryctrl*>(argument));
-      case VIDIOC_QUERYMENU:
-        return describe_choice(*static_cast<v4l2_querymenu*>(argument));
-      case VIDIOC_G_CTRL:
-      case VIDIOC_S_CTRL:
-        return turn_knob(request, *static_cast<v4l2_control*>(argument));
-      default:
-        return stream_control(request, argument);
-    }
+    if (request == VIDIOC_QUERYCAP) return identify(as<v4l2_capability>(argument));
+    if (request == VIDIOC_ENUM_FMT) return list_format(as<v4l2_fmtdesc>(argument));
+    if (request == VIDIOC_ENUM_FRAMESIZES) return list_size(as<v4l2_frmsizeenum>(argument));
+    if (request == VIDIOC_ENUM_FRAMEINTERVALS) return list_interval(as<v4l2_frmivalenum>(argument));
+    if (request == VIDIOC_G_FMT) return get_format(as<v4l2_format>(argument));
+    if (request == VIDIOC_S_FMT) return set_format(as<v4l2_format>(argument));
+    if (request == VIDIOC_G_PARM || request == VIDIOC_S_PARM)
+      return get_rate(as<v4l2_streamparm>(argument));
+    if (request == VIDIOC_QUERYCTRL) return describe_knob(as<v4l2_queryctrl>(argument));
+    if (request == VIDIOC_QUERYMENU) return describe_choice(as<v4l2_querymenu>(argument));
+    if (request == VIDIOC_G_CTRL || request == VIDIOC_S_CTRL)
+      return turn_knob(request, as<v4l2_control>(argument));
+    if (request == VIDIOC_REQBUFS) return allocate(as<v4l2_requestbuffers>(argument));
+    if (request == VIDIOC_QUERYBUF) return describe_buffer(as<v4l2_buffer>(argument));
+    if (request == VIDIOC_QBUF) return queue(as<v4l2_buffer>(argument));
+    if (request == VIDIOC_DQBUF) return hand_over(as<v4l2_buffer>(argument));
+    if (request == VIDIOC_STREAMON || request == VIDIOC_STREAMOFF)
+      return set_stream(request == VIDIOC_STREAMON);
+    return ENOTTY;
   }
 
   std::span<std::byte> map(std::size_t length, std::uint32_t offset) override {
@@ -71,14 +64,22 @@ class SimulatedCamera::Device final : public Port {
   }
 
  private:
+  template <typename T>
+  static T& as(void* argument) {
+    return *static_cast<T*>(argument);
+  }
+  static std::uint32_t u32(int value) { return static_cast<std::uint32_t>(value); }
+  static v4l2_fract interval(double hz) {
+    return {1000, static_cast<std::uint32_t>(std::lround(hz * 1000))};
+  }
   [[nodiscard]] bool is_unplugged() const {
     return camera_.unplugged_at && camera_.image >= *camera_.unplugged_at;
   }
   [[nodiscard]] std::size_t stride() const {
     const auto width = static_cast<std::size_t>(camera_.mode.size.width);
-    const bool two_bytes = camera_.mode.code == V4L2_PIX_FMT_YUYV ||
-                           camera_.mode.code == V4L2_PIX_FMT_UYVY ||
-                           camera_.mode.code == V4L2_PIX_FMT_Y10;
+    const auto code = camera_.mode.code;
+    const bool two_bytes =
+        code == V4L2_PIX_FMT_YUYV || code == V4L2_PIX_FMT_UYVY || code == V4L2_PIX_FMT_Y10;
     return width * (two_bytes ? 2 : 1) + camera_.row_padding;
   }
   [[nodiscard]] std::size_t image_bytes() const {
@@ -86,10 +87,10 @@ class SimulatedCamera::Device final : public Port {
                     camera_.jpeg.size());
   }
 
-  int say_what_it_is(v4l2_capability& said) const {
-    std::memcpy(said.driver, camera_.driver.c_str(), camera_.driver.size());
-    std::memcpy(said.card, "Simulated", 9);
-    said.capabilities = camera_.capabilities;
+  int identify(v4l2_capability& out) const {
+    std::memcpy(out.driver, camera_.driver.c_str(), camera_.driver.size());
+    std::memcpy(out.card, "Simulated", 9);
+    out.capabilities = camera_.capabilities;
     return 0;
   }
 
@@ -112,8 +113,7 @@ class SimulatedCamera::Device final : public Port {
       if (offer.code == entry.pixel_format) sizes.push_back(offer.size);
     if (entry.index >= sizes.size()) return EINVAL;
     entry.type = V4L2_FRMSIZE_TYPE_DISCRETE;
-    entry.discrete.width = static_cast<std::uint32_t>(sizes[entry.index].width);
-    entry.discrete.height = static_cast<std::uint32_t>(sizes[entry.index].height);
+    entry.discrete = {u32(sizes[entry.index].width), u32(sizes[entry.index].height)};
     return 0;
   }
   const Offer* offer_of(std::uint32_t code, std::uint32_t width, std::uint32_t height) const {
@@ -127,43 +127,42 @@ class SimulatedCamera::Device final : public Port {
     const Offer* offer = offer_of(entry.pixel_format, entry.width, entry.height);
     if (offer == nullptr || entry.index > 0 || offer->promised_hz == 0) return EINVAL;
     entry.type = V4L2_FRMIVAL_TYPE_DISCRETE;
-    entry.discrete = {1000, static_cast<std::uint32_t>(std::lround(offer->promised_hz * 1000))};
+    entry.discrete = interval(offer->promised_hz);
     return 0;
   }
-  int tell_format(v4l2_format& format) const {
+  int get_format(v4l2_format& format) const {
     format.fmt.pix.pixelformat = camera_.mode.code;
-    format.fmt.pix.width = static_cast<std::uint32_t>(camera_.mode.size.width);
-    format.fmt.pix.height = static_cast<std::uint32_t>(camera_.mode.size.height);
+    format.fmt.pix.width = u32(camera_.mode.size.width);
+    format.fmt.pix.height = u32(camera_.mode.size.height);
     format.fmt.pix.bytesperline = static_cast<std::uint32_t>(stride());
     return 0;
   }
-  int take_format(v4l2_format& format) {
+  int set_format(v4l2_format& format) {
     if (!memory_.empty()) return EBUSY;
     const auto& pix = format.fmt.pix;
     const Offer* offer = offer_of(pix.pixelformat, pix.width, pix.height);
     camera_.mode = offer != nullptr ? *offer : camera_.offers.front();
-    return tell_format(format);
+    return get_format(format);
   }
-  int tell_rate(v4l2_streamparm& rate) const {
+  int get_rate(v4l2_streamparm& rate) const {
     rate.parm.capture.capability = V4L2_CAP_TIMEPERFRAME;
-    rate.parm.capture.timeperframe = {
-        1000, static_cast<std::uint32_t>(std::lround(camera_.mode.promised_hz * 1000))};
+    rate.parm.capture.timeperframe = interval(camera_.mode.promised_hz);
     return 0;
   }
 
-  int describe_knob(v4l2_queryctrl& said) const {
-    auto found = camera_.knobs.find(said.id);
-    if ((said.id & V4L2_CTRL_FLAG_NEXT_CTRL) != 0)
-      found = camera_.knobs.upper_bound(said.id & ~std::uint32_t{V4L2_CTRL_FLAG_NEXT_CTRL});
+  int describe_knob(v4l2_queryctrl& out) const {
+    auto found = camera_.knobs.find(out.id);
+    if ((out.id & V4L2_CTRL_FLAG_NEXT_CTRL) != 0)
+      found = camera_.knobs.upper_bound(out.id & ~std::uint32_t{V4L2_CTRL_FLAG_NEXT_CTRL});
     if (found == camera_.knobs.end()) return EINVAL;
     const auto& [id, knob] = *found;
-    said.id = id;
-    said.type = knob.type;
-    std::memcpy(said.name, knob.name.c_str(), std::min<std::size_t>(knob.name.size(), 31));
-    said.minimum = knob.minimum;
-    said.maximum = knob.maximum;
-    said.step = knob.step;
-    said.flags = 0;
+    out.id = id;
+    out.type = knob.type;
+    std::memcpy(out.name, knob.name.c_str(), std::min<std::size_t>(knob.name.size(), 31));
+    out.minimum = knob.minimum;
+    out.maximum = knob.maximum;
+    out.step = knob.step;
+    out.flags = 0;
     return 0;
   }
   int describe_choice(v4l2_querymenu& entry) const {
@@ -188,38 +187,27 @@ class SimulatedCamera::Device final : public Port {
     return 0;
   }
 
-  int stream_control(unsigned long request, void* argument) {
-    switch (request) {
-      case VIDIOC_REQBUFS: {
-        auto& wanted = *static_cast<v4l2_requestbuffers*>(argument);
-        memory_.assign(wanted.count, std::vector<std::byte>(image_bytes()));
-        queued_.clear();
-        return 0;
-      }
-      case VIDIOC_QUERYBUF: {
-        auto& buffer = *static_cast<v4l2_buffer*>(argument);
-        buffer.length = static_cast<std::uint32_t>(memory_[buffer.index].size());
-        buffer.m.offset = buffer.index;
-        return 0;
-      }
-      case VIDIOC_QBUF:
-        if (flows_ && camera_.qbuf_failures > 0) return --camera_.qbuf_failures, EINVAL;
-        queued_.push_back(static_cast<v4l2_buffer*>(argument)->index);
-        return 0;
-      case VIDIOC_DQBUF:
-        return hand_over(*static_cast<v4l2_buffer*>(argument));
-      case VIDIOC_STREAMON:
-        flows_ = true;
-        ++camera_.streams;
-        next_end_ = camera_.clock.now() + period();
-        return 0;
-      case VIDIOC_STREAMOFF:
-        flows_ = false;
-        filled_.clear();
-        return 0;
-      default:
-        return ENOTTY;
-    }
+  int allocate(const v4l2_requestbuffers& wanted) {
+    memory_.assign(wanted.count, std::vector<std::byte>(image_bytes()));
+    queued_.clear();
+    return 0;
+  }
+  int describe_buffer(v4l2_buffer& buffer) const {
+    buffer.length = static_cast<std::uint32_t>(memory_[buffer.index].size());
+    buffer.m.offset = buffer.index;
+    return 0;
+  }
+  int queue(const v4l2_buffer& buffer) {
+    if (flows_ && camera_.qbuf_failures > 0) return --camera_.qbuf_failures, EINVAL;
+    queued_.push_back(buffer.index);
+    return 0;
+  }
+  int set_stream(bool flows) {
+    flows_ = flows;
+    if (!flows) filled_.clear();
+    if (flows) ++camera_.streams;
+    if (flows) next_end_ = camera_.clock.now() + period();
+    return 0;
   }
 
   [[nodiscard]] Duration period() const { return from_seconds(1 / camera_.mode.true_hz); }
@@ -246,7 +234,7 @@ class SimulatedCamera::Device final : public Port {
     filled_.push_back(buffer);
   }
 
-  /// Every byte is the number of the image, that of Y10 words' upper eight bits, too.
+  /// Every byte is the number of the image, so also the upper eight bits of Y10.
   std::size_t fill(std::vector<std::byte>& memory, std::uint32_t number) const {
     if (camera_.mode.code == V4L2_PIX_FMT_MJPEG) {
       std::memcpy(memory.data(), camera_.jpeg.data(), camera_.jpeg.size());
@@ -274,7 +262,7 @@ class SimulatedCamera::Device final : public Port {
 
   SimulatedCamera& camera_;
   std::vector<std::vector<std::byte>> memory_;
-  std::vector<std::uint32_t> queued_;  // vectors of a few: they allocate nothing in the long run
+  std::vector<std::uint32_t> queued_;  // short vectors: no allocation after warm-up
   std::vector<v4l2_buffer> filled_;
   bool flows_{false};
   Instant next_end_{};

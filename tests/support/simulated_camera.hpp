@@ -13,9 +13,9 @@
 
 namespace fiducap::v4l2 {
 
-/// A V4L2 device with physics, on a clock of its own making: it exposes at its rate, fills what
-/// buffers it has, stamps, fails when told to. Answers what a kernel answers to every call that we
-/// make, and EINVAL or ENOTTY to others.
+/// A V4L2 device on a clock that it advances: it exposes at its rate, fills its buffers, stamps
+/// them, and fails on request. Replies as a kernel to every call that the server makes, and with
+/// EINVAL or ENOTTY to others.
 class SimulatedCamera final {
  public:
   struct Offer {
@@ -41,24 +41,24 @@ class SimulatedCamera final {
   std::map<std::uint32_t, Knob> knobs;
   std::uint32_t stamp_flags{0x00002000};  ///< Monotonic, end of frame.
   Duration stamp_offset{0};               ///< Of the driver's clock.
-  std::vector<std::uint8_t> jpeg;         ///< What each MJPEG image is.
+  std::vector<std::uint8_t> jpeg;         ///< Content of each MJPEG image.
   std::size_t row_padding{0};
 
   // Faults.
-  std::set<std::uint32_t> skipped;    ///< Numbers of images that never come.
-  std::set<std::uint32_t> damaged;    ///< … that have the driver's error flag.
+  std::set<std::uint32_t> skipped;    ///< Numbers of images that are lost, …
+  std::set<std::uint32_t> damaged;    ///< … that have the error flag of the driver,
   std::set<std::uint32_t> shortened;  ///< … of which half is missing.
   std::set<std::uint32_t> repeated_stamps;
   std::uint32_t first_sequence{0};
   std::optional<std::uint32_t> stops_at;      ///< No image from this number on.
   std::optional<std::uint32_t> unplugged_at;  ///< Every call fails from this number on.
-  int dqbuf_failures{0};                      ///< EIO so often.
+  int dqbuf_failures{0};                      ///< Number of EIO.
   int qbuf_failures{0};                       ///< Not counted while the stream starts.
 
-  // What happened.
+  // Counters.
   int streams{0};
   int mapped{0};
-  std::uint32_t image{0};  ///< Number of the next one since the first stream began.
+  std::uint32_t image{0};  ///< Number of the next one since the first stream.
   Offer mode{};
   std::map<std::uint32_t, std::int32_t> set;  ///< Controls that were set.
 

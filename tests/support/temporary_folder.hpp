@@ -9,7 +9,7 @@
 
 namespace fiducap {
 
-/// A folder that goes away with the test.
+/// A folder that is removed with the test.
 class TemporaryFolder final {
  public:
   TemporaryFolder() {

@@ -5,10 +5,9 @@
 
 namespace fiducap::test {
 
-/// Whether a text is XML as far as our own writers go: elements that nest, attributes that are
-/// quoted and not given twice, the five entities, one root, no control characters. A document type
-/// may stand before it.
-/// @return what is wrong and where; empty: nothing
+/// Checks XML as our own writers produce it: nested elements, quoted unique attributes, the five
+/// entities, one root, no control characters; optionally a document type.
+/// @return the fault and its place; empty: none
 [[nodiscard]] std::string xml_fault(std::string_view text);
 
 }  // namespace fiducap::test

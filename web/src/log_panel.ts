@@ -33,6 +33,6 @@ function lineElement(line: LogLine): HTMLLIElement {
   const item = element('li', `line ${line.level}`);
   const time = element('time', '', timeOfDay(line.utcMs));
   time.dateTime = new Date(line.utcMs).toISOString();
-  item.append(time, element('span', 'level', line.level), element('span', 'from', line.room), element('span', 'text', line.text));
+  item.append(time, element('span', 'level', line.level), element('span', 'from', line.module), element('span', 'text', line.text));
   return item;
 }

@@ -138,7 +138,7 @@ export interface LogLine {
   n: number;
   utcMs: number;
   level: LogLevel;
-  room: string;
+  module: string;
   text: string;
 }
 
@@ -249,7 +249,7 @@ function parseLine(value: unknown): LogLine {
     n: number(line.n, 'line.n'),
     utcMs: number(line.utc_ms, 'line.utc_ms'),
     level: oneOf(line.level, ['debug', 'info', 'warning', 'error'] as const, 'line.level'),
-    room: text(line.room, 'line.room'),
+    module: text(line.module, 'line.module'),
     text: text(line.text, 'line.text'),
   };
 }

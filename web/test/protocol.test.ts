@@ -77,9 +77,9 @@ describe('parseMessage', () => {
     expect(parseMessage(JSON.stringify(clients))).toEqual({
       type: 'clients', clients: [{ protocol: 'vrpn', peer: 'p', detail: 'd', sent: 5, dropped: 1, connectedS: 2, clock: { offsetS: -0.5, sigmaS: 0.001 } }],
     });
-    const log = { type: 'log', lines: [{ n: 1, utc_ms: 5, level: 'warning', room: 'vrpn', text: 't' }] };
+    const log = { type: 'log', lines: [{ n: 1, utc_ms: 5, level: 'warning', module: 'vrpn', text: 't' }] };
     expect(parseMessage(JSON.stringify(log))).toEqual({
-      type: 'log', lines: [{ n: 1, utcMs: 5, level: 'warning', room: 'vrpn', text: 't' }],
+      type: 'log', lines: [{ n: 1, utcMs: 5, level: 'warning', module: 'vrpn', text: 't' }],
     });
   });
 

@@ -59,10 +59,10 @@ describe('the second half', () => {
 
   it('finds where clients connect in the server’s log', () => {
     const lines = [
-      { room: 'vrpn', text: 'serves VRPN 07.35 on 0.0.0.0:3883' },
-      { room: 'vrpn', text: 'client 10.0.0.7 connected' },
-      { room: 'web', text: 'page at http://127.0.0.1:8080/' },
-      { room: 'vrpn', text: 'serves VRPN 07.35 on 0.0.0.0:3884' },
+      { module: 'vrpn', text: 'serves VRPN 07.35 on 0.0.0.0:3883' },
+      { module: 'vrpn', text: 'client 10.0.0.7 connected' },
+      { module: 'web', text: 'page at http://127.0.0.1:8080/' },
+      { module: 'vrpn', text: 'serves VRPN 07.35 on 0.0.0.0:3884' },
     ];
     expect(servedBy(lines, '10.0.0.2')).toEqual([
       { protocol: 'vrpn', words: 'VRPN 07.35 on 10.0.0.2:3884' },

@@ -31,9 +31,8 @@ void drop_before(Instant instant, LoadedSamples& samples) {
   auto& imu = samples.imu;
   if (imu.empty() || imu.front().sampled_at > instant - std::chrono::seconds(1)) return;
   const Duration kept = imu.back().sampled_at - instant;
-  imu.erase(imu.begin(), std::find_if(imu.begin(), imu.end(), [&](const ImuSample& one) {
-              return one.sampled_at >= instant;
-            }));
+  imu.erase(imu.begin(), std::ranges::find_if(
+                             imu, [&](const ImuSample& one) { return one.sampled_at >= instant; }));
   auto& frames = samples.frames;
   while (!frames.empty() && frames.front().exposed_at < frames.back().exposed_at - kept) {
     samples.tags -= static_cast<long>(frames.front().tags.size());
@@ -144,7 +143,7 @@ void WaveGuide::advise() {
     progress_.turned[axis] = share_of(turned_s_[axis], kTurnedEnough_s);
   progress_.shaken = share_of(shaken_s_, kShakenEnough_s);
   progress_.seen = share_of(seen_s_, kSeenEnough_s);
-  const bool all_turned = *std::min_element(progress_.turned.begin(), progress_.turned.end()) >= 1;
+  const bool all_turned = *std::ranges::min_element(progress_.turned) >= 1;
   progress_.is_enough = has_begun_ && all_turned && progress_.shaken >= 1 && progress_.seen >= 1;
   progress_.hint = hint();
 }
@@ -157,7 +156,7 @@ std::string WaveGuide::hint() const {
   if (!has_begun_ && stillness_.is_still() && samples_.tags == 0) return "Show tags to the camera.";
   if (!has_begun_ && !is_ready_) return "Hold it still for two seconds, with tags in view.";
   const auto& turned = progress_.turned;
-  const auto least = std::min_element(turned.begin(), turned.end());
+  const auto least = std::ranges::min_element(turned);
   if (*least < 1)
     return std::string("Quickly back and forth, with the tags in view: ") +
            kMotions.at(static_cast<std::size_t>(least - turned.begin())) + ".";

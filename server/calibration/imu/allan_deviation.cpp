@@ -1,7 +1,6 @@
 #include "calibration/imu/imu_calibration.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>

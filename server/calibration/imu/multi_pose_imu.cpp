@@ -323,12 +323,11 @@ Expected<MultiPoseImu> calibrate_multi_pose(std::span<const ImuSample> samples, 
   const double worst_gyro =
       gyro ? std::max({gyro->sigma[0], gyro->sigma[4], gyro->sigma[8]}) : kMaxScaleSigma;
   if (!(worst_gyro < kMaxScaleSigma))
-    return fail(
-        ErrorCode::kInvalid,
-        "the rotations between the rests do not determine the gyroscope's scale: rotate it about "
-        "all three axes" +
-            std::string(kHowTo),
-        context);
+    return fail(ErrorCode::kInvalid,
+                "the rotations between the rests do not determine the gyroscope's scale: rotate it "
+                "about all three axes" +
+                    std::string(kHowTo),
+                context);
   MultiPoseImu out = result_of(*accel, *gyro, turns, gravity_m_s2);
   out.seconds = to_seconds(samples.back().sampled_at - samples.front().sampled_at);
   return out;

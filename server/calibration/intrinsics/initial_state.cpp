@@ -76,7 +76,7 @@ double score(const CalibrationData& data, const std::vector<const TargetSighting
     rms.push_back(poses.empty() ? kLostPoint_px : std::min(poses.front().rms_px, kLostPoint_px));
   }
   double sum = 0;  // of the better nine tenths, without outliers
-  std::sort(rms.begin(), rms.end());
+  std::ranges::sort(rms);
   const std::size_t count = std::max<std::size_t>(1, rms.size() * 9 / 10);
   for (std::size_t i = 0; i < count; ++i) sum += rms[i];
   return sum / static_cast<double>(count);

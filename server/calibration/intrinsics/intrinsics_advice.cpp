@@ -1,14 +1,12 @@
 #include <array>
 #include <cmath>
-#include <numbers>
 
+#include "base/numeric.hpp"
 #include "base/text.hpp"
 #include "calibration/intrinsics/intrinsics_verdict.hpp"
 
 namespace fiducap {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 // Limits of a good calibration. The lens should add less error than the detector (0.1 to 0.3 px);
 // 0.2 % of focal length is 6 mm at 3 m.
@@ -90,17 +88,16 @@ class Grader final {
                "images do not determine the lens there: bring the target to the edges and corners, "
                "nearer and tilted, or choose the other lens (--lens).");
     const bool square = v_.shape.pixel_aspect == 1;
-    refuse(
-        v_.shape.aspect_off > (square ? kMostAspectOff : kMostOddAspectOff),
-        "Focal lengths of " + fixed(camera_.fu, 0) + " and " + fixed(camera_.fv, 0) +
-            " px are impossible: no camera has such pixels (" + fixed(v_.shape.aspect, 3) +
-            " to 1). Tilt the target by 30° to 50° about both its axes, at several distances, and "
-            "measure its sides.");
+    refuse(v_.shape.aspect_off > (square ? kMostAspectOff : kMostOddAspectOff),
+           "Focal lengths of " + fixed(camera_.fu, 0) + " and " + fixed(camera_.fv, 0) +
+               " px are impossible: no camera has such pixels (" + fixed(v_.shape.aspect, 3) +
+               " to 1). Tilt the target by 30° to 50° about both its axes, at several distances, "
+               "and measure its sides.");
     refuse(v_.shape.centre_off > kMostCentreOff,
            "The optical axis would be at pixel (" + fixed(camera_.cu, 0) + ", " +
                fixed(camera_.cv, 0) +
-               "), far from the middle of the image: more views, tilted and "
-               "rotated by 90°. (It may be right for an image cut out of a larger one: --force.)");
+               "), far from the middle of the image: more views, tilted and rotated by 90°. (It "
+               "may be right for an image cut out of a larger one: --force.)");
   }
 
   void refuse_by_views() {

@@ -216,10 +216,9 @@ Expected<IntrinsicsCalibration> calibrate_intrinsics(
   IntrinsicsCalibration best = result_of(std::move(fits.front()));
   best.trials = std::move(trials);
   if (!best.uncertainty.determined)
-    return fail(
-        ErrorCode::kInvalid,
-        "these images do not determine the lens: tilt the board or the camera to all sides, "
-        "and bring it to all parts of the image");
+    return fail(ErrorCode::kInvalid,
+                "these images do not determine the lens: tilt the board or the camera to all "
+                "sides, and bring it to all parts of the image");
   return best;
 }
 

@@ -58,8 +58,8 @@ std::size_t drop(CalibrationData& data, CalibrationState& state, const Wrong& is
     auto& sightings = data.views[v].sightings;
     dropped += std::erase_if(sightings, [&](const TargetSighting& s) { return is_wrong(v, s); });
     std::erase_if(state.X_VG[v], [&](const auto& pose) {
-      return std::none_of(sightings.begin(), sightings.end(),
-                          [&](const TargetSighting& s) { return state.group(s) == pose.first; });
+      return std::ranges::none_of(
+          sightings, [&](const TargetSighting& s) { return state.group(s) == pose.first; });
     });
   }
   return dropped;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <numbers>
 
 #include <ceres/jet.h>
@@ -97,8 +96,8 @@ LensShape shape_of(const CameraModel& camera) {
   shape.behind /= kAll;
   shape.aspect = camera.fu / camera.fv;
   const auto off = [&](double built) { return std::abs(shape.aspect * built - 1); };
-  shape.pixel_aspect = *std::min_element(kPixelAspects.begin(), kPixelAspects.end(),
-                                         [&](double a, double b) { return off(a) < off(b); });
+  shape.pixel_aspect =
+      *std::ranges::min_element(kPixelAspects, [&](double a, double b) { return off(a) < off(b); });
   shape.aspect_off = off(shape.pixel_aspect);
   shape.centre_off = std::max(std::abs((camera.cu + 0.5) / camera.width - 0.5),
                               std::abs((camera.cv + 0.5) / camera.height - 0.5));

@@ -235,8 +235,8 @@ CalibrationState joined_state(const CalibrationData& data, const CameraModel& ca
   std::vector<int> order(data.targets.size());
   std::iota(order.begin(), order.end(), 0);
   const auto counts = count_sightings(data);
-  std::stable_sort(order.begin(), order.end(),
-                   [&](int a, int b) { return counts[to_index(a)] > counts[to_index(b)]; });
+  std::ranges::stable_sort(order,
+                           [&](int a, int b) { return counts[to_index(a)] > counts[to_index(b)]; });
   for (const int root : order) tree.grow(root);
   tree.store(state);
   for (std::size_t v = 0; v < data.views.size(); ++v)

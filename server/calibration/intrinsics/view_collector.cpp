@@ -129,7 +129,7 @@ CalibrationData select_views(const CalibrationData& all, std::size_t most) {
     taken[next] = true;
     for (std::size_t i = 0; i < apart.size(); ++i)
       apart[i] = std::min(apart[i], distance(sharp.views[i], sharp.views[next], sharp.width));
-    next = static_cast<std::size_t>(std::max_element(apart.begin(), apart.end()) - apart.begin());
+    next = static_cast<std::size_t>(std::ranges::max_element(apart) - apart.begin());
   }
   CalibrationData out = sharp;
   out.views.clear();

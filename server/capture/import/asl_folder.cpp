@@ -135,8 +135,7 @@ std::vector<ListedImage> pictures_by_number(const std::string& folder, std::int6
     image.file = entry.path().string();
     images.push_back(std::move(image));
   }
-  std::sort(images.begin(), images.end(),
-            [](const ListedImage& a, const ListedImage& b) { return a.ns < b.ns; });
+  std::ranges::sort(images, [](const ListedImage& a, const ListedImage& b) { return a.ns < b.ns; });
   return images;
 }
 

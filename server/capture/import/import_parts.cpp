@@ -72,8 +72,8 @@ class PartsSource final : public SensorSource {
 
 }  // namespace
 
-Expected<std::unique_ptr<SensorSource>> PartsImport::open(const ImportChoice& choice,
-                                                          const std::vector<CameraMount>& cameras) {
+OpenedSource PartsImport::open(const ImportChoice& choice,
+                               const std::vector<CameraMount>& cameras) {
   std::vector<CameraPart> parts;
   for (std::size_t k = 0; k < choice.images.size(); ++k) {
     const Camera& camera = cameras_[choice.images[k]];
@@ -117,9 +117,8 @@ Expected<FoundStream> PartsImport::stream_of(std::string name,
   return found;
 }
 
-Expected<std::unique_ptr<SensorSource>> open_video_file(const std::string& path,
-                                                        const CameraModel& model,
-                                                        const Clock& clock) {
+OpenedSource open_video_file(const std::string& path, const CameraModel& model,
+                             const Clock& clock) {
   CameraDeviceConfig video;
   video.open = path;
   video.paced = false;

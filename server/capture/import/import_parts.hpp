@@ -72,8 +72,7 @@ class PartsImport : public ImportSource {
  public:
   const std::vector<FoundStream>& streams() const final { return streams_; }
   std::vector<std::string> remarks() const final { return remarks_; }
-  Expected<std::unique_ptr<SensorSource>> open(const ImportChoice& choice,
-                                               const std::vector<CameraMount>& cameras) final;
+  OpenedSource open(const ImportChoice& choice, const std::vector<CameraMount>& cameras) final;
 
  protected:
   /// Image files, or a video.
@@ -107,9 +106,8 @@ class PartsImport : public ImportSource {
 
 /// A video file, not paced; its images are stamped by their time in it.
 /// @param model  width 0: any size
-[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_video_file(const std::string& path,
-                                                                      const CameraModel& model,
-                                                                      const Clock& clock);
+[[nodiscard]] OpenedSource open_video_file(const std::string& path, const CameraModel& model,
+                                           const Clock& clock);
 
 /// Name, size and rate of a video.
 [[nodiscard]] Expected<FoundStream> look_at_video(const std::string& path, const Clock& clock);

@@ -70,8 +70,8 @@ class ImportSource {
   }
   /// The samples of the chosen streams: each stream in order, interleaved in any order.
   /// @param cameras  in the order of the choice, their models with the size of the images
-  [[nodiscard]] virtual Expected<std::unique_ptr<SensorSource>> open(
-      const ImportChoice& choice, const std::vector<CameraMount>& cameras) = 0;
+  [[nodiscard]] virtual OpenedSource open(const ImportChoice& choice,
+                                          const std::vector<CameraMount>& cameras) = 0;
 };
 
 struct ImportOptions {

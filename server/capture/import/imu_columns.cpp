@@ -2,15 +2,14 @@
 
 #include <algorithm>
 #include <cctype>
-#include <numbers>
 #include <optional>
 
+#include "base/numeric.hpp"
 #include "capture/import/message_log.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr double kDegreePerSecond = std::numbers::pi / 180;
 constexpr std::size_t kMostHeaderColumns = 64;  // as CsvReader has
 
 enum class ColumnKind { kTime, kGyro, kAccel, kNone };
@@ -25,9 +24,8 @@ struct ColumnName {
     return std::find(words.begin(), words.end(), word) != words.end();
   }
   [[nodiscard]] bool mentions(std::string_view part) const {
-    return std::any_of(words.begin(), words.end(), [part](const std::string& word) {
-      return word.find(part) != std::string::npos;
-    });
+    return std::ranges::any_of(
+        words, [part](const std::string& word) { return word.find(part) != std::string::npos; });
   }
 };
 
@@ -113,7 +111,7 @@ int time_exponent_of(const std::string& unit) {
 double gyro_unit_of(const std::string& unit) {
   if (unit.find("deg") != std::string::npos || unit.find("dps") != std::string::npos ||
       unit.find("°") != std::string::npos)
-    return kDegreePerSecond;
+    return kDegree;
   return unit.find("rad") != std::string::npos ? 1.0 : 0.0;
 }
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <fstream>
 #include <limits>
-#include <numbers>
 
+#include "base/numeric.hpp"
 #include "base/text.hpp"
 #include "capture/import/message_log.hpp"
 #include "capture/recording/csv_reader.hpp"
@@ -14,8 +14,8 @@
 namespace fiducap {
 
 std::size_t put_in_order(std::vector<VectorReading>& readings) {
-  std::stable_sort(readings.begin(), readings.end(),
-                   [](const VectorReading& a, const VectorReading& b) { return a.ns < b.ns; });
+  std::ranges::stable_sort(
+      readings, [](const VectorReading& a, const VectorReading& b) { return a.ns < b.ns; });
   const auto kept =
       std::unique(readings.begin(), readings.end(),
                   [](const VectorReading& a, const VectorReading& b) { return a.ns == b.ns; });
@@ -172,7 +172,7 @@ class ImuCsv final {
     // Hand motion stays below 20 rad/s, but 1 % of the readings in degrees exceed it.
     constexpr double kFast = 20;
     const double fast = quantile_of(rates, 0.99);
-    columns_.gyro_unit = fast > kFast ? std::numbers::pi / 180 : 1.0;
+    columns_.gyro_unit = fast > kFast ? kDegree : 1.0;
     remark(std::string("the gyro is assumed in ") + (fast > kFast ? "deg/s" : "rad/s") +
            " (99 % of its readings are below " + fixed(fast, 2) + ")");
   }

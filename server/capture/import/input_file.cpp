@@ -1,9 +1,7 @@
 #include "capture/import/input_file.hpp"
 
 #include <algorithm>
-#include <array>
 #include <memory>
-#include <optional>
 
 #include <zlib.h>
 

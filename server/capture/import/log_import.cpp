@@ -119,8 +119,7 @@ class LogImport final : public ImportSource {
   std::vector<std::string> others() const override { return survey_.others; }
   std::vector<std::string> remarks() const override { return survey_.remarks; }
 
-  Expected<std::unique_ptr<SensorSource>> open(const ImportChoice& choice,
-                                               const std::vector<CameraMount>& cameras) override {
+  OpenedSource open(const ImportChoice& choice, const std::vector<CameraMount>& cameras) override {
     auto log = open_message_log(path_);
     if (!log) return tl::unexpected(log.error());
     std::vector<TakenTopic> taken;

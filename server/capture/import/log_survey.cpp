@@ -1,8 +1,6 @@
 #include "capture/import/import_parts.hpp"
 
-#include <algorithm>
 #include <array>
-#include <optional>
 
 #include "capture/gray_image.hpp"
 #include "capture/import/ros_messages.hpp"

@@ -2,8 +2,6 @@
 
 #include <array>
 #include <map>
-#include <optional>
-#include <string_view>
 
 #include <zlib.h>
 

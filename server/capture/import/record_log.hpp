@@ -44,7 +44,7 @@ class RecordLog : public MessageLog {
 
   /// @return index of this topic; publishers of the same topic share it
   std::size_t index_of(LoggedTopic topic) {
-    const auto known = std::find_if(topics_.begin(), topics_.end(), [&](const LoggedTopic& one) {
+    const auto known = std::ranges::find_if(topics_, [&](const LoggedTopic& one) {
       return one.name == topic.name && one.type == topic.type;
     });
     const auto index = static_cast<std::size_t>(known - topics_.begin());

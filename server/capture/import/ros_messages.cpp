@@ -1,6 +1,5 @@
 #include "capture/import/ros_messages.hpp"
 
-#include <algorithm>
 #include <limits>
 
 namespace fiducap {

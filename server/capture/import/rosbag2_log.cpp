@@ -191,7 +191,7 @@ class Rosbag2Folder final : public MessageLog {
   std::size_t topic_of(std::size_t in_part) {
     while (of_part_.size() <= in_part) {
       const LoggedTopic& topic = log_->topics()[of_part_.size()];
-      const auto known = std::find_if(topics_.begin(), topics_.end(), [&](const LoggedTopic& t) {
+      const auto known = std::ranges::find_if(topics_, [&](const LoggedTopic& t) {
         return t.name == topic.name && t.type == topic.type;
       });
       of_part_.push_back(static_cast<std::size_t>(known - topics_.begin()));
@@ -226,7 +226,7 @@ Expected<Rosbag2Parts> parts_by_name(const std::filesystem::path& folder) {
     if (is_part(entry.path()) && is_file(entry.path())) parts.files.push_back(entry.path());
   if (error)
     return fail(ErrorCode::kUnavailable, "cannot be read: " + error.message(), folder.string());
-  std::sort(parts.files.begin(), parts.files.end());
+  std::ranges::sort(parts.files);
   parts.remarks.emplace_back("has no metadata.yaml: its files were read in order of their names");
   return parts;
 }

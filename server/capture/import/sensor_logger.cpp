@@ -2,12 +2,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <filesystem>
 #include <map>
-#include <numbers>
 
 #include "base/expected.hpp"
+#include "base/numeric.hpp"
 #include "base/text.hpp"
 #include "capture/import/imu_csv.hpp"
 #include "capture/import/input_file.hpp"
@@ -77,11 +76,10 @@ Expected<std::vector<VectorReading>> read_vectors(const std::string& path, Found
   while (rows->next() && rows->line_is_complete() && readings.size() < kMostPhoneRows) {
     const auto fields = rows->fields();
     VectorReading reading;
-    const bool whole = fields.size() > *std::max_element(at.begin(), at.end()) &&
-                       parse_time(fields[at[0]], 0, reading.ns) &&
-                       parse(fields[at[1]], reading.v[0]) && parse(fields[at[2]], reading.v[1]) &&
-                       parse(fields[at[3]], reading.v[2]) && reading.ns > 0 &&
-                       reading.v.allFinite();
+    const bool whole =
+        fields.size() > *std::ranges::max_element(at) && parse_time(fields[at[0]], 0, reading.ns) &&
+        parse(fields[at[1]], reading.v[0]) && parse(fields[at[2]], reading.v[1]) &&
+        parse(fields[at[3]], reading.v[2]) && reading.ns > 0 && reading.v.allFinite();
     if (whole)
       readings.push_back(reading);
     else if (rows->line() > 1 && found.unreadable++ == 0)
@@ -237,7 +235,7 @@ class SensorLogger final : public PartsImport {
     found.mount.X_BV = camera_of_a_phone();
     // Between phone and camera.
     found.mount.position_sigma_m = 0.05;
-    found.mount.rotation_sigma_rad = 2 * std::numbers::pi / 180;
+    found.mount.rotation_sigma_rad = 2 * kDegree;
     found.mount.time_shift_sigma_s = 0.05;
     found.place_known = true;
     add_camera(std::move(found), std::move(camera));

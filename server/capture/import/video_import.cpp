@@ -32,13 +32,12 @@ class VideoImport final : public PartsImport {
     const Duration moved = keeps ? Duration{0} : same_zero ? kVideoBegins : kVideoBegins - first;
     add_camera(std::move(video), {{}, path, keeps ? first : kVideoBegins});
     for (ImuSample& sample : table->samples) sample.sampled_at += moved + options.imu_offset;
-    remarks_.push_back(std::string(same_zero
-                                       ? "the table's time counts from the video's first image"
-                                       : "the table's first reading is put at the video's "
-                                         "first image") +
-                       (options.imu_offset == Duration{0}
-                            ? ": otherwise set --imu-offset"
-                            : ", shifted by " + fixed(to_seconds(options.imu_offset), 4) + " s"));
+    remarks_.push_back(
+        std::string(same_zero ? "the table's time counts from the video's first image"
+                              : "the table's first reading is put at the video's first image") +
+        (options.imu_offset == Duration{0}
+             ? ": otherwise set --imu-offset"
+             : ", shifted by " + fixed(to_seconds(options.imu_offset), 4) + " s"));
     table->found.first_ns = to_ns(table->samples.front().sampled_at);
     table->found.last_ns = to_ns(table->samples.back().sampled_at);
     add_imu(std::move(table->found), std::move(table->samples));

@@ -39,9 +39,8 @@ Expected<int> open_udp_socket(const LinkConfig& config) {
   const int reason = errno;
   if (descriptor >= 0) ::close(descriptor);
   const std::string why =
-      reason == EADDRINUSE
-          ? "another program uses the UDP port (a ground station?): close it, or use "
-            "another port on both sides"
+      reason == EADDRINUSE ? "another program uses the UDP port (a ground station?): close it, or "
+                             "use another port on both sides"
       : reason == EADDRNOTAVAIL
           ? "this machine has no such address: use one of its own, or 0.0.0.0 for all"
           : std::string("the UDP port cannot be opened: ") + std::strerror(reason);
@@ -150,21 +149,19 @@ bool is_printable(std::byte byte) {
   return (c >= 0x20 && c < 0x7f) || c == '\n' || c == '\r' || c == '\t';
 }
 
-void LinkWatch::add(std::size_t bytes, std::size_t printable, std::uint64_t units,
-                    std::uint64_t broken, Instant now) {
+std::string LinkWatch::add(std::size_t bytes, std::size_t printable, std::uint64_t units,
+                           std::uint64_t broken, Instant now) {
   if (!received_at_) received_at_ = now;
   if (bytes == 0) {
-    if (is_silent_ || now - *received_at_ < kLongSilence) return;
+    if (is_silent_ || now - *received_at_ < kLongSilence) return {};
     is_silent_ = true;
-    message_ = is_serial_
-                   ? "nothing received for 5 s: does the device send, is its TX wired to this "
-                     "end's RX, and is it the right port?"
-                   : "nothing received for 5 s: does the device send to this machine's address "
-                     "and port, and does no firewall stop it?";
-    return;
+    return is_serial_ ? "nothing received for 5 s: does the device send, is its TX wired to this "
+                        "end's RX, and is it the right port?"
+                      : "nothing received for 5 s: does the device send to this machine's address "
+                        "and port, and does no firewall stop it?";
   }
   received_at_ = now;
-  if (std::exchange(is_silent_, false)) message_ = "it sends again";
+  std::string message = std::exchange(is_silent_, false) ? "it sends again" : "";
   bytes_ += bytes;
   printable_ += printable;
   broken_ += broken;
@@ -175,32 +172,29 @@ void LinkWatch::add(std::size_t bytes, std::size_t printable, std::uint64_t unit
     broken_ = 0;
     is_foreign_ = false;
   }
-  if (bytes_ >= kEnoughBytes && !std::exchange(is_foreign_, true)) report_foreign();
-  if (units_ + broken_in_window_ < kWindow) return;
-  const double share =
-      static_cast<double>(broken_in_window_) / static_cast<double>(units_ + broken_in_window_);
-  const bool disturbed = units_ > 0 && share > kDisturbed;
+  if (bytes_ >= kEnoughBytes && !std::exchange(is_foreign_, true)) message = foreign_text();
+  const std::uint64_t all = units_ + broken_in_window_;
+  if (all < kWindow) return message;
+  const bool disturbed =
+      units_ > 0 && static_cast<double>(broken_in_window_) > kDisturbed * static_cast<double>(all);
   if (disturbed && !is_disturbed_)
-    message_ =
-        std::to_string(broken_in_window_) + " of " + std::to_string(units_ + broken_in_window_) +
-        " have a wrong checksum and are left out: is the line disturbed, or too slow for the "
-        "data?";
+    message =
+        std::to_string(broken_in_window_) + " of " + std::to_string(all) +
+        " have a wrong checksum and are left out: is the line disturbed, or too slow for the data?";
   is_disturbed_ = disturbed;
   units_ = broken_in_window_ = 0;
+  return message;
 }
 
-void LinkWatch::report_foreign() {
+std::string LinkWatch::foreign_text() const {
   const std::string none = "no " + unit_ + " among " + std::to_string(bytes_) + " bytes";
   const bool is_text = static_cast<double>(printable_) > kMostlyText * static_cast<double>(bytes_);
   if (broken_ > 0 && is_text)
-    message_ = none + ", but " + std::to_string(broken_) +
-               " with a wrong checksum: does the device compute it as documented?";
-  else if (is_text)
-    message_ = none + ", but another text: is it the right device?";
-  else if (is_serial_)
-    message_ = none + ": is the baud rate right (" + std::to_string(baud_) + " here)?";
-  else
-    message_ = none + ": another protocol is sent to this port";
+    return none + ", but " + std::to_string(broken_) +
+           " with a wrong checksum: does the device compute it as documented?";
+  if (is_text) return none + ", but another text: is it the right device?";
+  if (is_serial_) return none + ": is the baud rate right (" + std::to_string(baud_) + " here)?";
+  return none + ": another protocol is sent to this port";
 }
 
 Expected<std::optional<SensorSample>> ByteSource::next(std::stop_token stop) {
@@ -210,11 +204,11 @@ Expected<std::optional<SensorSample>> ByteSource::next(std::stop_token stop) {
     if (!piece) return tl::unexpected(piece.error());
     const Instant now = clock_.now();
     if (const auto units = receive(*piece, now)) {
-      const auto printable = std::count_if(piece->bytes.begin(), piece->bytes.end(), is_printable);
-      watch_.add(piece->bytes.size(), static_cast<std::size_t>(printable), units->good,
-                 units->broken, now);
-      if (const auto message = watch_.take_event())
-        log::warning("capture", link_.name() + ": " + *message);
+      const auto printable = std::ranges::count_if(piece->bytes, is_printable);
+      const std::string message =
+          watch_.add(piece->bytes.size(), static_cast<std::size_t>(printable), units->good,
+                     units->broken, now);
+      if (!message.empty()) log::warning("capture", link_.name() + ": " + message);
     }
     finish(now);
   }

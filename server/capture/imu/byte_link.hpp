@@ -93,15 +93,12 @@ class LinkWatch final {
       : unit_(std::move(unit)), is_serial_(is_serial), baud_(baud) {}
 
   /// Received bytes, possibly none, and their content. @param broken  units with a wrong checksum
-  void add(std::size_t bytes, std::size_t printable, std::uint64_t units, std::uint64_t broken,
-           Instant now);
-  /// The newest message since the last call.
-  [[nodiscard]] std::optional<std::string> take_event() {
-    return std::exchange(message_, std::nullopt);
-  }
+  /// @return a message when a fault begins, or silence ends; else empty
+  [[nodiscard]] std::string add(std::size_t bytes, std::size_t printable, std::uint64_t units,
+                                std::uint64_t broken, Instant now);
 
  private:
-  void report_foreign();
+  [[nodiscard]] std::string foreign_text() const;
 
   std::string unit_;
   bool is_serial_;
@@ -115,7 +112,6 @@ class LinkWatch final {
   bool is_silent_{false};
   bool is_foreign_{false};
   bool is_disturbed_{false};
-  std::optional<std::string> message_;
 };
 
 /// Bytes of a text.

@@ -3,7 +3,7 @@
 
 namespace fiducap {
 
-Expected<std::unique_ptr<SensorSource>> open_iio_source(const IioConfig& config, const Clock&) {
+OpenedSource open_iio_source(const IioConfig& config, const Clock&) {
   return fail(ErrorCode::kUnsupported,
               "this server was built without libiio: install libiio-dev and build it again",
               config.uri);

@@ -365,8 +365,7 @@ class IioSource final : public SensorSource {
 
 }  // namespace
 
-Expected<std::unique_ptr<SensorSource>> open_iio_source(const IioConfig& config,
-                                                        const Clock& clock) {
+OpenedSource open_iio_source(const IioConfig& config, const Clock& clock) {
   auto context = open_context(config.uri);
   if (!context) return tl::unexpected(context.error());
   const auto gyro_device = find_device(context->get(), config.gyro, "anglvel_x");

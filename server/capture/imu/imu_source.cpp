@@ -12,8 +12,6 @@
 namespace fiducap {
 namespace {
 
-using Opened = Expected<std::unique_ptr<SensorSource>>;
-
 constexpr int kPx4Depth = 512;
 // accelerometer_timestamp_relative of a reading without an accelerometer.
 constexpr std::int32_t kNoAccelerometer = std::numeric_limits<std::int32_t>::max();
@@ -29,10 +27,9 @@ class Px4Source final : public dds::TopicSource {
  public:
   Px4Source(std::shared_ptr<dds::Participant> participant, bool synchronized, const Clock& clock,
             dds::WaitSet arrivals)
-      : TopicSource(
-            std::move(participant), synchronized, clock, std::move(arrivals),
-            "PX4's stamps are not this machine's time: they are placed by arrival now. Turn "
-            "UXRCE_DDS_SYNCT on, and run the agent on this machine") {}
+      : TopicSource(std::move(participant), synchronized, clock, std::move(arrivals),
+                    "PX4's stamps are not this machine's time: they are placed by arrival now. "
+                    "Turn UXRCE_DDS_SYNCT on, and run the agent on this machine") {}
 
   Expected<void> subscribe_all(const ImuTopicConfig& config) {
     for (const char* version : kVersions) {
@@ -88,7 +85,7 @@ class TurnedSource final : public SensorSource {
   Eigen::Matrix3d accel_;
 };
 
-Opened open_ros(const ImuTopicConfig& config, const ImuOpening& opening) {
+OpenedSource open_ros(const ImuTopicConfig& config, const ImuOpening& opening) {
   auto participant = opening.join_dds();
   if (!participant) return tl::unexpected(participant.error());
   const dds::RosSourceConfig ros{.images = {},
@@ -98,7 +95,7 @@ Opened open_ros(const ImuTopicConfig& config, const ImuOpening& opening) {
   return dds::open_ros_source(std::move(*participant), ros, {}, opening.clock);
 }
 
-Opened open_px4(const ImuTopicConfig& config, const ImuOpening& opening) {
+OpenedSource open_px4(const ImuTopicConfig& config, const ImuOpening& opening) {
   auto participant = opening.join_dds();
   if (!participant) return tl::unexpected(participant.error());
   auto arrivals = dds::WaitSet::make(**participant);
@@ -110,7 +107,7 @@ Opened open_px4(const ImuTopicConfig& config, const ImuOpening& opening) {
   return source;
 }
 
-Opened open_chosen(const ImuSourceConfig& config, const ImuOpening& opening) {
+OpenedSource open_chosen(const ImuSourceConfig& config, const ImuOpening& opening) {
   switch (config.type) {
     case ImuSourceType::kMavlink:
       return open_mavlink_source(config.mavlink, opening.clock);
@@ -128,7 +125,7 @@ Opened open_chosen(const ImuSourceConfig& config, const ImuOpening& opening) {
 
 }  // namespace
 
-Opened open_imu_source(const ImuSourceConfig& config, const ImuOpening& opening) {
+OpenedSource open_imu_source(const ImuSourceConfig& config, const ImuOpening& opening) {
   auto source = open_chosen(config, opening);
   if (!source) return source;
   return std::make_unique<TurnedSource>(std::move(*source), config);

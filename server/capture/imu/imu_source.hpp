@@ -21,23 +21,20 @@ struct ImuOpening {
 /// units. It never ends; when it is lost (unplugged, closed), `next` gives an Error, and it may be
 /// opened again.
 /// @return Error with device and remedy
-[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_imu_source(const ImuSourceConfig& config,
-                                                                      const ImuOpening& opening);
+[[nodiscard]] OpenedSource open_imu_source(const ImuSourceConfig& config,
+                                           const ImuOpening& opening);
 
 // Of one type, in the axes and units of the sensor; MAVLink in flu.
 
 /// A microcontroller with the line protocol (docs/imu-line-protocol.md). Impossible readings are
 /// left out, counted, and logged once.
-[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_line_source(const LinkConfig& config,
-                                                                       const Clock& clock);
+[[nodiscard]] OpenedSource open_line_source(const LinkConfig& config, const Clock& clock);
 
 /// An autopilot. It may be silent for any time; a disconnected serial line is lost.
-[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_mavlink_source(
-    const MavlinkImuConfig& config, const Clock& clock);
+[[nodiscard]] OpenedSource open_mavlink_source(const MavlinkImuConfig& config, const Clock& clock);
 
 /// Linux's Industrial I/O by libiio: buffers with the kernel's stamps.
 /// @return Error with the devices present; kUnsupported without libiio
-[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_iio_source(const IioConfig& config,
-                                                                      const Clock& clock);
+[[nodiscard]] OpenedSource open_iio_source(const IioConfig& config, const Clock& clock);
 
 }  // namespace fiducap

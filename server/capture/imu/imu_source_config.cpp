@@ -15,8 +15,8 @@ namespace {
 constexpr double kUnit = 1e-3;  // rounding of hand-typed quaternions
 constexpr const char* kAxesRule =
     "must be flu, frd, camera, three axes as [x, -y, -z] that are right-handed (x, y and z once "
-    "each; an odd number of minus signs or a swap alone would mirror), or a unit quaternion "
-    "[w, x, y, z]";
+    "each; an odd number of minus signs or a swap alone would mirror), or a unit quaternion [w, x, "
+    "y, z]";
 
 std::optional<Eigen::RowVector3d> row_of(std::string word) {
   double sign = 1;
@@ -66,9 +66,8 @@ std::optional<ImuAxes> axes_from(std::span<const std::string> words) {
   static const std::array<Known, 3> kKnown{
       {{"flu", {"x", "y", "z"}}, {"frd", {"x", "-y", "-z"}}, {"camera", {"z", "-x", "-y"}}}};
   std::optional<Eigen::Matrix3d> R_BS;
-  for (const auto& [word, axes] : kKnown) {
+  for (const auto& [word, axes] : kKnown)
     if (words.size() == 1 && words[0] == word) return ImuAxes{*by_axes(axes), words[0]};
-  }
   if (words.size() == 3) R_BS = by_axes(words);
   if (words.size() == 4) R_BS = by_quaternion(words);
   return R_BS ? std::optional(ImuAxes{*R_BS, joined(words)}) : std::nullopt;

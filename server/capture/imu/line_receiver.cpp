@@ -1,9 +1,7 @@
 #include "capture/imu/line_receiver.hpp"
 
-#include <algorithm>
 #include <charconv>
 #include <chrono>
-#include <cmath>
 
 #include "base/log.hpp"
 #include "capture/imu/byte_link.hpp"
@@ -73,10 +71,9 @@ class LineSource final : public ByteSource {
   void finish(Instant) override {
     if (std::exchange(restarts_, receiver_.clock().restarts()) == receiver_.clock().restarts())
       return;
-    log::warning("capture",
-                 link().name() +
-                     ": the clock of the IMU has restarted, and so has the device: check "
-                     "its power supply if it was not reset");
+    log::warning("capture", link().name() +
+                                ": the clock of the IMU has restarted, and so has the device: "
+                                "check its power supply if it was not reset");
   }
 
   /// The first sender, as long as it sends.
@@ -165,8 +162,7 @@ void LineReceiver::end_line(Instant arrived) {
   }
 }
 
-Expected<std::unique_ptr<SensorSource>> open_line_source(const LinkConfig& config,
-                                                         const Clock& clock) {
+OpenedSource open_line_source(const LinkConfig& config, const Clock& clock) {
   auto link = ByteLink::open(config);
   if (!link) return tl::unexpected(link.error());
   return std::make_unique<LineSource>(std::move(*link), config.baud, clock);

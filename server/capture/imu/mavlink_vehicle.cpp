@@ -159,11 +159,11 @@ void VehicleChoice::note_foreign(const Frame& frame, const LinkPeer& from) {
   if (named_.test(frame.system)) return;
   named_.set(frame.system);
   const std::string sender = text_of_system(frame.system, from);
-  message_ = vehicle_ && vehicle_->system == frame.system
-                 ? "another autopilot with the same id, " + sender +
-                       ", is ignored: give each vehicle an id of its own, or configure the address "
-                       "(peer)"
-                 : "another vehicle, " + sender + ", is ignored: set `system` to choose one";
+  message_ =
+      vehicle_ && vehicle_->system == frame.system
+          ? "another autopilot with the same id, " + sender +
+                ", is ignored: give each vehicle an id of its own, or configure the address (peer)"
+          : "another vehicle, " + sender + ", is ignored: set `system` to choose one";
 }
 
 void RateRequests::count(Instant now) {

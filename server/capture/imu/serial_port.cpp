@@ -23,11 +23,10 @@ tl::unexpected<Error> cannot_open(const std::string& device, int reason) {
     case ENOENT:
     case ENODEV:
     case ENXIO:
-      return fail(
-          ErrorCode::kNotFound,
-          "there is no such serial device: is it plugged in? /dev/serial/by-id/ lists the present "
-          "ones",
-          device);
+      return fail(ErrorCode::kNotFound,
+                  "there is no such serial device: is it plugged in? /dev/serial/by-id/ lists the "
+                  "present ones",
+                  device);
     case EACCES:
     case EPERM:
       return fail(ErrorCode::kUnavailable,

@@ -1,6 +1,5 @@
 #include "capture/imu/vehicle_imu.hpp"
 
-#include <algorithm>
 #include <chrono>
 #include <utility>
 
@@ -267,8 +266,7 @@ class MavlinkSource final : public ByteSource {
 
 }  // namespace
 
-Expected<std::unique_ptr<SensorSource>> open_mavlink_source(const MavlinkImuConfig& config,
-                                                            const Clock& clock) {
+OpenedSource open_mavlink_source(const MavlinkImuConfig& config, const Clock& clock) {
   auto link = ByteLink::open(config.link);
   if (!link) return tl::unexpected(link.error());
   return std::make_unique<MavlinkSource>(std::move(*link), config, clock);

@@ -55,16 +55,15 @@ std::string lens_of_opencv(const YamlSection& yaml) {
   if (const auto fisheye = yaml.integer("fisheye_model"))
     return *fisheye != 0 ? "fisheye" : "plumb_bob";
   if (yaml.numbers("distortion_coefficients").size() == 4)
-    yaml.add_fault("distortion_coefficients",
-                   "has 4 numbers without a distortion_model: add distortion_model: plumb_bob or "
-                   "equidistant");
+    yaml.add_fault(
+        "distortion_coefficients",
+        "has 4 numbers without a distortion_model: add distortion_model: plumb_bob or equidistant");
   return "plumb_bob";
 }
 
 std::vector<double> size_of_opencv(const YamlSection& yaml) {
-  if (yaml.has("image_width") || yaml.has("image_height")) {
+  if (yaml.has("image_width") || yaml.has("image_height"))
     return {yaml.required_number("image_width"), yaml.required_number("image_height")};
-  }
   for (const char* key : {"resolution", "img_size", "image_size"}) {
     if (!yaml.has(key)) continue;
     if (!yaml.is_map(key)) return yaml.required_numbers(key, 2);
@@ -99,12 +98,10 @@ Pose read_extrinsics(const YamlSection& yaml, const std::optional<Pose>& X_IV_be
   if (X_IV_before) {
     if (const auto T_cn_cnm1 = yaml.pose("T_cn_cnm1")) return *X_IV_before * T_cn_cnm1->inverse();
   }
-  if (!yaml.has("T_cam_imu") && !yaml.has("T_imu_cam")) {
-    yaml.add_fault(
-        "T_cam_imu",
-        "is missing, and so is T_imu_cam: the result of Kalibr's camera-IMU calibration is needed "
-        "(camchain-imucam); a camera-only camchain has no pose of the IMU");
-  }
+  if (!yaml.has("T_cam_imu") && !yaml.has("T_imu_cam"))
+    yaml.add_fault("T_cam_imu",
+                   "is missing, and so is T_imu_cam: the result of Kalibr's camera-IMU calibration "
+                   "is needed (camchain-imucam); a camera-only camchain has no pose of the IMU");
   return {};
 }
 
@@ -112,14 +109,13 @@ Pose read_extrinsics(const YamlSection& yaml, const std::optional<Pose>& X_IV_be
 
 Expected<void> set_lens(CameraModel& camera, const std::string& name,
                         const std::vector<double>& coefficients) {
-  const auto* known = std::find_if(kNames.begin(), kNames.end(),
-                                   [&](const auto& entry) { return entry.first == name; });
-  if (known == kNames.end()) {
+  const auto* known =
+      std::ranges::find_if(kNames, [&](const auto& entry) { return entry.first == name; });
+  if (known == kNames.end())
     return fail(ErrorCode::kUnsupported,
                 "distortion model " + name +
-                    " is not supported; supported are none, radial-tangential "
-                    "(radtan, plumb_bob) and equidistant (fisheye)");
-  }
+                    " is not supported; supported are none, radial-tangential (radtan, plumb_bob) "
+                    "and equidistant (fisheye)");
   const Distortion kind = known->second;
   camera.distortion = kind;
   camera.coefficients = {};
@@ -141,7 +137,7 @@ Expected<void> set_lens(CameraModel& camera, const std::string& name,
 }
 
 std::string name_of(Distortion distortion) {
-  return std::string(std::find_if(kNames.begin(), kNames.end(), [&](const auto& entry) {
+  return std::string(std::ranges::find_if(kNames, [&](const auto& entry) {
                        return entry.second == distortion;
                      })->first);
 }

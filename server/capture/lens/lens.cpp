@@ -28,15 +28,14 @@ std::array<double, 5> bernstein(const std::array<double, 5>& polynomial, double 
   double s_i = 1;
   for (std::size_t i = 0; i < 5; ++i, s_i *= s) power[i] = polynomial[i] * s_i;
   std::array<double, 5> b{};
-  for (std::size_t j = 0; j < 5; ++j) {
+  for (std::size_t j = 0; j < 5; ++j)
     for (std::size_t i = 0; i <= j; ++i) b[j] += kBinomial[j][i] / kBinomial[4][i] * power[i];
-  }
   return b;
 }
 
 // Length of the leading part of [0, 1] on which the polynomial is surely positive, to 2^-depth.
 double positive_part(const std::array<double, 5>& b, int depth) {
-  if (*std::min_element(b.begin(), b.end()) > 0) return 1;
+  if (*std::ranges::min_element(b) > 0) return 1;
   if (b[0] <= 0 || depth == 0) return 0;
   std::array<double, 5> left{};
   std::array<double, 5> right = b;

@@ -50,7 +50,7 @@ std::vector<std::uint32_t> longest_in_order(const std::vector<Stamp>& stamps) {
 /// First and last of the largest group of stamps without a gap of more than an hour; of two equal
 /// groups the earlier one.
 std::pair<std::int64_t, std::int64_t> largest_group(std::vector<std::int64_t> ns) {
-  std::sort(ns.begin(), ns.end());
+  std::ranges::sort(ns);
   std::pair<std::size_t, std::size_t> best{0, 0};
   for (std::size_t begin = 0, end = 0; begin < ns.size(); begin = end) {
     for (end = begin + 1; end < ns.size(); ++end)
@@ -153,9 +153,8 @@ void CsvReader::log_damage() const {
 
 bool parse(std::span<const std::string_view> fields, std::span<double> out) {
   if (fields.size() < out.size()) return false;
-  for (std::size_t i = 0; i < out.size(); ++i) {
+  for (std::size_t i = 0; i < out.size(); ++i)
     if (!parse(fields[i], out[i])) return false;
-  }
   return true;
 }
 
@@ -247,11 +246,11 @@ bool StampColumn::accepts(std::uint64_t line) {
 
 void StampColumn::log_left_out() const {
   if (left_out_.empty()) return;
-  log::warning("capture", path_ + ": stamps of " + std::to_string(left_out_.size()) + " of " +
-                              std::to_string(stamps_) +
-                              " lines are out of order or far from the others: left out (first in "
-                              "line " +
-                              std::to_string(left_out_.front()) + ")");
+  log::warning("capture",
+               path_ + ": stamps of " + std::to_string(left_out_.size()) + " of " +
+                   std::to_string(stamps_) +
+                   " lines are out of order or far from the others: left out (first in line " +
+                   std::to_string(left_out_.front()) + ")");
 }
 
 Expected<StampedRows> StampedRows::open(const std::filesystem::path& path) {

@@ -113,7 +113,7 @@ struct RecordingPlayback {
 
 /// Streams IMU, images and corners merged by time. Damaged lines are left out, counted and logged;
 /// an incomplete last line is left out. Memory does not grow with the recording.
-[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_recording(
-    const RecordingInfo& info, const RecordingPlayback& playback, const Clock& clock);
+[[nodiscard]] OpenedSource open_recording(const RecordingInfo& info,
+                                          const RecordingPlayback& playback, const Clock& clock);
 
 }  // namespace fiducap

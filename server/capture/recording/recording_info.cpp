@@ -62,12 +62,10 @@ Expected<void> read_imu(const std::filesystem::path& path, RecordingInfo& info) 
   if (info.gravity_m_s2 && !(*info.gravity_m_s2 > 9 && *info.gravity_m_s2 < 11))
     yaml->add_fault("gravity_m_s2", "must lie between 9 and 11");
   info.X_BI = yaml->pose("T_BS").value_or(Pose{});
-  if (info.X_BI.p.norm() > 1e-3) {
-    log::warning("capture",
-                 path.string() +
-                     ": the IMU is not in the origin of the body axes (T_BS); its samples are "
-                     "rotated into body axes, but the lever arm is ignored");
-  }
+  if (info.X_BI.p.norm() > 1e-3)
+    log::warning("capture", path.string() +
+                                ": the IMU is not in the origin of the body axes (T_BS); its "
+                                "samples are rotated into body axes, but the lever arm is ignored");
   return yaml->check();
 }
 
@@ -99,9 +97,8 @@ Expected<void> read_tags(const std::filesystem::path& path, RecordingInfo& info)
   info.tag_size_m = yaml->number("default_size_m").value_or(info.tag_size_m);
   if (info.tag_size_m <= 0) yaml->add_fault("default_size_m", "must be > 0");
   if (yaml->has("sizes_m")) yaml->read("sizes_m", info.tag_sizes_m);
-  for (const auto& [id, size_m] : info.tag_sizes_m) {
+  for (const auto& [id, size_m] : info.tag_sizes_m)
     if (!(size_m > 0)) yaml->add_fault("sizes_m", "of tag " + std::to_string(id) + " must be > 0");
-  }
   if (yaml->has("ignore_tags")) yaml->read("ignore_tags", info.ignore_tags);
   info.max_hamming = yaml->integer("max_hamming");
   info.reference_tag = yaml->integer("reference_tag");

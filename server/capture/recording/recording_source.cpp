@@ -1,8 +1,5 @@
 #include "capture/recording/recording_source.hpp"
 
-#include <cmath>
-#include <fstream>
-
 #include "base/log.hpp"
 
 namespace fiducap {
@@ -79,9 +76,8 @@ class RecordingSource final : public SensorSource {
 
   void end_of_pass() {
     if (std::exchange(pass_ended_, true) || !first_pass_) return;
-    for (const Lane& lane : lanes_) {
+    for (const Lane& lane : lanes_)
       std::visit([](const auto& stream) { stream.log_damage(); }, lane.stream);
-    }
   }
 
   // @return false at the end.
@@ -133,10 +129,9 @@ Expected<ImuStream> ImuStream::open(const RecordingLayout& layout, const Recordi
 std::optional<SensorSample> ImuStream::next() {
   for (std::int64_t ns = 0; rows_.next(ns);) {
     std::array<double, 6> v{};
-    if (parse(rows_.fields().subspan(1), v)) {
+    if (parse(rows_.fields().subspan(1), v))
       return ImuSample{instant_from_ns(ns), R_BI_ * Eigen::Vector3d(v[0], v[1], v[2]),
                        R_BI_ * Eigen::Vector3d(v[3], v[4], v[5])};
-    }
     rows_.count_damaged();
   }
   return std::nullopt;
@@ -275,9 +270,8 @@ Expected<std::vector<SampleStream>> open_streams(const RecordingInfo& info, Gray
               layout->mav().string());
 }
 
-Expected<std::unique_ptr<SensorSource>> open_recording(const RecordingInfo& info,
-                                                       const RecordingPlayback& playback,
-                                                       const Clock& clock) {
+OpenedSource open_recording(const RecordingInfo& info, const RecordingPlayback& playback,
+                            const Clock& clock) {
   if (playback.paced && !(playback.speed >= 0.01 && playback.speed <= 100))
     return fail(ErrorCode::kInvalid, "speed must be in [0.01, 100]", info.folder);
   if (playback.paced && playback.speed != 1.0 && info.imu)

@@ -146,12 +146,11 @@ Expected<RecordingWriter> RecordingWriter::create(const RecordingInfo& info) {
   std::filesystem::create_directories(info.folder, error);
   if (error)
     return fail(ErrorCode::kUnavailable, "cannot be created: " + error.message(), info.folder);
-  if (!std::filesystem::is_empty(info.folder, error) || error) {
+  if (!std::filesystem::is_empty(info.folder, error) || error)
     return fail(
         ErrorCode::kInvalid,
         "is not empty: a recording never overwrites anything; remove it, or choose another one",
         info.folder);
-  }
   RecordingWriter writer(info);
   if (const auto done = writer.write_calibration(); !done) return tl::unexpected(done.error());
   return writer;

@@ -15,7 +15,7 @@ namespace fiducap::dds {
 bool is_topic_name(const std::string& name) {
   const auto good = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '/'; };
   return name.size() >= 2 && name.size() <= 200 && name.front() == '/' && name.back() != '/' &&
-         name.find("//") == std::string::npos && std::all_of(name.begin(), name.end(), good);
+         name.find("//") == std::string::npos && std::ranges::all_of(name, good);
 }
 
 std::vector<ConfigError> RosSourceConfig::check(const std::string& prefix) const {
@@ -167,10 +167,9 @@ class RosSource final : public TopicSource {
                                      const Expected<void>& converted,
                                      std::shared_ptr<GrayImage> gray) {
     if (!converted) {
-      if (!std::exchange(cameras_[k].warned, true)) {
+      if (!std::exchange(cameras_[k].warned, true))
         log::warning("capture", cameras_[k].topic + ": " + converted.error().text() +
                                     "; such images are left out");
-      }
       return std::nullopt;
     }
     const auto at = place(to_ns(stamp));
@@ -255,10 +254,9 @@ std::int64_t utc_now_ns() {
       .count();
 }
 
-Expected<std::unique_ptr<SensorSource>> open_ros_source(std::shared_ptr<Participant> participant,
-                                                        const RosSourceConfig& config,
-                                                        const std::vector<CameraMount>& cameras,
-                                                        const Clock& clock) {
+OpenedSource open_ros_source(std::shared_ptr<Participant> participant,
+                             const RosSourceConfig& config, const std::vector<CameraMount>& cameras,
+                             const Clock& clock) {
   auto arrivals = WaitSet::make(*participant);
   if (!arrivals) return tl::unexpected(arrivals.error());
   auto source =

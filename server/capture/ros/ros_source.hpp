@@ -54,9 +54,10 @@ class TopicSource : public SensorSource {
 /// once.
 /// @param cameras  with their lenses, in the order of config.images
 /// @return Error when a topic cannot be subscribed to
-[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_ros_source(
-    std::shared_ptr<Participant> participant, const RosSourceConfig& config,
-    const std::vector<CameraMount>& cameras, const Clock& clock);
+[[nodiscard]] OpenedSource open_ros_source(std::shared_ptr<Participant> participant,
+                                           const RosSourceConfig& config,
+                                           const std::vector<CameraMount>& cameras,
+                                           const Clock& clock);
 
 /// UTC of this machine, as in stamps of ROS.
 [[nodiscard]] std::int64_t utc_now_ns();

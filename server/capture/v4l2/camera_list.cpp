@@ -71,8 +71,8 @@ bool is_better(const SuggestedMode& a, const SuggestedMode& b) {
 }
 
 bool has_control(const ListedCamera& camera, std::uint32_t id) {
-  return std::any_of(camera.controls.begin(), camera.controls.end(),
-                     [id](const v4l2::Control& control) { return control.id == id; });
+  return std::ranges::any_of(camera.controls,
+                             [id](const v4l2::Control& control) { return control.id == id; });
 }
 
 std::string key_line(const std::string& key_and_value, const std::string& comment) {
@@ -94,7 +94,7 @@ std::vector<ListedCamera> list_cameras(const CameraPlaces& places) {
     const std::string file = entry.path().filename().string();
     if (const auto number = number_of(file)) files.emplace_back(*number, file);
   }
-  std::sort(files.begin(), files.end());
+  std::ranges::sort(files);
   std::vector<ListedCamera> cameras;
   for (const auto& [number, file] : files) {
     ListedCamera camera;

@@ -1,7 +1,6 @@
 #include "capture/v4l2/controls.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <cmath>
 #include <cstdlib>
@@ -204,8 +203,8 @@ class Settings final {
 
 bool Control::offers(std::int32_t wanted) const {
   if (choices.empty()) return wanted >= minimum && wanted <= maximum;
-  return std::any_of(choices.begin(), choices.end(),
-                     [wanted](const auto& choice) { return choice.first == wanted; });
+  return std::ranges::any_of(choices,
+                             [wanted](const auto& choice) { return choice.first == wanted; });
 }
 
 std::vector<Control> controls(Port& port) {

@@ -170,13 +170,12 @@ Expected<Identity> identify(Port& port, const std::string& device) {
   if ((can & V4L2_CAP_VIDEO_CAPTURE) != 0) identity.buffer_type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
   if ((can & V4L2_CAP_VIDEO_CAPTURE_MPLANE) != 0)
     identity.buffer_type = V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE;
-  if (identity.buffer_type == 0 || (can & V4L2_CAP_STREAMING) == 0) {
+  if (identity.buffer_type == 0 || (can & V4L2_CAP_STREAMING) == 0)
     return fail(ErrorCode::kUnsupported,
                 "is a part of \"" + identity.card +
                     "\" without images (metadata, output, codec); its camera has another number: "
                     "`fiducap cameras`",
                 device);
-  }
   return identity;
 }
 
@@ -197,7 +196,7 @@ std::vector<double> offered_rates(Port& port, std::uint32_t code, PixelSize size
     rates_hz.push_back(rate_of(entry.stepwise.max));
     break;
   }
-  std::sort(rates_hz.begin(), rates_hz.end(), std::greater<>());
+  std::ranges::sort(rates_hz, std::greater<>());
   return rates_hz;
 }
 

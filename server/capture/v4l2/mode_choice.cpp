@@ -28,8 +28,8 @@ struct Candidate {
 
 bool gives(const OfferedFormat& offered, PixelSize size) {
   if (offered.sizes.empty() || offered.any_size_between) return true;
-  return std::any_of(offered.sizes.begin(), offered.sizes.end(),
-                     [&](const OfferedSize& one) { return one.size == size; });
+  return std::ranges::any_of(offered.sizes,
+                             [&](const OfferedSize& one) { return one.size == size; });
 }
 
 /// The lowest rate not below the wanted one; else the highest. @param rates_hz  falling
@@ -66,15 +66,13 @@ std::string all_formats(const std::vector<OfferedFormat>& offered) {
 }
 
 Error nothing_fits(const std::vector<OfferedFormat>& offered, const ModeRequest& request) {
-  const bool some_readable =
-      std::any_of(offered.begin(), offered.end(),
-                  [](const OfferedFormat& format) { return pixel_format(format.code) != nullptr; });
-  if (!some_readable) {
+  const bool some_readable = std::ranges::any_of(
+      offered, [](const OfferedFormat& format) { return pixel_format(format.code) != nullptr; });
+  if (!some_readable)
     return {ErrorCode::kUnsupported,
             "offers no supported format, but " + all_formats(offered) +
                 ": open cameras with raw Bayer images as `libcamera:`",
             {}};
-  }
   const std::string wanted =
       request.format == nullptr ? "images" : std::string(request.format->name) + " images";
   return {ErrorCode::kInvalid,
@@ -97,7 +95,7 @@ std::vector<Candidate> candidates_among(Port& port, const std::vector<OfferedFor
     candidates.push_back(candidate);
   }
   // By falling rate, then in the order of pixel_formats(). 29.97 Hz and 30 Hz are equal.
-  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+  std::ranges::sort(candidates, [](const Candidate& a, const Candidate& b) {
     const double a_hz = std::round(a.nominal_hz), b_hz = std::round(b.nominal_hz);
     return a_hz != b_hz ? a_hz > b_hz : a.format < b.format;
   });

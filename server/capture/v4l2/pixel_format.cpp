@@ -40,7 +40,7 @@ constexpr std::array kFormats{
 
 template <typename Predicate>
 const PixelFormat* first_format(Predicate is_wanted) {
-  const auto* found = std::find_if(kFormats.begin(), kFormats.end(), is_wanted);
+  const auto* found = std::ranges::find_if(kFormats, is_wanted);
   return found == kFormats.end() ? nullptr : found;
 }
 

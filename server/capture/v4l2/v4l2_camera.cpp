@@ -325,11 +325,9 @@ Duration known_exposure(const std::string& device, const DeviceExposure& reporte
 
 }  // namespace
 
-Expected<std::unique_ptr<SensorSource>> open_v4l2_camera(std::unique_ptr<Port> port,
-                                                         const std::string& device,
-                                                         const CameraDeviceConfig& config,
-                                                         const CameraModel& camera,
-                                                         const Clock& clock) {
+OpenedSource open_v4l2_camera(std::unique_ptr<Port> port, const std::string& device,
+                              const CameraDeviceConfig& config, const CameraModel& camera,
+                              const Clock& clock) {
   const auto with_name = [&device](Error error) {
     error.context = device;
     return tl::unexpected(std::move(error));

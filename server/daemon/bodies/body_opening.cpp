@@ -8,8 +8,8 @@
 
 namespace fiducap {
 
-ReopeningSource::ReopeningSource(Expected<std::unique_ptr<SensorSource>> first, Open open,
-                                 Listener listener, const Clock& clock)
+ReopeningSource::ReopeningSource(OpenedSource first, Open open, Listener listener,
+                                 const Clock& clock)
     : open_(std::move(open)), listener_(std::move(listener)), clock_(clock) {
   if (first) {
     source_ = std::move(*first);
@@ -53,7 +53,7 @@ void ReopeningSource::note_sample() {
 void ReopeningSource::lose(const Error& why) {
   source_.reset();  // releases the device, which could not be opened otherwise
   const auto gave_since = std::exchange(gives_since_, std::nullopt);
-  if (gave_since && gave_at_ - *gave_since >= kForgiven) pause_ = kShortestPause;
+  if (gave_since) backoff_.lasted(gave_at_ - *gave_since);
   std::string text = why.text();
   if (text == reported_ && !gave_since) return;
   reported_ = std::move(text);
@@ -61,8 +61,7 @@ void ReopeningSource::lose(const Error& why) {
 }
 
 bool ReopeningSource::wait_and_reopen(std::stop_token stop) {
-  if (!clock_.wait_until(clock_.now() + pause_, stop)) return false;
-  pause_ = std::min(2 * pause_, kLongestPause);
+  if (!clock_.wait_until(clock_.now() + backoff_.pause(), stop)) return false;
   try {
     auto opened = open_();
     if (opened) {
@@ -81,8 +80,8 @@ namespace {
 /// Without lenses there is no filter.
 bool knows_lenses(const BodySetup& setup) {
   const auto& cameras = setup.sensors.cameras;
-  return std::all_of(cameras.begin(), cameras.end(),
-                     [](const CameraMount& camera) { return camera.model.width > 0; });
+  return std::ranges::all_of(cameras,
+                             [](const CameraMount& camera) { return camera.model.width > 0; });
 }
 
 Error about(const BodyConfig& config, const Error& error) {
@@ -111,7 +110,7 @@ std::vector<ImageWatch::Nominal> nominal_images(const BodyConfig& config, const 
 /// The body has other sources of images.
 bool has_others(const BodyConfig& config, const SensorPart& part) {
   const auto parts = parts_of(config);
-  return std::count_if(parts.begin(), parts.end(), gives_images) > (gives_images(part) ? 1 : 0);
+  return std::ranges::count_if(parts, gives_images) > (gives_images(part) ? 1 : 0);
 }
 
 }  // namespace
@@ -161,8 +160,7 @@ Expected<BodyOpening::Body> BodyOpening::open_body(const BodyConfig& config,
   return body;
 }
 
-BodyOpening::Opened BodyOpening::open(const BodyConfig& config, const SensorPart& part,
-                                      BodySetup& setup) {
+OpenedSource BodyOpening::open(const BodyConfig& config, const SensorPart& part, BodySetup& setup) {
   auto source = open_source(config, part, setup,
                             {.room = config_.simulation,
                              .clock = clock_,
@@ -181,7 +179,7 @@ bool BodyOpening::comes_back(const BodyConfig& config, const SensorPart& part) c
 /// @param config  outlives the source
 std::unique_ptr<SensorSource> BodyOpening::keep_open(const BodyConfig& config,
                                                      const SensorPart& part, const BodySetup& setup,
-                                                     Opened source) {
+                                                     OpenedSource source) {
   if (!comes_back(config, part)) return source ? std::move(*source) : failed_source(source.error());
   const std::string what = name_of(part);
   std::string kind = what;  // `camera 1` → `camera_1`

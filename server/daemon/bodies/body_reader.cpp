@@ -1,8 +1,6 @@
 #include "daemon/bodies/body_reader.hpp"
 
-#include <algorithm>
 #include <exception>
-#include <utility>
 
 #include "base/log.hpp"
 
@@ -12,11 +10,6 @@ namespace {
 bool is_image(const Delivery& delivery) {
   return !std::holds_alternative<ImuSample>(delivery.sample);
 }
-
-// After so long without an exception the pauses are short again.
-constexpr Duration kForgivenAfter = std::chrono::minutes(1);
-constexpr Duration kFirstPause = std::chrono::milliseconds(100);
-constexpr Duration kLastPause = std::chrono::seconds(30);
 
 }  // namespace
 
@@ -31,7 +24,7 @@ bool BodyInbox::push(SensorSample sample, Instant arrived) {
     Delivery delivery{std::move(sample), arrived};
     if (is_image(delivery)) {
       if (images_ == max_images_) {
-        waiting_.erase(std::find_if(waiting_.begin(), waiting_.end(), is_image));
+        waiting_.erase(std::ranges::find_if(waiting_, is_image));
         ++images_dropped_;
       } else {
         ++images_;
@@ -98,7 +91,7 @@ BodyReader::BodyReader(BodySource source, std::string body, Take take, EventBoar
 }
 
 void BodyReader::read(std::stop_token stop) {
-  Duration pause = kFirstPause;
+  Backoff backoff(std::chrono::milliseconds(100));
   for (;;) {
     const Instant began = clock_.now();
     try {
@@ -108,9 +101,7 @@ void BodyReader::read(std::stop_token stop) {
       report_failure(failure.what());
     }
     const Instant now = clock_.now();
-    if (now - began > kForgivenAfter) pause = kFirstPause;
-    if (!clock_.wait_until(now + pause, stop)) break;
-    pause = std::min(2 * pause, kLastPause);
+    if (!clock_.wait_until(now + backoff.pause_after(now - began), stop)) break;
   }
   reading_ = false;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <condition_variable>
@@ -9,6 +10,7 @@
 #include <mutex>
 #include <stop_token>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/event_board.hpp"
@@ -18,6 +20,29 @@
 #include "capture/sensor_source.hpp"
 
 namespace fiducap {
+
+/// Pauses between attempts: doubled with each one up to half a minute, short again once an attempt
+/// has lasted for a minute.
+class Backoff final {
+ public:
+  explicit Backoff(Duration shortest) : shortest_(shortest), next_(shortest) {}
+
+  void lasted(Duration time) {
+    if (time >= std::chrono::minutes(1)) next_ = shortest_;
+  }
+  /// @return how long to wait before the next attempt
+  [[nodiscard]] Duration pause() {
+    return std::exchange(next_, std::min<Duration>(2 * next_, std::chrono::seconds(30)));
+  }
+  [[nodiscard]] Duration pause_after(Duration time) {
+    lasted(time);
+    return pause();
+  }
+
+ private:
+  Duration shortest_;
+  Duration next_;
+};
 
 /// Liveness of a body's samples: written by its threads, read by the health watch. Server time; 0:
 /// none yet.

@@ -16,8 +16,6 @@
 namespace fiducap {
 namespace {
 
-using Opened = Expected<std::unique_ptr<SensorSource>>;
-
 // Per kind of source, by overloads: `read_own` (cameras and gravity known before it is opened, into
 // the setup), `imu_of` (noise of its own IMU, unless configured), `open`, `may_come_back`.
 
@@ -44,7 +42,7 @@ std::optional<ImuNoise> imu_of(const simulation::SimulatedBodyConfig& config, co
 }
 
 /// With true cameras, and an IMU only if it is read.
-Opened open(simulation::SimulatedBodyConfig robot, BodySetup& setup, OpeningContext context) {
+OpenedSource open(simulation::SimulatedBodyConfig robot, BodySetup& setup, OpeningContext context) {
   if (robot.cameras.empty()) robot.cameras = setup.configured_cameras;
   robot.has_imu = setup.sensors.imu.has_value();
   auto made = simulation::make_simulated_source(context.room, robot, context.simulation_start,
@@ -68,10 +66,11 @@ Expected<void> read_own(const RecordingSourceConfig& config, const simulation::R
 }
 
 std::optional<ImuNoise> imu_of(const RecordingSourceConfig&, const BodySetup& setup) {
-  return setup.recording->imu;
+  return setup.recording ? setup.recording->imu : std::nullopt;
 }
 
-Opened open(const RecordingSourceConfig& config, BodySetup& setup, const OpeningContext& context) {
+OpenedSource open(const RecordingSourceConfig& config, BodySetup& setup,
+                  const OpeningContext& context) {
   return open_recording(*setup.recording, {true, config.loop, config.speed}, context.clock);
 }
 
@@ -79,14 +78,15 @@ bool may_come_back(const RecordingSourceConfig&) { return false; }
 
 // --- cameras -----------------------------------------------------------------------------------
 
-Opened open_device(CameraDeviceConfig device, const CameraMount& mount,
-                   const OpeningContext& context) {
+OpenedSource open_device(CameraDeviceConfig device, const CameraMount& mount,
+                         const OpeningContext& context) {
   device.paced = true;
   device.time_shift = mount.time_shift;
   return open_camera_device(device, mount.model, context.clock);
 }
 
-Opened open(const CameraDeviceConfig& device, BodySetup& setup, const OpeningContext& context) {
+OpenedSource open(const CameraDeviceConfig& device, BodySetup& setup,
+                  const OpeningContext& context) {
   return open_device(device, setup.sensors.cameras.front(), context);
 }
 
@@ -98,8 +98,8 @@ std::optional<ImuNoise> imu_of(const dds::RosSourceConfig& config, const BodySet
   return config.imu.empty() ? std::nullopt : std::optional(ImuNoise{});
 }
 
-Opened open_topics(const dds::RosSourceConfig& ros, std::vector<CameraMount>& cameras,
-                   const OpeningContext& context) {
+OpenedSource open_topics(const dds::RosSourceConfig& ros, std::vector<CameraMount>& cameras,
+                         const OpeningContext& context) {
   auto participant = context.join_dds();
   if (!participant) return tl::unexpected(participant.error());
   if (auto asked = dds::wait_for_lenses(**participant, ros, cameras, context.clock); !asked)
@@ -107,7 +107,7 @@ Opened open_topics(const dds::RosSourceConfig& ros, std::vector<CameraMount>& ca
   return dds::open_ros_source(std::move(*participant), ros, cameras, context.clock);
 }
 
-Opened open(dds::RosSourceConfig ros, BodySetup& setup, const OpeningContext& context) {
+OpenedSource open(dds::RosSourceConfig ros, BodySetup& setup, const OpeningContext& context) {
   if (!setup.sensors.imu) ros.imu.clear();
   return open_topics(ros, setup.sensors.cameras, context);
 }
@@ -116,7 +116,7 @@ bool may_come_back(const dds::RosSourceConfig&) { return true; }
 
 // --- sensors with sources of their own ---------------------------------------------------------
 
-Opened open(const SensorsConfig&, BodySetup&, const OpeningContext&) {
+OpenedSource open(const SensorsConfig&, BodySetup&, const OpeningContext&) {
   return fail(ErrorCode::kInvalid, "every sensor of this body has a source of its own");
 }
 
@@ -140,8 +140,8 @@ class NumberedCamera final : public SensorSource {
   int camera_;
 };
 
-Opened open_camera(const CameraSourceConfig& source, std::size_t k, BodySetup& setup,
-                   const OpeningContext& context) {
+OpenedSource open_camera(const CameraSourceConfig& source, std::size_t k, BodySetup& setup,
+                         const OpeningContext& context) {
   CameraMount& mount = setup.sensors.cameras[k];
   std::vector<CameraMount> cameras{mount};
   auto opened = source.type == CameraSourceType::kRos
@@ -167,10 +167,17 @@ class FailedSource final : public SensorSource {
 /// Kalibr's camchain starts each camera with its name.
 bool is_camchain(const std::string& file) {
   std::ifstream stream(file);
-  for (std::string line; std::getline(stream, line);) {
+  for (std::string line; std::getline(stream, line);)
     if (line.rfind("cam0:", 0) == 0) return true;
-  }
   return false;
+}
+
+/// The value that was read; a fault and `configured` when there is none.
+template <class Read, class T>
+T value_or(Expected<Read> read, T configured, std::vector<Error>& faults) {
+  if (read) return std::move(*read);
+  faults.push_back(std::move(read.error()));
+  return configured;
 }
 
 /// The mount as configured, with the content of its calibration file.
@@ -182,12 +189,11 @@ Expected<CameraMount> read_mount(const CameraConfig& camera, std::size_t place) 
   if (!chain) return tl::unexpected(chain.error());
   // Camera K of the body is camK of the file.
   const std::size_t which = chain->size() == 1 ? 0 : place;
-  if (which >= chain->size()) {
+  if (which >= chain->size())
     return fail(ErrorCode::kNotFound,
                 "has " + std::to_string(chain->size()) + " cameras, but the body's camera " +
                     std::to_string(place) + " needs cam" + std::to_string(place),
                 camera.calibration);
-  }
   const CameraMount& read = (*chain)[which];
   mount.model = read.model;
   mount.X_BV = read.X_BV;
@@ -195,24 +201,18 @@ Expected<CameraMount> read_mount(const CameraConfig& camera, std::size_t place) 
   return mount;
 }
 
-Expected<std::optional<ImuNoise>> read_imu(const BodyConfig& body, const BodySetup& setup) {
+std::optional<ImuNoise> read_imu(const BodyConfig& body, const BodySetup& setup,
+                                 std::vector<Error>& faults) {
   const std::optional<ImuNoise> own =
       body.imu_source
           ? ImuNoise{}
           : visit_source(body.source, [&](const auto& source) { return imu_of(source, setup); });
   if (!body.use_imu || !own) return std::nullopt;
   ImuNoise noise = body.imu ? *body.imu : *own;
-  if (!body.kalibr_imu.empty()) {
-    const auto read = read_kalibr_imu(body.kalibr_imu);
-    if (!read) return tl::unexpected(read.error());
-    noise = *read;
-  }
+  if (!body.kalibr_imu.empty()) noise = value_or(read_kalibr_imu(body.kalibr_imu), noise, faults);
   noise.correction = own->correction;  // of a recording
-  if (!body.imu_correction.empty()) {
-    const auto read = read_imu_correction(body.imu_correction);
-    if (!read) return tl::unexpected(read.error());
-    noise.correction = *read;
-  }
+  if (!body.imu_correction.empty())
+    noise.correction = value_or(read_imu_correction(body.imu_correction), noise.correction, faults);
   return noise;
 }
 
@@ -227,9 +227,8 @@ bool provides_lens(const BodyConfig& body, std::size_t k) {
 std::vector<SensorPart> parts_of(const BodyConfig& body) {
   std::vector<SensorPart> parts;
   if (body.source.type != SourceType::kSensors) parts.push_back({});
-  for (std::size_t k = 0; k < body.cameras.size(); ++k) {
+  for (std::size_t k = 0; k < body.cameras.size(); ++k)
     if (body.cameras[k].source) parts.push_back({k});
-  }
   if (body.imu_source && body.use_imu) parts.push_back({.is_imu = true});
   return parts;
 }
@@ -239,8 +238,8 @@ std::string name_of(const SensorPart& part) {
   return part.camera ? "camera " + std::to_string(*part.camera) : "source";
 }
 
-Opened open_source(const BodyConfig& body, const SensorPart& part, BodySetup& setup,
-                   OpeningContext context) {
+OpenedSource open_source(const BodyConfig& body, const SensorPart& part, BodySetup& setup,
+                         OpeningContext context) {
   if (part.is_imu) return open_imu_source(*body.imu_source, {context.clock, context.join_dds});
   if (part.camera)
     return open_camera(*body.cameras[*part.camera].source, *part.camera, setup, context);
@@ -261,26 +260,33 @@ std::unique_ptr<SensorSource> failed_source(Error error) {
   return std::make_unique<FailedSource>(std::move(error));
 }
 
-Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::RoomConfig& room,
-                                    const SiteConfig& site) {
+BodySetup read_body_setup(const BodyConfig& body, const simulation::RoomConfig& room,
+                          const SiteConfig& site, std::vector<Error>& faults) {
   BodySetup setup;
   const auto read =
       visit_source(body.source, [&](const auto& own) { return read_own(own, room, setup); });
-  if (!read) return tl::unexpected(read.error());
+  if (!read) faults.push_back(read.error());
   if (!body.cameras.empty()) setup.sensors.cameras.clear();
   for (std::size_t k = 0; k < body.cameras.size(); ++k) {
-    auto mount = read_mount(body.cameras[k], k);
-    if (!mount) return tl::unexpected(mount.error());
-    const bool is_known_later = provides_lens(body, k) && mount->model.width == 0;
-    if (const auto errors = mount->model.check(); !errors.empty() && !is_known_later)
-      return fail(ErrorCode::kInvalid, errors.front().text(), body.cameras[k].calibration);
-    setup.sensors.cameras.push_back(std::move(*mount));
+    const auto before = faults.size();
+    CameraMount mount = value_or(read_mount(body.cameras[k], k), body.cameras[k].mount, faults);
+    const bool is_known_later = provides_lens(body, k) && mount.model.width == 0;
+    const auto errors = mount.model.check();
+    if (!errors.empty() && !is_known_later && faults.size() == before)
+      faults.push_back({ErrorCode::kInvalid, errors.front().text(), body.cameras[k].calibration});
+    setup.sensors.cameras.push_back(std::move(mount));
   }
-  auto imu = read_imu(body, setup);
-  if (!imu) return tl::unexpected(imu.error());
-  setup.sensors.imu = *imu;
+  setup.sensors.imu = read_imu(body, setup, faults);
   setup.configured_cameras = setup.sensors.cameras;
   if (const auto gravity = site.configured_gravity()) setup.sensors.set_known_gravity(*gravity);
+  return setup;
+}
+
+Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::RoomConfig& room,
+                                    const SiteConfig& site) {
+  std::vector<Error> faults;
+  BodySetup setup = read_body_setup(body, room, site, faults);
+  if (!faults.empty()) return tl::unexpected(std::move(faults.front()));
   return setup;
 }
 

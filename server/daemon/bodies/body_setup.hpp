@@ -51,17 +51,18 @@ struct SensorPart {
 
 /// Opens the samples of one part, in real time. A source that provides lenses writes those that are
 /// not configured into `setup`, which may take a while.
-[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_source(const BodyConfig& body,
-                                                                  const SensorPart& part,
-                                                                  BodySetup& setup,
-                                                                  OpeningContext context);
+[[nodiscard]] OpenedSource open_source(const BodyConfig& body, const SensorPart& part,
+                                       BodySetup& setup, OpeningContext context);
 /// Whether it is a device, which may be unplugged or started later.
 [[nodiscard]] bool may_come_back(const BodyConfig& body, const SensorPart& part);
 /// Replaces a source that could not be opened: gives only this error.
 [[nodiscard]] std::unique_ptr<SensorSource> failed_source(Error error);
 
-/// Reads calibration files and the metadata of a recording.
-/// @return Error naming the file and its fault
+/// Reads calibration files and the metadata of a recording. What cannot be read keeps the values
+/// of the configuration, and `faults` gets an Error with the file and its fault.
+[[nodiscard]] BodySetup read_body_setup(const BodyConfig& body, const simulation::RoomConfig& room,
+                                        const SiteConfig& site, std::vector<Error>& faults);
+/// The same. @return the first fault
 [[nodiscard]] Expected<BodySetup> read_body_setup(const BodyConfig& body,
                                                   const simulation::RoomConfig& room,
                                                   const SiteConfig& site = {});
@@ -81,20 +82,17 @@ void warn_about_tags(const std::string& body, const RecordingInfo& recording,
 /// end of a source (a recording, a stop) stays the end.
 class ReopeningSource final : public SensorSource {
  public:
-  using Open = std::function<Expected<std::unique_ptr<SensorSource>>()>;
+  using Open = std::function<OpenedSource()>;
   struct Listener {
     std::function<void(const Error&)> lost;  ///< Once per loss, and when the reason changes.
     std::function<void()> back;              ///< When it has given samples for a few seconds.
   };
   static constexpr Duration kBackAfter = std::chrono::seconds(3);
-  static constexpr Duration kForgiven = std::chrono::minutes(1);
   static constexpr Duration kShortestPause = std::chrono::milliseconds(250);
-  static constexpr Duration kLongestPause = std::chrono::seconds(30);
 
   /// @param first  as opened at the start, or the error
   /// @param clock  outlives the source
-  ReopeningSource(Expected<std::unique_ptr<SensorSource>> first, Open open, Listener listener,
-                  const Clock& clock);
+  ReopeningSource(OpenedSource first, Open open, Listener listener, const Clock& clock);
 
   Expected<std::optional<SensorSample>> next(std::stop_token stop) override;
 
@@ -108,7 +106,7 @@ class ReopeningSource final : public SensorSource {
   Open open_;
   Listener listener_;
   const Clock& clock_;
-  Duration pause_{kShortestPause};
+  Backoff backoff_{kShortestPause};
   std::optional<Instant> gives_since_;  ///< Samples, without a loss.
   Instant gave_at_{};                   ///< The last one.
   std::string reported_;                ///< Reason of the loss; empty: not lost.
@@ -142,14 +140,14 @@ class BodyOpening final {
   [[nodiscard]] Instant simulation_start() const { return simulation_start_; }
 
  private:
-  using Opened = Expected<std::unique_ptr<SensorSource>>;
-
   [[nodiscard]] Expected<Body> open_body(const BodyConfig& config, const StartMap& start);
-  [[nodiscard]] Opened open(const BodyConfig& config, const SensorPart& part, BodySetup& setup);
+  [[nodiscard]] OpenedSource open(const BodyConfig& config, const SensorPart& part,
+                                  BodySetup& setup);
   [[nodiscard]] bool comes_back(const BodyConfig& config, const SensorPart& part) const;
   [[nodiscard]] std::unique_ptr<SensorSource> keep_open(const BodyConfig& config,
                                                         const SensorPart& part,
-                                                        const BodySetup& setup, Opened source);
+                                                        const BodySetup& setup,
+                                                        OpenedSource source);
 
   const ServerConfig& config_;
   SourceHooks hooks_;

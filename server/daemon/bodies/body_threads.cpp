@@ -58,12 +58,11 @@ std::string calibration_text(std::size_t camera, const ExtrinsicsEstimate& learn
                      part("rotation", rotation, per_axis * configured.rotation_sigma_rad, kMilli,
                           "mrad", "turn the body about two axes");
   const ClockEstimate& clock = learned.clock;
-  if (clock.shift_sigma_s > 0) {
+  if (clock.shift_sigma_s > 0)
     text += clock.shift_sigma_s > kNothingLearned * configured.time_shift_sigma_s
                 ? std::string(", clock not shown by this motion (turn the body quickly)")
                 : fmt::format(", clock {:+.2f} ±{:.2g} ms", clock.shift_s * kMilli,
                               clock.shift_sigma_s * kMilli);
-  }
   if (clock.readout_sigma_s > 0)
     text += fmt::format(", readout {:.2f} ±{:.2g} ms", clock.readout_s * kMilli,
                         clock.readout_sigma_s * kMilli);
@@ -86,10 +85,9 @@ std::string BodyStatistics::text() const {
        << " bad; " << p.motion_losses << " restarts, " << restarts << " after failures";
   const auto late_ms = [this](double share) { return to_seconds(lateness.quantile(share)) * 1e3; };
   line << "; exposure to update " << late_ms(0.5) << " ms (p99 " << late_ms(0.99) << ")";
-  if (p.search.images > 0) {
+  if (p.search.images > 0)
     line << "; " << p.search.whole_images << " images searched whole, " << p.search.found << " of "
          << p.search.expected << " expected tags in their regions";
-  }
   return line.str();
 }
 
@@ -112,8 +110,8 @@ void BodyThreads::start(std::function<void()> all_ended) {
 }
 
 bool BodyThreads::some_are_reading() const {
-  return std::any_of(reading_.begin(), reading_.end(),
-                     [](const auto& reader) { return reader.body->reading(reader.source); });
+  return std::ranges::any_of(
+      reading_, [](const auto& reader) { return reader.body->reading(reader.source); });
 }
 
 bool BodyThreads::stop(Duration timeout) {
@@ -123,9 +121,8 @@ bool BodyThreads::stop(Duration timeout) {
   for (auto& thread : computing_) thread.join();
   computing_.clear();
   const Instant until = clock_.now() + timeout;
-  while (!reading_.empty() && some_are_reading() && clock_.now() < until) {
+  while (!reading_.empty() && some_are_reading() && clock_.now() < until)
     if (!clock_.wait_until(clock_.now() + kLook, {})) break;
-  }
   bool all = true;
   for (auto& reader : reading_) {
     if (reader.body->reading(reader.source)) {

@@ -18,10 +18,22 @@ constexpr double kReportedShift_s = 5e-3;
 
 // An image that waited for longer is skipped when there is a newer one.
 constexpr Duration kStale = std::chrono::milliseconds(200);
-// After so long without a failure the pauses are short again.
-constexpr Duration kForgiven = std::chrono::minutes(1);
-constexpr Duration kShortestPause = std::chrono::milliseconds(100);
-constexpr Duration kLongestPause = std::chrono::seconds(30);
+
+/// Conditions of a body that its pipeline judges.
+struct Condition {
+  BodyEvent::Kind event;
+  std::string_view kind;  ///< On the event board.
+  bool holds;
+  Severity severity{Severity::kInfo};
+};
+constexpr std::array kConditions{
+    Condition{BodyEvent::Kind::kImuSilent, "imu_silent", true, Severity::kWarning},
+    Condition{BodyEvent::Kind::kImuBack, "imu_silent", false},
+    Condition{BodyEvent::Kind::kImuUnusable, "imu_readings", true, Severity::kError},
+    Condition{BodyEvent::Kind::kImuDoubtful, "imu_readings", true, Severity::kWarning},
+    Condition{BodyEvent::Kind::kImuPlausible, "imu_readings", false},
+    Condition{BodyEvent::Kind::kTurnsDisagree, "turns_disagree", true, Severity::kError},
+    Condition{BodyEvent::Kind::kTurnsAgree, "turns_disagree", false}};
 
 /// More waiting images would only make the newest late.
 std::size_t images_that_wait(const PipelineSetup& setup) {
@@ -40,7 +52,6 @@ BodyWorker::BodyWorker(BodyParts parts, const SharedParts& shared)
       views_(std::move(parts.views)),
       pipeline_(make_pipeline()),
       inbox_(images_that_wait(setup_)),
-      pause_(kShortestPause),
       began_at_(shared.clock.now()) {
   for (BodySource& source : parts.sources) {
     if (source.gives_images) ++image_readers_;
@@ -114,7 +125,6 @@ void BodyWorker::end_conditions(std::initializer_list<std::string_view> kinds,
 /// Restarts the pipeline, which loses its estimates; the map keeps its tags.
 void BodyWorker::restart(const std::string& why, std::stop_token stop) {
   const Instant now = shared_.clock.now();
-  if (now - began_at_ > kForgiven) pause_ = kShortestPause;
   const auto whose = [this] { return name_; };
   log::guarded("pipeline", whose, [&] {
     shared_.events.begin({.severity = Severity::kError,
@@ -122,15 +132,13 @@ void BodyWorker::restart(const std::string& why, std::stop_token stop) {
                           .kind = "failed",
                           .text = "estimator failed (" + why + "); restarting",
                           .remedy = "This is a defect of the server: please report it"});
-    failed_ = true;
     ++statistics_.restarts;
     shared_.scene.source_lost(index_);
     shared_.map.release(id_);
   });
   end_conditions({"imu_silent", "imu_readings", "turns_disagree"},
                  "the estimator restarts and checks the IMU again");
-  if (!shared_.clock.wait_until(now + pause_, stop)) return;
-  pause_ = std::min(2 * pause_, kLongestPause);
+  if (!shared_.clock.wait_until(now + backoff_.pause_after(now - began_at_), stop)) return;
   inbox_.clear();
   began_at_ = shared_.clock.now();
   reset_pipeline();
@@ -222,43 +230,26 @@ void BodyWorker::report_events(const BodyUpdate& update) {
                              : log::Level::kInfo,
                "mapping", event.text);
   }
-  if (failed_ && update.is_placed()) {
-    failed_ = false;
-    shared_.events.end(name_, "failed", "is tracked again");
-  }
-  for (const BodyEvent& event : update.events) {
-    if (event.text.empty() || report_sensor_event(event)) continue;
-    const bool is_info = event.kind == BodyEvent::Kind::kMapCorrection;
-    shared_.events.report({.severity = is_info ? Severity::kInfo : Severity::kWarning,
-                           .subject = name_,
-                           .kind = std::string(name_of(event.kind)),
-                           .text = event.text});
-  }
+  if (update.is_placed()) shared_.events.end(name_, "failed", "is tracked again");
+  for (const BodyEvent& event : update.events)
+    if (!event.text.empty()) report(event);
 }
 
-/// Begins or ends lasting conditions. @return false: it is none
-bool BodyWorker::report_sensor_event(const BodyEvent& event) {
-  using Kind = BodyEvent::Kind;
-  const bool disagrees = event.kind == Kind::kTurnsDisagree;
-  const bool silent = event.kind == Kind::kImuSilent;
-  const bool unusable = event.kind == Kind::kImuUnusable;
-  if (event.kind == Kind::kImuBack) {
-    shared_.events.end(name_, "imu_silent", event.text);
-  } else if (event.kind == Kind::kImuPlausible) {
-    shared_.events.end(name_, "imu_readings", event.text);
-  } else if (event.kind == Kind::kTurnsAgree) {
-    shared_.events.end(name_, "turns_disagree", event.text);
-  } else if (silent || unusable || disagrees || event.kind == Kind::kImuDoubtful) {
-    shared_.events.begin({.severity = unusable || disagrees ? Severity::kError : Severity::kWarning,
-                          .subject = name_,
-                          .kind = disagrees ? "turns_disagree"
-                                  : silent  ? "imu_silent"
-                                            : "imu_readings",
-                          .text = event.text});
-  } else {
-    return false;
-  }
-  return true;
+/// Begins or ends a condition, or reports a single event.
+void BodyWorker::report(const BodyEvent& event) {
+  const auto condition = std::ranges::find(kConditions, event.kind, &Condition::event);
+  if (condition != kConditions.end())
+    return shared_.events.set(condition->holds,
+                              {.severity = condition->severity,
+                               .subject = name_,
+                               .kind = std::string(condition->kind),
+                               .text = event.text},
+                              event.text);
+  const bool is_info = event.kind == BodyEvent::Kind::kMapCorrection;
+  shared_.events.report({.severity = is_info ? Severity::kInfo : Severity::kWarning,
+                         .subject = name_,
+                         .kind = std::string(name_of(event.kind)),
+                         .text = event.text});
 }
 
 std::uint64_t BodyWorker::images_left_out() const {
@@ -269,8 +260,7 @@ std::uint64_t BodyWorker::images_left_out() const {
 
 /// @param stamp  of an image, as the device gave it
 Instant BodyWorker::arrival_of(Instant stamp) const {
-  const auto found = std::find_if(arrivals_.begin(), arrivals_.end(),
-                                  [&](const Arrival& a) { return a.stamp == stamp; });
+  const auto found = std::ranges::find(arrivals_, stamp, &Arrival::stamp);
   return found == arrivals_.end() ? stamp : found->arrived;
 }
 
@@ -287,7 +277,7 @@ void BodyWorker::announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras)
   const auto is_known = [](const ExtrinsicsEstimate& camera) {
     return camera.clock.shift_sigma_s < kKnownShift_s;
   };
-  clocks_announced_ = std::all_of(cameras.begin(), cameras.end(), is_known);
+  clocks_announced_ = std::ranges::all_of(cameras, is_known);
   if (!clocks_announced_) return;
   for (std::size_t k = 0; k < cameras.size(); ++k) {
     if (std::abs(cameras[k].clock.shift_s) < kReportedShift_s) continue;

@@ -109,7 +109,7 @@ class BodyWorker final {
   void publish(const BodyUpdate& update, const MapView& view);
   void update_map(const BodyUpdate& update, const MapView& view);
   void report_events(const BodyUpdate& update);
-  [[nodiscard]] bool report_sensor_event(const BodyEvent& event);
+  void report(const BodyEvent& event);
   void count(const BodyUpdate& update);
   void remember_cameras(const BodyUpdate& update);
   void announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras);
@@ -139,9 +139,8 @@ class BodyWorker final {
   BodyPulse pulse_;
   std::vector<std::unique_ptr<BodyReader>> readers_;
   std::atomic<int> image_readers_{0};  ///< That still read.
-  Duration pause_;                     ///< Before the next restart.
-  Instant began_at_{};                 ///< Of this pipeline.
-  bool failed_{false};                 ///< And not tracked since.
+  Backoff backoff_{std::chrono::milliseconds(100)};
+  Instant began_at_{};  ///< Of this pipeline.
   mutable std::mutex learned_mutex_;
   std::vector<ExtrinsicsEstimate> learned_;
   std::optional<Instant> learned_at_;

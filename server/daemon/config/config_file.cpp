@@ -31,10 +31,9 @@ std::optional<std::size_t> index_of(const std::string& part) {
 Broken descend(YAML::Node& at, const std::string& part) {
   if (at.IsSequence()) {
     const auto index = index_of(part);
-    if (!index || *index >= at.size()) {
+    if (!index || *index >= at.size())
       return "the list has " + std::to_string(at.size()) +
              " entries, counted from 0; there is no `" + part + "`";
-    }
     at.reset(at[*index]);
     return std::nullopt;
   }
@@ -62,9 +61,8 @@ void apply_override(YAML::Node& document, const std::string& assignment, YamlRea
     parsed = std::move(*loaded);
   }
   YAML::Node at = document;
-  for (const auto& part : parts) {
+  for (const auto& part : parts)
     if (const auto rule = descend(at, part)) return broken(value, *rule);
-  }
   at = parsed;
   reading.overridden.insert(path);
 }
@@ -80,9 +78,8 @@ ConfigResult<YAML::Node> parse_yaml(const std::string& text, const std::string& 
 }
 
 void number_the_bodies(std::vector<BodyConfig>& bodies) {
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
+  for (std::size_t i = 0; i < bodies.size(); ++i)
     if (bodies[i].id == 0) bodies[i].id = static_cast<int>(i) + 1;
-  }
 }
 
 /// A body without `source` whose sensors have sources of their own has type kSensors.
@@ -92,9 +89,8 @@ void choose_sources(const YAML::Node& bodies, ServerConfig& config) {
     const YAML::Node body = bodies[i];
     if (!body.IsMap() || body["source"]) continue;
     const auto& cameras = config.bodies[i].cameras;
-    const bool names_some = std::any_of(cameras.begin(), cameras.end(), [](const auto& camera) {
-      return camera.source.has_value();
-    });
+    const bool names_some =
+        std::ranges::any_of(cameras, [](const auto& camera) { return camera.source.has_value(); });
     if (names_some || config.bodies[i].imu_source)
       config.bodies[i].source.type = SourceType::kSensors;
   }
@@ -128,9 +124,8 @@ ConfigResult<ServerConfig> parse_config(const std::string& text, const std::stri
   }
   for (auto& error : check(read)) {
     // A value that could not be read has its default, whose faults are not the user's.
-    const bool is_reported =
-        std::any_of(reading.faults.begin(), reading.faults.end(),
-                    [&](const ConfigFault& fault) { return fault.error.path == error.path; });
+    const bool is_reported = std::ranges::any_of(
+        reading.faults, [&](const ConfigFault& fault) { return fault.error.path == error.path; });
     std::string where = reading.where(error.path);
     if (!is_reported) reading.faults.push_back({std::move(error), std::move(where)});
   }

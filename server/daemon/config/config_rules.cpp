@@ -196,9 +196,9 @@ void check_map(Errors& all, const MapSettings& map) {
           .not_negative("correction_ramp_s", map.correction_ramp_s)
           .require(!map.reference_pose || map.reference_tag, "reference_pose", "{…}",
                    "needs reference_tag")
-          .require(!map.reference_pose || map.floor_tags.empty(), "floor_tags", "[…]",
-                   "has no effect beside reference_pose, which defines the vertical: remove one of "
-                   "them")
+          .require(
+              !map.reference_pose || map.floor_tags.empty(), "floor_tags", "[…]",
+              "has no effect beside reference_pose, which defines the vertical: remove one of them")
           .errors,
       "map.");
 }
@@ -213,10 +213,9 @@ std::vector<ConfigError> check_source(const SensorsConfig&, const SourceSurround
                "must have at least one camera, each with a source of its own")
       .require(!around.has_imu || around.has_imu_source, "imu", "{…}",
                "has no source: set `imu_source`");
-  for (std::size_t k = 0; k < around.has_source.size(); ++k) {
+  for (std::size_t k = 0; k < around.has_source.size(); ++k)
     rules.require(around.has_source[k], "cameras." + std::to_string(k) + ".source", "nothing",
                   "must be set: the body has no `source` for all sensors");
-  }
   return rules.errors;
 }
 

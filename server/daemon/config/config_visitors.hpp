@@ -151,8 +151,7 @@ class ConfigReader final {
     return std::filesystem::absolute(base / file).lexically_normal().string();
   }
   [[nodiscard]] static bool is_file_name(const std::string& device) {
-    const bool number =
-        std::all_of(device.begin(), device.end(), [](char c) { return c >= '0' && c <= '9'; });
+    const bool number = std::ranges::all_of(device, [](char c) { return c >= '0' && c <= '9'; });
     return !number && device.find('!') == std::string::npos && !device.starts_with("libcamera:") &&
            device.find("://") == std::string::npos;
   }

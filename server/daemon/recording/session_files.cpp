@@ -18,9 +18,8 @@ Expected<SessionFiles> SessionFiles::create(const fs::path& folder,
     return fail(ErrorCode::kInvalid, "a recording of this name exists; nothing is overwritten",
                 folder.string());
   SessionFiles files(bodies);
-  for (const RecordedBody& body : bodies) {
+  for (const RecordedBody& body : bodies)
     if (auto done = files.open_body(folder, body); !done) return tl::unexpected(done.error());
-  }
   if (auto done = files.open_surroundings(folder, start); !done)
     return tl::unexpected(done.error());
   return files;

@@ -47,7 +47,7 @@ bool is_folder_name(const std::string& name) {
     return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.' || c == ' ';
   };
   return !name.empty() && name.size() <= 127 && name.front() != '.' &&
-         std::all_of(name.begin(), name.end(), good);
+         std::ranges::all_of(name, good);
 }
 
 }  // namespace
@@ -106,7 +106,7 @@ Expected<void> SessionRecorder::admit(const std::string& name) const {
     return fail(ErrorCode::kUnavailable,
                 "the recording \"" + session_->name() + "\" is under way; stop it first");
   const auto same = [&](const auto& other) { return !other->is_over() && other->name() == name; };
-  if (std::any_of(sessions_.begin(), sessions_.end(), same))
+  if (std::ranges::any_of(sessions_, same))
     return fail(ErrorCode::kInvalid, "a recording of this name is still being written", name);
   if (sessions_.size() == kRemembered && !sessions_.front()->is_over())
     return fail(ErrorCode::kUnavailable, "too many recordings wait for the disk already");

@@ -83,9 +83,6 @@ void review_map_files(const ServerConfig& config, ConfigReview& review) {
     review.fault("map.mode", "frozen",
                  "has no map: nothing will ever be tracked. Begin with `mapping`, or name a map in "
                  "map.file or map.store");
-  if (map.builder.mode == MapMode::kMapping && map.store.empty())
-    review.doubt("map.store", "\"\"",
-                 "is not set: the map is forgotten when the server ends, and another one begins");
   std::string line = map.builder.mode == MapMode::kFrozen ? "a frozen map" : "a growing map";
   if (stored) line += ", " + std::to_string(*stored) + " tags stored in " + map.store;
   if (has_file && stored.value_or(0) == 0) line += ", beginning with " + map.file;
@@ -94,7 +91,7 @@ void review_map_files(const ServerConfig& config, ConfigReview& review) {
 }
 
 bool has_imu(const ServerConfig& config) {
-  return std::any_of(config.bodies.begin(), config.bodies.end(), [&](const BodyConfig& body) {
+  return std::ranges::any_of(config.bodies, [&](const BodyConfig& body) {
     const auto setup = read_body_setup(body, config.simulation, config.site);
     return setup && setup->sensors.imu;
   });
@@ -109,10 +106,9 @@ void review_gauge(const ServerConfig& config, ConfigReview& review) {
         "map.reference_tag", "null",
         "is not set: the first tag that is seen becomes the origin, another one next time");
   if (!has_imu(config) && !map.reference_pose && map.floor_tags.empty())
-    review.doubt(
-        "map.floor_tags", "[]",
-        "the vertical is unknown: no body has an IMU. Name three tags that lie flat on the floor, "
-        "or set map.reference_pose");
+    review.doubt("map.floor_tags", "[]",
+                 "the vertical is unknown: no body has an IMU. Name three tags that lie flat on "
+                 "the floor, or set map.reference_pose");
 }
 
 namespace fs = std::filesystem;
@@ -172,15 +168,11 @@ class PortReview final {
   std::map<std::pair<std::uint16_t, bool>, std::string> taken_;
 };
 
-void review_folder(const std::string& path, const std::string& folder, ConfigReview& review) {
-  std::error_code ignored;
-  fs::path at = folder.empty() ? fs::current_path(ignored) : fs::absolute(folder, ignored);
-  while (!at.empty() && !fs::exists(at, ignored) && at.has_parent_path() && at != at.parent_path())
-    at = at.parent_path();
-  if (!fs::is_directory(at, ignored))
-    return review.fault(path, folder, at.string() + " is no folder");
-  if (::access(at.c_str(), W_OK | X_OK) != 0)
-    review.fault(path, folder, "this user may not write to " + at.string());
+void add_checks(const std::vector<ConfigCheck>& checks, ConfigReview& review) {
+  for (const ConfigCheck& one : checks) {
+    auto& all = one.is_fault ? review.faults : review.doubts;
+    all.push_back({{one.path, one.value, one.text + ": " + one.remedy}, ""});
+  }
 }
 
 nlohmann::json json_of(const std::vector<ConfigFault>& faults) {
@@ -192,6 +184,55 @@ nlohmann::json json_of(const std::vector<ConfigFault>& faults) {
 }
 
 }  // namespace
+
+FolderFacts folder_facts(const fs::path& path) {
+  std::error_code unknown;
+  fs::path existing = fs::absolute(path, unknown);
+  while (!fs::exists(existing, unknown) && existing.has_relative_path())
+    existing = existing.parent_path();
+  FolderFacts facts{path.string(), false, std::nullopt};
+  if (!fs::is_directory(existing, unknown))
+    facts.obstacle = existing.string() + " is no folder";
+  else if (::access(existing.c_str(), W_OK | X_OK) != 0)
+    facts.obstacle = "this user may not write to " + existing.string();
+  facts.writable = facts.obstacle.empty();
+  const auto space = fs::space(existing, unknown);
+  if (!unknown) facts.free_bytes = space.available;
+  return facts;
+}
+
+FolderFacts recordings_of(const ServerConfig& config) {
+  return folder_facts(config.recorder.folder.empty() ? "recordings" : config.recorder.folder);
+}
+
+std::vector<ConfigCheck> access_checks(const ServerConfig& config) {
+  std::vector<ConfigCheck> all;
+  for (std::size_t i = 0; i < config.bodies.size(); ++i) {
+    const BodyConfig& body = config.bodies[i];
+    const auto* link = body.imu_source && body.use_imu ? body.imu_source->link() : nullptr;
+    if (link != nullptr && link->takes_the_first_sender())
+      all.push_back({false, "bodies." + std::to_string(i) + ".imu_source.peer", "none",
+                     "the IMU of " + body.name + " on UDP port " + std::to_string(link->port) +
+                         " belongs to the first sender",
+                     "name its address with imu_source.peer, or listen on address: 127.0.0.1"});
+  }
+  return all;
+}
+
+std::vector<ConfigCheck> storage_checks(const ServerConfig& config, const FolderFacts& recordings) {
+  std::vector<ConfigCheck> all;
+  if (config.map.store.empty() && config.map.builder.mode == MapMode::kMapping)
+    all.push_back({false, "map.store", "\"\"",
+                   "the map is lost when the server ends, and another one begins",
+                   "map.store: a file"});
+  if (!recordings.writable)
+    all.push_back(
+        {true, "recorder.folder", config.recorder.folder,
+         "recordings cannot be written to " + recordings.path +
+             (recordings.obstacle.empty() ? "" : " (" + recordings.obstacle + ")"),
+         "make the folder writable for the user that runs fiducapd, or change recorder.folder"});
+  return all;
+}
 
 void review_room(const ServerConfig& config, ConfigReview& review) {
   review_ids(config, review);
@@ -212,7 +253,8 @@ void review_service(const ServerConfig& config, ConfigReview& review) {
   for (const ServedProtocol& protocol : served_protocols(config.streaming)) ports.check(protocol);
   const web::WebConfig& web = config.streaming.web;
   ports.check({"web", web.enabled, web.address, {{web.port, false}}, {}, {}});
-  review_folder("recorder.folder", config.recorder.folder, review);
+  add_checks(access_checks(config), review);
+  add_checks(storage_checks(config, recordings_of(config)), review);
 }
 
 std::string review_json(const ConfigReview& review) {

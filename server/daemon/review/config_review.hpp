@@ -1,5 +1,8 @@
 #pragma once
 
+#include <cstdint>
+#include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,9 +31,34 @@ struct ConfigReview {
 /// {"usable", "wrong": [{path, value, rule, where}], "doubtful": […], "will_run": […]}
 [[nodiscard]] std::string review_json(const ConfigReview& review);
 
-/// The parts of it.
+/// A folder, or the nearest existing one in which it will be made.
+struct FolderFacts {
+  std::string path;
+  bool writable{};
+  std::optional<std::uint64_t> free_bytes;
+  std::string obstacle{};  ///< Why it is not writable.
+};
+[[nodiscard]] FolderFacts folder_facts(const std::filesystem::path& path);
+
+/// A condition of a configuration that is reported, by `--check-config` and by `fiducap doctor`.
+struct ConfigCheck {
+  bool is_fault{};   ///< Else a doubt.
+  std::string path;  ///< Of the configuration.
+  std::string value;
+  std::string text;
+  std::string remedy;
+};
+/// Which machines may send to the server.
+[[nodiscard]] std::vector<ConfigCheck> access_checks(const ServerConfig& config);
+/// Whether map and recordings are kept. @param recordings  the folder of the configuration
+[[nodiscard]] std::vector<ConfigCheck> storage_checks(const ServerConfig& config,
+                                                      const FolderFacts& recordings);
+
+/// The parts of a review.
 void review_sensors(const ServerConfig& config, ConfigReview& review);
 void review_room(const ServerConfig& config, ConfigReview& review);
 void review_service(const ServerConfig& config, ConfigReview& review);
+/// The folder for recordings of a configuration.
+[[nodiscard]] FolderFacts recordings_of(const ServerConfig& config);
 
 }  // namespace fiducap

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <sstream>
 
+#include "base/numeric.hpp"
 #include "capture/camera_device.hpp"
 #include "capture/imu/imu_source.hpp"
 #include "daemon/bodies/body_setup.hpp"
@@ -23,7 +24,6 @@ constexpr double kMostAspect = 1.1;  // of a pixel; square ones are the rule
 constexpr double kMostOffCentre = 0.25;
 constexpr double kMostGyroNoise = 0.05;  // rad/s/√Hz; the worst parts on sale have 0.001
 constexpr double kMostAccelNoise = 0.5;
-constexpr double kDegrees = 180 / M_PI;
 
 std::string number(double value) {
   std::ostringstream text;
@@ -38,8 +38,8 @@ std::string size_text(int width, int height) {
 
 void review_lens(const CameraMount& mount, const std::string& path, ConfigReview& review) {
   const CameraModel& lens = mount.model;
-  if (lens.width == 0) return;  // provided by its source
-  const double angle = 2 * std::atan2(lens.width / 2.0, lens.fu) * kDegrees;
+  if (!lens.check().empty()) return;  // provided by its source, or a fault of its file
+  const double angle = 2 * std::atan2(lens.width / 2.0, lens.fu) * kDegreesPerRadian;
   if (lens.distortion != Distortion::kEquidistant &&
       (angle < kNarrowest_deg || angle > kWidest_deg))
     review.doubt(
@@ -84,20 +84,23 @@ std::string imu_text(const ImuSourceConfig& imu) {
 void review_imu_source(const ImuSourceConfig& imu, const std::string& path, ConfigReview& review) {
   if (imu.type == ImuSourceType::kPx4 || imu.type == ImuSourceType::kRos) return;
   static const SystemClock clock;
-  if (const auto* link = imu.link(); link != nullptr && link->takes_the_first_sender())
-    review.doubt(path + "imu_source.peer", "none",
-                 "means that readings of the first sender are used: set its address with peer, or "
-                 "listen on address: 127.0.0.1");
   const auto opened = open_imu_source(imu, {clock, {}});
   if (!opened) review.fault(path + "imu_source", imu_text(imu), opened.error().text());
 }
 
 /// Opens the device or file as the server would, for its image size.
-void review_device(CameraDeviceConfig device, const CameraMount& mount, const std::string& path,
+void review_device(CameraDeviceConfig device, CameraModel lens, const std::string& path,
                    ConfigReview& review) {
   device.paced = false;
   static const SystemClock clock;
-  const auto opened = open_camera_device(device, mount.model, clock);
+  // A file has a size of its own; of a device this can be judged without it.
+  const PixelSize size = is_file(device) ? PixelSize{} : PixelSize{device.width, device.height};
+  const auto fits = fits_calibration(size, lens, device.open);
+  if (size.width > 0 && !fits) {
+    review.fault(path + "width", std::to_string(size.width), fits.error().what);
+    lens = {};  // opened with any size
+  }
+  const auto opened = open_camera_device(device, lens, clock);
   if (!opened) return review.fault(path + "open", device.open, opened.error().what);
   if (!is_file(device)) return;
   auto first = (*opened)->next({});
@@ -114,10 +117,10 @@ void review_cameras(const BodyConfig& body, const BodySetup& setup, const std::s
     if (k >= body.cameras.size() || !body.cameras[k].source) continue;
     const CameraSourceConfig& own = *body.cameras[k].source;
     if (own.type == CameraSourceType::kCamera)
-      review_device(own.camera, mounts[k], camera + "source.", review);
+      review_device(own.camera, mounts[k].model, camera + "source.", review);
   }
   if (body.source.type == SourceType::kCamera && mounts.size() == 1)
-    review_device(body.source.camera, mounts.front(), path + "source.", review);
+    review_device(body.source.camera, mounts.front().model, path + "source.", review);
 }
 
 std::string sources_text(const BodyConfig& body) {
@@ -147,10 +150,9 @@ void plan_body(const BodyConfig& body, const BodySetup& setup, ConfigReview& rev
   std::string line = "body " + body.name + " (id " + std::to_string(body.id) + "): ";
   line += std::to_string(setup.sensors.cameras.size()) + " camera";
   if (setup.sensors.cameras.size() != 1) line += "s";
-  for (const CameraMount& mount : setup.sensors.cameras) {
+  for (const CameraMount& mount : setup.sensors.cameras)
     line += mount.model.width == 0 ? ", its lens by its source"
                                    : ", " + size_text(mount.model.width, mount.model.height);
-  }
   line += setup.sensors.imu ? ", with IMU" : ", without IMU";
   if (body.imu_source) line += " (" + imu_text(*body.imu_source) + ")";
   review.plan.push_back(line + ", from " + sources_text(body));
@@ -161,16 +163,15 @@ void plan_body(const BodyConfig& body, const BodySetup& setup, ConfigReview& rev
 void review_sensors(const ServerConfig& config, ConfigReview& review) {
   for (std::size_t i = 0; i < config.bodies.size(); ++i) {
     const BodyConfig& body = config.bodies[i];
-    const std::string path = "bodies." + std::to_string(i) + ".";
-    const auto setup = read_body_setup(body, config.simulation, config.site);
-    if (!setup) {
-      review.fault("bodies." + std::to_string(i), body.name, setup.error().text());
-      continue;
-    }
-    review_cameras(body, *setup, path, review);
+    const std::string at = "bodies." + std::to_string(i);
+    const std::string path = at + ".";
+    std::vector<Error> faults;
+    const BodySetup setup = read_body_setup(body, config.simulation, config.site, faults);
+    for (const Error& fault : faults) review.fault(at, body.name, fault.text());
+    review_cameras(body, setup, path, review);
     if (body.imu_source && body.use_imu) review_imu_source(*body.imu_source, path, review);
-    if (setup->sensors.imu) review_imu(*setup->sensors.imu, path + "imu.", review);
-    plan_body(body, *setup, review);
+    if (setup.sensors.imu) review_imu(*setup.sensors.imu, path + "imu.", review);
+    if (faults.empty()) plan_body(body, setup, review);
   }
 }
 

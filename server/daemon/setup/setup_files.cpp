@@ -74,11 +74,10 @@ std::string body_text(const SetupResult& result) {
   text += camera_text(result);
   if (result.imu_source) text += "    imu_source:\n" + section_text(*result.imu_source, 6);
   if (result.simulated && !result.imu) text += "    use_imu: false\n";
-  if (result.imu) {
+  if (result.imu)
     text += "    imu:                          # " +
             (result.imu_from.empty() ? "usual values of small units" : result.imu_from) + "\n" +
             section_text(*result.imu, 6);
-  }
   return text;
 }
 
@@ -130,10 +129,9 @@ std::string token_file_of(const std::string& file) {
 
 std::vector<FoundCamera> found_cameras() {
   std::vector<FoundCamera> all;
-  for (const ListedCamera& camera : list_cameras({})) {
+  for (const ListedCamera& camera : list_cameras({}))
     all.push_back({camera.open(), camera.name + " (" + camera.device + ")",
                    camera.closed ? camera.closed->text() : ""});
-  }
   return all;
 }
 

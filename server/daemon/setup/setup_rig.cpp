@@ -168,7 +168,7 @@ simulation::SimulatedBodyConfig SimulatedRig::body() const {
   return body;
 }
 
-Expected<std::unique_ptr<SensorSource>> SimulatedRig::open() {
+OpenedSource SimulatedRig::open() {
   auto made = simulation::make_simulated_source(room(), body(),
                                                 clock_ != nullptr ? clock_->now() : Instant{},
                                                 clock_, std::make_unique<Motion>(step_));

@@ -71,7 +71,7 @@ class SimulatedRig final {
   explicit SimulatedRig(const Clock* clock);
 
   /// Camera and IMU. The rig outlives it.
-  [[nodiscard]] Expected<std::unique_ptr<SensorSource>> open();
+  [[nodiscard]] OpenedSource open();
   void begin(SetupStep step);
   /// Its configuration after the set-up.
   [[nodiscard]] simulation::SimulatedBodyConfig body() const;

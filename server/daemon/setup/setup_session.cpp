@@ -237,7 +237,7 @@ Expected<void> SetupSession::use(const CameraDeviceConfig& camera) {
   camera_.reset();  // releases the device, which could not be opened again otherwise
   simulation_.reset();
   inbox_.clear();
-  Expected<std::unique_ptr<SensorSource>> source = nullptr;
+  OpenedSource source = nullptr;
   if (camera.open == SimulatedRig::kName && surroundings_.offers_simulation) {
     simulation_ = std::make_unique<SimulatedRig>(&surroundings_.clock);
     source = simulation_->open();

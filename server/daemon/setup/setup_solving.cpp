@@ -1,8 +1,8 @@
 // Calibrations of a set-up.
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
+#include "base/numeric.hpp"
 #include "base/text.hpp"
 #include "calibration/intrinsics/intrinsics_calibration.hpp"
 #include "calibration/intrinsics/intrinsics_verdict.hpp"
@@ -137,7 +137,7 @@ void SetupGuide::solve_wave() {
   const CameraVerdict& camera = solved->verdicts.front();
   verdict_ = SetupVerdict{weak.empty(), solved->time.at_border,
                           "The camera is " + fixed(1e3 * camera.moved_m, 1) + " mm and " +
-                              fixed(camera.moved_rad * 180 / M_PI, 1) +
+                              fixed(camera.moved_rad * kDegreesPerRadian, 1) +
                               " degrees from its given pose; " + clock_text(solved->time),
                           weak};
   if (verdict_->is_refused) return show_();

@@ -79,10 +79,9 @@ BodyViews CameraPreview::add(int body_id, const BodySensors& sensors) {
 void CameraPreview::run(std::stop_token stop) {
   set_background_priority();
   const std::stop_callback ended(stop, [this] { wake_.notify(); });
-  for (std::uint32_t seen = 0; !stop.stop_requested(); seen = wake_.wait(seen)) {
+  for (std::uint32_t seen = 0; !stop.stop_requested(); seen = wake_.wait(seen))
     log::guarded(
         "views", [] { return "a picture"; }, [this] { make_pictures(); });
-  }
 }
 
 void CameraPreview::make_pictures() {

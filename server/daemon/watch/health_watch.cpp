@@ -61,13 +61,12 @@ MachineState read_machine_state() {
 }
 
 void MachineHealth::look(const MachineState& state, Instant now) {
-  if (!state.clock_synchronised && !std::exchange(unknown_clock_reported_, true)) {
+  if (!counted_at_ && !state.clock_synchronised) {  // at the first look
     events_.report({.severity = Severity::kInfo,
                     .subject = "clock",
                     .kind = "unknown",
-                    .text =
-                        "it is not known whether this computer's clock is synchronised; stamps in "
-                        "UTC (ROS 2, NatNet) depend on it",
+                    .text = "it is not known whether this computer's clock is synchronised; stamps "
+                            "in UTC (ROS 2, NatNet) depend on it",
                     .remedy = "Check with timedatectl"});
   }
   events_.set(state.clock_synchronised == false,
@@ -264,10 +263,9 @@ void HealthWatch::delivered(const std::shared_ptr<const SceneFrame>& frame) {
 
 void HealthWatch::run(std::stop_token stop) {
   notify_service_manager("READY=1");
-  while (clock_.wait_until(clock_.now() + kLook, stop)) {
+  while (clock_.wait_until(clock_.now() + kLook, stop))
     log::guarded(
         "watch", [] { return "a look at the server's health"; }, [this] { look(); });
-  }
   notify_service_manager("STOPPING=1");
 }
 
@@ -299,8 +297,7 @@ void HealthWatch::look() {
   for (Body& body : bodies_) {
     const BodyPose* pose = nullptr;
     if (frame) {
-      const auto found = std::find_if(frame->bodies.begin(), frame->bodies.end(),
-                                      [&](const BodyPose& one) { return one.body_id == body.id; });
+      const auto found = std::ranges::find(frame->bodies, body.id, &BodyPose::body_id);
       if (found != frame->bodies.end()) pose = &*found;
     }
     body.health.look(pose, now);

@@ -42,7 +42,6 @@ class MachineHealth final {
   void judge_rate(const MachineState& state, Instant now);
 
   EventBoard& events_;
-  bool unknown_clock_reported_{false};
   MachineState counted_{};
   std::optional<Instant> counted_at_;
 };

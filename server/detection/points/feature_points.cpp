@@ -173,10 +173,9 @@ bool sample(const ImagePyramid::Level& level, float u, float v,
     const std::uint8_t* upper = level.row(y + r) + x;
     const std::uint8_t* lower = level.row(y + r + 1) + x;
     float* to = out.data() + r * kWide;
-    for (int k = 0; k < kWide; ++k) {
+    for (int k = 0; k < kWide; ++k)
       to[k] = a * static_cast<float>(upper[k]) + b * static_cast<float>(upper[k + 1]) +
               c * static_cast<float>(lower[k]) + d * static_cast<float>(lower[k + 1]);
-    }
   }
   return true;
 }

@@ -165,9 +165,8 @@ bool PointTracker::follow_one(Point& point, const CameraModel& model,
 
 void PointTracker::drop_moving(const CameraModel& model, const Eigen::Quaterniond& q_beforeNow) {
   pairs_.clear();
-  for (std::size_t i = 0; i < points_.size(); ++i) {
+  for (std::size_t i = 0; i < points_.size(); ++i)
     pairs_.push_back({ray(model, ideal_before_[i]), q_beforeNow * ray(model, points_[i].ideal_px)});
-  }
   const std::span<const char> fits = consensus_.inliers(pairs_, kMotion_px / model.fu);
   std::size_t kept = 0;
   for (std::size_t i = 0; i < points_.size(); ++i)

@@ -91,25 +91,22 @@ Marker fitted(const MarkerCorners& corners, const YamlPlace& place) {
   R_WT.col(2) = R_WT.col(0).cross(R_WT.col(1));
   marker.X_WT.q = Eigen::Quaterniond(R_WT).normalized();
   double worst = 0;
-  for (std::size_t i = 0; i < 4; ++i) {
+  for (std::size_t i = 0; i < 4; ++i)
     worst = std::max(
         worst, (marker.X_WT * corner_of_square(i, marker.edge) - corners[i]).norm() / marker.edge);
-  }
-  if (!(worst <= kSquare)) {
+  if (!(worst <= kSquare))
     place.refuse("a corner is " + shortest(100 * worst) +
                  " % of the edge away from a square: must be at most 1");
-  }
   return marker;
 }
 
 std::vector<std::pair<Marker, YamlPlace>> read_markers(const YamlPlace& top) {
   const int count = top.at("aruco_bc_nmarkers").integer();
   const auto entries = top.at("aruco_bc_markers").entries();
-  if (std::to_string(count) != std::to_string(entries.size())) {
+  if (std::to_string(count) != std::to_string(entries.size()))
     top.at("aruco_bc_nmarkers")
         .refuse("is " + std::to_string(count) + ", but aruco_bc_markers has " +
                 std::to_string(entries.size()) + " entries");
-  }
   std::vector<std::pair<Marker, YamlPlace>> markers;
   markers.reserve(entries.size());
   for (const YamlPlace& place : entries) {
@@ -128,9 +125,8 @@ double scale_of(const YamlPlace& unit, const std::vector<std::pair<Marker, YamlP
   if (type == kInMetres) return 1;
   if (type != kInPixels)
     unit.refuse("is " + std::to_string(type) + ": must be 1 (metres) or 0 (pixels)");
-  if (!options.edge_m) {
+  if (!options.edge_m)
     unit.refuse("is 0: the corners are in pixels, so their size is unknown; add --tag-size METRES");
-  }
   if (markers.empty()) return 1;
   const Marker& first = markers.front().first;
   for (const auto& [marker, place] : markers) {
@@ -150,10 +146,9 @@ std::string family_of(const std::string& dictionary, std::vector<std::string>& r
     if (dictionary == joined(kOfAruco, one) || dictionary == joined(kOfOpenCv, one))
       return joined("tag", one);
   if (const TagFamilyFacts* listed = find_tag_family(dictionary)) return std::string(listed->name);
-  if (!dictionary.empty()) {
+  if (!dictionary.empty())
     remarks.push_back("the dictionary " + dictionary +
                       " is of no supported family: hang up tags with these ids instead");
-  }
   return {};
 }
 
@@ -164,10 +159,9 @@ ImportedMap read_aruco(const YamlPlace& top, const MapImportOptions& options) {
       top.has("aruco_bc_dict") ? top.at("aruco_bc_dict").text() : std::string();
   const std::string family = family_of(dictionary, remarks);
   const bool is_turned = dictionary.starts_with(kOfOpenCv);
-  if (is_turned) {
+  if (is_turned)
     remarks.push_back("OpenCV prints " + dictionary +
                       " turned by half a turn: the tags are turned back");
-  }
   const auto markers = read_markers(top);
   const double scale = scale_of(top.at("aruco_bc_mInfoType"), markers, options, remarks);
   ForeignTags tags;

@@ -45,10 +45,9 @@ void add_bundle(const YamlPlace& bundle, std::map<int, double>& standalone, Fore
     tags.add(tag, place);
     const auto alone = standalone.find(tag.tag_id);
     if (alone == standalone.end()) continue;
-    if (alone->second != tag.edge_m) {
+    if (alone->second != tag.edge_m)
       place.at("size").refuse("is " + shortest(tag.edge_m) +
                               ", but the standalone tag of this id has " + shortest(alone->second));
-    }
     standalone.erase(alone);
   }
 }
@@ -61,12 +60,11 @@ ImportedMap read_bundles(const YamlPlace& top) {
   ForeignTags tags;
   if (top.has("tag_bundles") && !top.at("tag_bundles").is_empty()) {
     const auto bundles = top.at("tag_bundles").entries();
-    if (bundles.size() > 1) {
+    if (bundles.size() > 1)
       bundles[1].refuse("bundle " + name_of_bundle(bundles[1]) +
                         " has an origin of its own, whose place in bundle " +
                         name_of_bundle(bundles[0]) +
                         " is not in the file; keep one bundle in the file");
-    }
     for (const YamlPlace& bundle : bundles) add_bundle(bundle, standalone, tags);
   }
   if (!standalone.empty()) {

@@ -1,7 +1,6 @@
 // The CSV format of the recordings.
 #include <array>
 #include <string_view>
-#include <vector>
 
 #include "base/text.hpp"
 #include "mapping/formats/map_exchange.hpp"
@@ -39,11 +38,10 @@ tl::unexpected<Error> broken(std::size_t column, std::string_view field, const c
 Expected<MapTag> csv_tag(std::string_view line, const std::string& context) {
   std::array<std::string_view, 9> fields;
   for (std::size_t i = 0; i < fields.size(); ++i) {
-    if (line.empty()) {
+    if (line.empty())
       return fail(ErrorCode::kInvalid,
                   "expected 9 columns (" + std::string(kHeader) + "), found " + std::to_string(i),
                   context);
-    }
     fields[i] = trimmed(take_until(line, ','));
   }
   if (!line.empty()) return fail(ErrorCode::kInvalid, "more than 9 columns", context);
@@ -73,9 +71,8 @@ std::string map_to_csv(const TagMap& map) {
   for (const MapTag& entry : map.tags) {
     const auto& [q, p] = entry.tag.X_WT;
     text += std::to_string(entry.tag.tag_id);
-    for (const double v : {entry.tag.edge_m, p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()}) {
+    for (const double v : {entry.tag.edge_m, p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()})
       text += ',' + shortest(v);
-    }
     text += '\n';
   }
   return text;
@@ -84,10 +81,9 @@ std::string map_to_csv(const TagMap& map) {
 Expected<TagMap> map_from_csv(const std::string& text, const std::string& context) {
   if (auto fits = check_length(text, context); !fits) return tl::unexpected<Error>(fits.error());
   std::string_view rest = text;
-  if (const auto header = trimmed(take_until(rest, '\n')); header != kHeader) {
+  if (const auto header = trimmed(take_until(rest, '\n')); header != kHeader)
     return fail(ErrorCode::kInvalid, "expected the header '" + std::string(kHeader) + "'",
                 context + ":1");
-  }
   ImportedTags imported;
   for (int line_number = 2; !rest.empty(); ++line_number) {
     const auto line = trimmed(take_until(rest, '\n'));

@@ -1,7 +1,6 @@
 #include "mapping/formats/map_exchange.hpp"
 
 #include <algorithm>
-#include <utility>
 
 #include "base/text.hpp"
 
@@ -46,9 +45,8 @@ Orientations orientations_in(const TagMap& map) {
 
 template <typename Measure>
 const MapTag& most_of(const TagMap& map, Measure measure) {
-  return *std::max_element(map.tags.begin(), map.tags.end(), [&](const MapTag& a, const MapTag& b) {
-    return measure(a) < measure(b);
-  });
+  return *std::ranges::max_element(
+      map.tags, [&](const MapTag& a, const MapTag& b) { return measure(a) < measure(b); });
 }
 
 std::string all_of(std::size_t count) { return "all " + std::to_string(count) + " tags "; }
@@ -121,10 +119,9 @@ std::vector<MapTag> ImportedTags::take() {
 Expected<ImportedMap> with_family(ImportedMap imported, const MapImportOptions& options,
                                   const std::string& context) {
   std::string& family = imported.map.family;
-  if (!family.empty() && !options.family.empty() && family != options.family) {
+  if (!family.empty() && !options.family.empty() && family != options.family)
     return fail(ErrorCode::kInvalid,
                 "holds tags of the family " + family + ", not " + options.family, context);
-  }
   if (family.empty()) family = options.family;
   if (!family.empty()) return imported;
   family = TagMap{}.family;
@@ -160,27 +157,23 @@ std::vector<std::string> plausibility_remarks(const TagMap& map) {
   const auto height = [](const MapTag& entry) { return entry.tag.X_WT.p.z(); };
   const auto distance = [](const MapTag& entry) { return entry.tag.X_WT.p.norm(); };
   const MapTag& highest = most_of(map, height);
-  if (map.tags.size() > 1 && height(highest) < kBelowFloor_m) {
+  if (map.tags.size() > 1 && height(highest) < kBelowFloor_m)
     remarks.push_back(all_of(map.tags.size()) + "are below z = 0, the highest at " +
                       fixed(height(highest), 2) + " m: is z up in this file?");
-  }
   const MapTag& farthest = most_of(map, distance);
-  if (distance(farthest) > kFarFromOrigin_m) {
+  if (distance(farthest) > kFarFromOrigin_m)
     remarks.push_back("tag " + std::to_string(farthest.tag.tag_id) + " is " +
                       fixed(distance(farthest), 0) +
                       " m from the origin: are the positions in metres?");
-  }
   const Orientations tags = orientations_in(map);
-  if (tags.on_walls > 1 && tags.on_head == tags.on_walls) {
+  if (tags.on_walls > 1 && tags.on_head == tags.on_walls)
     remarks.push_back(all_of(tags.on_walls) +
                       "on walls are upside down: does this file count y down and z into the tag, "
                       "as libapriltag does?");
-  }
-  if (tags.on_floor > 1 && tags.into_floor == tags.on_floor) {
-    remarks.push_back(all_of(tags.on_floor) +
-                      "that lie flat near z = 0 face down: does this file count z into the tag, or "
-                      "z down?");
-  }
+  if (tags.on_floor > 1 && tags.into_floor == tags.on_floor)
+    remarks.push_back(
+        all_of(tags.on_floor) +
+        "that lie flat near z = 0 face down: does this file count z into the tag, or z down?");
   return remarks;
 }
 
@@ -205,21 +198,17 @@ std::vector<const MapTag*> tags_to_export(const TagMap& map, Keeps keeps,
     else
       left_out.push_back(entry.tag.tag_id);
   }
-  if (!left_out.empty()) {
+  if (!left_out.empty())
     remarks.push_back(tags_text(left_out) +
                       " left out: quarantined, or not connected to the workspace");
-  }
   if (!keeps.sizes && !tags.empty()) remarks.push_back(edges_text(tags));
-  if (!std::all_of(tags.begin(), tags.end(),
-                   [](const MapTag* entry) { return entry->tag.is_exact(); })) {
+  if (!std::ranges::all_of(tags, [](const MapTag* entry) { return entry->tag.is_exact(); }))
     remarks.push_back(keeps.sigmas ? "of the covariances only the sigma along each axis is written"
                                    : "covariances are not part of this format");
-  }
-  if (!keeps.alignment && !is_identity(map.X_RW)) {
+  if (!keeps.alignment && !is_identity(map.X_RW))
     remarks.push_back(
         "the alignment to the room is not part of this format: places are in workspace axes, while "
         "poses are streamed in the room's");
-  }
   return tags;
 }
 

@@ -82,16 +82,14 @@ Expected<ImportedMap> read_csv(const std::string& text, const MapImportOptions& 
 
 Expected<ImportedMap> read_wpilib(const std::string& text, const MapImportOptions& options,
                                   const std::string& context) {
-  if (!options.edge_m) {
+  if (!options.edge_m)
     return fail(ErrorCode::kInvalid,
                 "WPILib files do not contain the size of the tags; add --tag-size METRES", context);
-  }
   auto imported =
       without_family(map_from_wpilib_json(text, *options.edge_m, context), options, context);
-  if (imported) {
+  if (imported)
     imported->remarks.push_back("the file has no sizes: all tags are " + shortest(*options.edge_m) +
                                 " m; length and width of the field are not kept");
-  }
   return imported;
 }
 

@@ -32,9 +32,8 @@ std::vector<std::pair<int, YamlPlace>> calibrated_ids(const YamlPlace& top) {
   std::unordered_map<int, std::string> places;
   for (const YamlPlace& place : top.at("calibratedTags").entries()) {
     const int id = place.integer();
-    if (const auto [first, is_new] = places.try_emplace(id, place.named()); !is_new) {
+    if (const auto [first, is_new] = places.try_emplace(id, place.named()); !is_new)
       place.refuse("tag id " + std::to_string(id) + " is there twice, first at " + first->second);
-    }
     ids.emplace_back(id, place);
   }
   return ids;
@@ -88,12 +87,11 @@ ImportedMap read_rcars(const YamlPlace& top, double edge_m) {
   std::vector<std::string> remarks{"the file has no sizes: all tags are " + shortest(edge_m) +
                                    " m"};
   if (!by_name.empty()) {
-    remarks.push_back(
-        std::to_string(by_name.size()) +
-        " entries of tags left out that calibratedTags does not name, such as " +
-        std::min_element(by_name.begin(), by_name.end(), [](const auto& a, const auto& b) {
-          return a.first < b.first;
-        })->first);
+    remarks.push_back(std::to_string(by_name.size()) +
+                      " entries of tags left out that calibratedTags does not name, such as " +
+                      std::ranges::min_element(by_name, [](const auto& a, const auto& b) {
+                        return a.first < b.first;
+                      })->first);
   }
   ImportedMap imported = tags.take({}, std::move(remarks));
   align(top, imported);
@@ -112,11 +110,10 @@ std::string rcars_lines(const Pose& pose, const std::string& indent) {
 
 Expected<ImportedMap> map_from_rcars_yaml(const std::string& text, const MapImportOptions& options,
                                           const std::string& context) {
-  if (!options.edge_m) {
+  if (!options.edge_m)
     return fail(ErrorCode::kInvalid,
                 "RCARS workspaces do not contain the size of the tags; add --tag-size METRES",
                 context);
-  }
   return read_foreign_yaml(text, options, context,
                            [&](const YamlPlace& top) { return read_rcars(top, *options.edge_m); });
 }
@@ -135,15 +132,13 @@ ExportedMap map_to_rcars_yaml(const TagMap& map) {
     if (entry->tag.tag_id > kHighestRcarsId) high.push_back(entry->tag.tag_id);
   }
   text += "]\n";
-  if (reference != nullptr) {
+  if (reference != nullptr)
     text += "referenceTagId: " + std::to_string(reference->tag.tag_id) + "\nT_workspace_refTag:\n" +
             rcars_lines(map.X_RW * reference->tag.X_WT, "  ");
-  }
   text += tags.empty() ? "tags: {}\n" : "tags:\n";
-  for (const MapTag* entry : tags) {
+  for (const MapTag* entry : tags)
     text += "  tag" + std::to_string(entry->tag.tag_id) + ":\n    type: static\n    pose:\n" +
             rcars_lines(entry->tag.X_WT, "      ");
-  }
   if (!high.empty())
     exported.remarks.push_back("RCARS cannot see " + tags_text(high) + ": ids end at 255");
   return exported;

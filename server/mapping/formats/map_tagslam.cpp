@@ -3,7 +3,6 @@
 // the posed object (GTSAM perturbs on the right).
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -63,12 +62,10 @@ Matrix6d turned(const Eigen::Matrix3d& R, const Vector3d& position_sigma,
 SurePose tagslam_pose(const YamlPlace& place, TagslamReading& reading) {
   place.only({"position", "rotation", "position_noise", "rotation_noise", "R"});
   const Vector3d rotation = place.at("rotation").xyz();
-  if (rotation.norm() > 2 * std::numbers::pi) {
+  if (rotation.norm() > 2 * std::numbers::pi)
     place.at("rotation")
         .refuse("is " + shortest(rotation.norm()) +
-                " long: must be axis x angle in radians, at most 2 pi; are these "
-                "degrees?");
-  }
+                " long: must be axis x angle in radians, at most 2 pi; are these degrees?");
   SurePose pose{.X = {exp_so3(rotation), place.at("position").xyz()}};
   if (place.has("R")) reading.has_root_information = true;
   if (!place.has("position_noise") && !place.has("rotation_noise")) return pose;
@@ -89,14 +86,12 @@ SurePose operator*(const SurePose& X_WB, const SurePose& X_BT) {
 }
 
 void take_family(int bits, const YamlPlace& place, TagslamReading& reading) {
-  const auto* found =
-      std::find_if(kBits.begin(), kBits.end(), [&](const Bits& one) { return one.bits == bits; });
+  const auto* found = std::ranges::find(kBits, bits, &Bits::bits);
   if (found == kBits.end())
     place.refuse("bits = " + std::to_string(bits) + ": must be 4, 5 or 6 (side of the code)");
-  if (!reading.family.empty() && reading.family != found->family) {
+  if (!reading.family.empty() && reading.family != found->family)
     place.refuse("is of the family " + std::string(found->family) + ", tags before it of " +
                  reading.family + "; a map has one family");
-  }
   reading.family = found->family;
 }
 
@@ -197,9 +192,8 @@ void read_body(const YamlPlace& body, TagslamReading& reading) {
              "fake_odom_translation_noise",
              "fake_odom_rotation_noise"});
   const std::string type = body.at("type").text();
-  if (type != "simple" && type != "camera_rig" && type != "board" && type != "staggered_board") {
+  if (type != "simple" && type != "camera_rig" && type != "board" && type != "staggered_board")
     body.at("type").refuse("is '" + type + "': must be simple, board or staggered_board");
-  }
   const bool is_static = body.at("is_static").flag();
   if (!is_static && body.has("pose")) body.refuse("has a pose, but moves (is_static: false)");
   std::optional<SurePose> X_WB;
@@ -214,9 +208,8 @@ ImportedMap read_tagslam(const YamlPlace& top) {
   TagslamReading reading;
   top.remark_others({"bodies", "tagslam_parameters", "body_defaults", "default_body"},
                     reading.remarks);
-  for (const YamlPlace& entry : top.at("bodies").entries()) {
+  for (const YamlPlace& entry : top.at("bodies").entries())
     for (const auto& [name, body] : entry.members()) read_body(body, reading);
-  }
   if (reading.has_root_information)
     reading.remarks.push_back("not read: R of the poses (root of their information)");
   return reading.tags.take(reading.family, std::move(reading.remarks));
@@ -264,12 +257,11 @@ ExportedMap map_to_tagslam_yaml(const TagMap& map) {
   ExportedMap exported;
   const auto tags = tags_to_export(map, {.sigmas = true}, exported.remarks);
   const int bits = bits_of(map.family);
-  if (bits == 0) {
+  if (bits == 0)
     exported.remarks.push_back("TagSLAM has no name for the family " + map.family +
                                "; configure its detector for it");
-  }
-  if (std::any_of(tags.begin(), tags.end(),
-                  [](const MapTag* entry) { return entry->tag.covariance.isZero(0); })) {
+  if (std::ranges::any_of(tags,
+                          [](const MapTag* entry) { return entry->tag.covariance.isZero(0); })) {
     exported.remarks.push_back("TagSLAM needs noises: exact tags have 0.001 mm and 0.001 mrad");
   }
   std::string& text = exported.text;

@@ -1,5 +1,4 @@
 // Field layouts of WPILib and PhotonVision.
-#include <algorithm>
 
 #include <nlohmann/json.hpp>
 

@@ -1,5 +1,4 @@
 // Our own map text.
-#include <algorithm>
 #include <array>
 #include <string_view>
 
@@ -74,9 +73,8 @@ std::string tag_lines(const MapTag& entry) {
   out += "    last_seen_utc_ns: " + std::to_string(entry.last_seen_utc_ns) + "\n";
   if (entry.tag.covariance.isZero(0)) return out;
   std::vector<double> upper;
-  for (int row = 0; row < 6; ++row) {
+  for (int row = 0; row < 6; ++row)
     for (int column = row; column < 6; ++column) upper.push_back(entry.tag.covariance(row, column));
-  }
   return out + "    covariance: " + list_of(upper) + "\n";
 }
 

@@ -39,10 +39,9 @@ void check_keys(const YAML::Node& node, const std::string& path) {
     if (!member.first.IsScalar())
       throw TextFault{line, below(path, "?") + ": a key must be a name"};
     const std::string& key = member.first.Scalar();
-    if (const auto [first, is_new] = lines.try_emplace(key, line); !is_new) {
+    if (const auto [first, is_new] = lines.try_emplace(key, line); !is_new)
       throw TextFault{line, below(path, key) + ": is there twice, first in line " +
                                 std::to_string(first->second)};
-    }
     check_keys(member.second, below(path, key));
   }
 }

@@ -20,7 +20,7 @@ std::vector<std::vector<int>> neighbours_in(const BlockMatrix& matrix) {
     out[static_cast<std::size_t>(row)].push_back(column);
     out[static_cast<std::size_t>(column)].push_back(row);
   }
-  for (auto& all : out) std::sort(all.begin(), all.end());
+  for (auto& all : out) std::ranges::sort(all);
   return out;
 }
 
@@ -90,9 +90,8 @@ const Eigen::MatrixXd* BlockMatrix::find(int row, int column) const {
 
 Eigen::VectorXd BlockMatrix::diagonal() const {
   Eigen::VectorXd out = Eigen::VectorXd::Zero(rows());
-  for (int i = 0; i < variables(); ++i) {
+  for (int i = 0; i < variables(); ++i)
     if (const Eigen::MatrixXd* own = find(i, i)) out.segment(first(i), size(i)) = own->diagonal();
-  }
   return out;
 }
 
@@ -119,7 +118,7 @@ void BlockCholesky::plan(const BlockMatrix& matrix) {
   }
   for (Column& column : columns_) {
     for (int& i : column.below) i = place_[static_cast<std::size_t>(i)];
-    std::sort(column.below.begin(), column.below.end());
+    std::ranges::sort(column.below);
     column.offset.assign(1, 0);
     for (const int i : column.below)
       column.offset.push_back(column.offset.back() + columns_[static_cast<std::size_t>(i)].size);

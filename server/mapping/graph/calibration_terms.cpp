@@ -117,20 +117,19 @@ std::vector<TestedParameter> tested_parameters(const GraphState& graph,
                  .row = 0,
                  .value = graph.common_scale,
                  .prior = graph.common_scale_prior});
-  for (std::size_t i = 0; i < graph.tags.size(); ++i) {
+  for (std::size_t i = 0; i < graph.tags.size(); ++i)
     out.push_back({.kind = Kind::kOnePrint,
                    .tag = i,
                    .variable = variables.tag(i),
                    .row = segment_layout::scale(0, 0) - segment_layout::tag(0, 0),
                    .value = graph.tags[i].scale,
                    .prior = graph.tags[i].scale_prior});
-  }
   return out;
 }
 
 /// The tag has been moved since; another print may have its id now.
 bool has_later_epoch(const GraphState& graph, const GraphTag& tag) {
-  return std::any_of(graph.tags.begin(), graph.tags.end(), [&](const GraphTag& other) {
+  return std::ranges::any_of(graph.tags, [&](const GraphTag& other) {
     return other.tag_id == tag.tag_id && other.epoch > tag.epoch;
   });
 }

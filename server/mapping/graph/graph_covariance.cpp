@@ -1,11 +1,9 @@
 #include "mapping/graph/graph_covariance.hpp"
 
 #include <algorithm>
-#include <utility>
 
 #include <Eigen/LU>
 
-#include "base/pose.hpp"
 #include "estimation/world/filter_state.hpp"
 
 namespace fiducap {
@@ -260,9 +258,8 @@ std::optional<std::vector<PathPose>> path_of(int body_id, const GraphState& grap
       return std::nullopt;
     last = segment.end;
   }
-  std::stable_sort(path.begin(), path.end(),
-                   [](const PathPose& a, const PathPose& b) { return a.at < b.at; });
-  const bool is_finite = std::all_of(path.begin(), path.end(), [](const PathPose& pose) {
+  std::ranges::stable_sort(path, [](const PathPose& a, const PathPose& b) { return a.at < b.at; });
+  const bool is_finite = std::ranges::all_of(path, [](const PathPose& pose) {
     return pose.X_WB.p.allFinite() && pose.covariance.allFinite();
   });
   return is_finite ? std::optional(std::move(path)) : std::nullopt;

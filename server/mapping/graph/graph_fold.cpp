@@ -147,8 +147,8 @@ void MapGraph::follow(const EpochOrder& order) {
   epochs_.follow(order);
   if (order.opens) {
     for (GraphSegment& entry : state_.segments) {
-      const bool has_tag = std::any_of(entry.raw.tags.begin(), entry.raw.tags.end(),
-                                       [&](const auto& t) { return t.tag_id == order.tag_id; });
+      const bool has_tag = std::ranges::any_of(
+          entry.raw.tags, [&](const auto& t) { return t.tag_id == order.tag_id; });
       if (has_tag && entry.raw.end().at > order.opens->gone) rebind(entry);
     }
   } else {

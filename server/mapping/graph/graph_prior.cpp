@@ -82,11 +82,11 @@ class PriorMaker final {
       if (k != i && is_in_[k] && !tags_[k].is_surveyed && between_(i, k))
         near.emplace_back((tags_[i].X_WT.p - tags_[k].X_WT.p).norm(), k);
     }
-    std::sort(near.begin(), near.end());
+    std::ranges::sort(near);
     std::vector<std::size_t> out;
     for (const auto& [distance, k] : near) {
-      const bool all = std::all_of(out.begin(), out.end(),
-                                   [&, k = k](std::size_t other) { return between_(k, other); });
+      const bool all = std::ranges::all_of(
+          out, [&, k = k](std::size_t other) { return between_(k, other).has_value(); });
       if (all) out.push_back(k);
       if (out.size() == kNeighbours) break;
     }

@@ -184,7 +184,7 @@ void MapGraph::fill_solution(const GraphCovariance& covariance, GraphSolution& o
                         tag.last_seen, tag.X_WT, *covariance.between(i, i), tag.epoch,
                         is_current(tag)});
   }
-  std::sort(out.tags.begin(), out.tags.end(), [](const auto& a, const auto& b) {
+  std::ranges::sort(out.tags, [](const auto& a, const auto& b) {
     return std::tuple(a.tag_id, a.component, a.epoch) < std::tuple(b.tag_id, b.component, b.epoch);
   });
   const auto is_published = [&](std::size_t i) {
@@ -198,7 +198,7 @@ void MapGraph::fill_solution(const GraphCovariance& covariance, GraphSolution& o
     if (const auto of_both = covariance.between(first, second))
       out.pairs.push_back({state_.tags[first].tag_id, state_.tags[second].tag_id, *of_both});
   }
-  std::sort(out.pairs.begin(), out.pairs.end(), [](const KnownPair& a, const KnownPair& b) {
+  std::ranges::sort(out.pairs, [](const KnownPair& a, const KnownPair& b) {
     return std::pair(a.first_id, a.second_id) < std::pair(b.first_id, b.second_id);
   });
 }

@@ -297,9 +297,8 @@ int split_component(int component, int next, GraphState& graph) {
       sightings[islands.of_tag(i)] += graph.tags[i].sightings;
   }
   if (sightings.empty()) return next;
-  const auto most =
-      std::max_element(sightings.begin(), sightings.end(),
-                       [](const auto& a, const auto& b) { return a.second < b.second; });
+  const auto most = std::ranges::max_element(
+      sightings, [](const auto& a, const auto& b) { return a.second < b.second; });
   std::map<std::size_t, int> numbers{{most->first, component}};
   const auto number_of = [&](std::size_t island) {
     const auto [at, is_new] = numbers.try_emplace(island, next);

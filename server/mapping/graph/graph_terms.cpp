@@ -1,7 +1,5 @@
 #include "mapping/graph/graph_terms.hpp"
 
-#include <cmath>
-
 #include "base/pose.hpp"
 #include "estimation/filter/heading_rule.hpp"
 #include "estimation/world/filter_state.hpp"
@@ -61,10 +59,9 @@ std::vector<Part> parts_of(const GraphState& graph, const GraphVariables& variab
       {variables.node(segment.begin), kBegin, on_body(error.segment<15>(kBegin), G_inverse)});
   parts.push_back({variables.node(segment.end), kEnd, on_body(error.segment<15>(kEnd), G_inverse)});
   Eigen::MatrixXd J = Eigen::MatrixXd::Identity(kCameraSize * cameras, kCameraSize * cameras);
-  for (int c = 0; c < cameras; ++c) {
+  for (int c = 0; c < cameras; ++c)
     J.block<6, 6>(kCameraSize * c, kCameraSize * c) =
         inverse_left_jacobian(Vector6d(error.segment<6>(camera(c))));
-  }
   const auto body = static_cast<std::size_t>(graph.nodes[segment.begin].body);
   parts.push_back({variables.body(body), camera(0), std::move(J)});
   const Matrix6d Ad = world::adjoint(G_inverse);

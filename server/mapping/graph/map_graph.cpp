@@ -1,7 +1,6 @@
 #include "mapping/graph/map_graph.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include "base/pose.hpp"
 #include "estimation/filter/heading_rule.hpp"
@@ -62,8 +61,8 @@ bool MapGraph::establish_workspace() {
   std::map<int, int> tags;
   for (const GraphTag& tag : state_.tags) ++tags[tag.component];
   if (tags.empty() || tags.contains(kInWorkspace)) return false;
-  const auto largest = std::max_element(
-      tags.begin(), tags.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  const auto largest = std::ranges::max_element(
+      tags, [](const auto& a, const auto& b) { return a.second < b.second; });
   merge_components(largest->first, kInWorkspace, Pose{}, state_);
   return true;
 }
@@ -135,7 +134,7 @@ void MapGraph::bind_tags(const Pose& G, const std::vector<int>& epochs, GraphSeg
 
 std::size_t MapGraph::tag_of(int component, const KnownTag& tag, int epoch, const Pose& X_WT,
                              Instant now) {
-  const auto found = std::find_if(state_.tags.begin(), state_.tags.end(), [&](const GraphTag& t) {
+  const auto found = std::ranges::find_if(state_.tags, [&](const GraphTag& t) {
     return t.tag_id == tag.tag_id && t.component == component && t.epoch == epoch;
   });
   if (found != state_.tags.end()) return static_cast<std::size_t>(found - state_.tags.begin());
@@ -182,10 +181,9 @@ std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment
 bool MapGraph::is_in_workspace(const MotionSegment& segment, const std::vector<int>& epochs) const {
   if (!segment.anchored) return false;
   const auto is_there = [](const auto& x) { return x.component == kInWorkspace; };
-  if (std::none_of(state_.nodes.begin(), state_.nodes.end(), is_there) &&
-      std::none_of(state_.tags.begin(), state_.tags.end(), is_there))
+  if (std::ranges::none_of(state_.nodes, is_there) && std::ranges::none_of(state_.tags, is_there))
     return true;
-  return std::any_of(state_.tags.begin(), state_.tags.end(), [&](const GraphTag& tag) {
+  return std::ranges::any_of(state_.tags, [&](const GraphTag& tag) {
     for (std::size_t i = 0; i < epochs.size() && is_there(tag); ++i)
       if (segment.tags[i].tag_id == tag.tag_id && epochs[i] == tag.epoch) return true;
     return false;
@@ -236,9 +234,8 @@ void MapGraph::link_components(const GraphSegment& entry, int component) {
   const Eigen::Vector3d body = state_.nodes[entry.begin].at.X_WB.p;
   for (const auto& [other, all] : links) {
     const Eigen::Vector3d there = all.front() * body;
-    const bool agree = std::all_of(all.begin(), all.end(), [&](const Pose& T) {
-      return (T * body - there).norm() < kSameComponent_m;
-    });
+    const bool agree = std::ranges::all_of(
+        all, [&](const Pose& T) { return (T * body - there).norm() < kSameComponent_m; });
     if (!agree) continue;
     // The workspace keeps its axes.
     if (component != kInWorkspace) {

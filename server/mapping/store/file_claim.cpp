@@ -39,12 +39,11 @@ Expected<FileClaim> FileClaim::take(const std::string& path) {
                     "): the folder must be writable, and the file must belong to the server's user",
                 lock);
   FileClaim claim(file);
-  if (::flock(file, LOCK_EX | LOCK_NB) != 0) {
+  if (::flock(file, LOCK_EX | LOCK_NB) != 0)
     return fail(ErrorCode::kUnavailable,
                 "is in use by " + holder_of(file) +
                     ": two servers would mix two histories; stop it, or name another file",
                 path);
-  }
   const std::string pid = std::to_string(::getpid());
   if (::ftruncate(file, 0) != 0 || ::pwrite(file, pid.data(), pid.size(), 0) < 0) {
     // The lock holds without the number.

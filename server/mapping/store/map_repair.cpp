@@ -48,9 +48,8 @@ std::set<std::int64_t> version_numbers(const SqliteFile& file, std::vector<std::
     losses.push_back("the list of versions has a hole" +
                      (first <= last ? " from " + number(first) + " to " + number(last)
                                     : " behind " + number(first - 1)));
-    for (std::int64_t one = first; one <= last && one - first < kMostTried; ++one) {
+    for (std::int64_t one = first; one <= last && one - first < kMostTried; ++one)
       if (load_map(file, one)) numbers.insert(one);
-    }
   }
   numbers.merge(below);
   numbers.merge(above);
@@ -102,9 +101,8 @@ Expected<void> copy_content(const SqliteFile& from, const std::vector<std::int64
     if (auto written = insert_map(to, *map); !written) return written;
   }
   if (const auto learned = load_extrinsics(from)) {
-    for (const StoredExtrinsics& one : *learned) {
+    for (const StoredExtrinsics& one : *learned)
       if (auto written = save_extrinsics(to, one); !written) return written;
-    }
   }
   return transaction->commit();
 }
@@ -219,10 +217,10 @@ Expected<MapStoreHealth> salvage_map_store(const std::string& from, const std::s
   if (!damaged) return tl::unexpected(damaged.error());
   MapStoreHealth health = health_of(*damaged);
   if (health.sound.empty())
-    return fail(ErrorCode::kInvalid,
-                "holds no undamaged version; it was not changed: restore a copy of it, or move it "
-                "away",
-                from);
+    return fail(
+        ErrorCode::kInvalid,
+        "holds no undamaged version; it was not changed: restore a copy of it, or move it away",
+        from);
   auto fresh = SqliteFile::open(to);
   if (!fresh) return tl::unexpected(fresh.error());
   if (auto copied = copy_content(*damaged, health.sound, *fresh); !copied)

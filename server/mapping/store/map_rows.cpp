@@ -1,7 +1,6 @@
 #include "mapping/store/map_rows.hpp"
 
 #include <cstddef>
-#include <span>
 #include <utility>
 
 #include "base/bytes.hpp"
@@ -59,9 +58,8 @@ Pose pose_from(const SqliteStatement& row, int column) {
 std::vector<std::byte> covariance_bytes(const Matrix6d& covariance) {
   std::vector<std::byte> bytes;
   ByteWriter<std::endian::little> writer(bytes);
-  for (int row = 0; row < 6; ++row) {
+  for (int row = 0; row < 6; ++row)
     for (int column = row; column < 6; ++column) writer.f64(covariance(row, column));
-  }
   return bytes;
 }
 
@@ -219,12 +217,11 @@ Expected<TagMap> load_map(const SqliteFile& file, std::int64_t version) {
   if (auto loaded = load_tags(file, map, context); !loaded) return tl::unexpected(loaded.error());
   if (const auto fault = fault_in(map))
     return fail(ErrorCode::kInvalid, "is damaged: " + *fault, context);
-  if (const auto hash = content_hash(map); hash != map.hash) {
+  if (const auto hash = content_hash(map); hash != map.hash)
     return fail(ErrorCode::kInvalid,
                 "is damaged: its content has hash " + hash + ", stored was " + map.hash +
                     "; go back to another version",
                 context);
-  }
   if (auto loaded = load_ties(file, map, context); !loaded) return tl::unexpected(loaded.error());
   return map;
 }

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "mapping/store/file_claim.hpp"
-#include "mapping/store/map_rows.hpp"
 #include "mapping/store/sqlite_file.hpp"
 
 namespace fiducap {
@@ -78,19 +77,17 @@ Expected<bool> check_kind(const SqliteFile& file) {
   const auto objects = file.integer("SELECT count(*) FROM sqlite_master");
   if (!objects) return tl::unexpected(objects.error());
   if (*application == 0 && *schema == 0 && *objects == 0) return true;
-  if (*application != kMapStoreId) {
+  if (*application != kMapStoreId)
     return fail(
         ErrorCode::kUnsupported,
         "is a database of another program; it was not changed, give the map store another path",
         file.path());
-  }
-  if (*schema > kMapStoreSchema) {
+  if (*schema > kMapStoreSchema)
     return fail(ErrorCode::kUnsupported,
                 "was written by a newer Fiducap (schema " + std::to_string(*schema) +
                     ", this one knows up to " + std::to_string(kMapStoreSchema) +
                     "); update Fiducap or give another path",
                 file.path());
-  }
   if (*schema < 1) return damaged(file, "(schema " + std::to_string(*schema) + ")");
   return false;
 }
@@ -116,11 +113,10 @@ Expected<void> set_up(SqliteFile& file, bool fresh) {
   }
   const auto mode = file.text("PRAGMA journal_mode = WAL");
   if (!mode) return tl::unexpected(mode.error());
-  if (*mode != "wal") {
+  if (*mode != "wal")
     return fail(ErrorCode::kUnavailable,
                 "this disk cannot keep a write-ahead log (journal mode stays " + *mode + ")",
                 file.path());
-  }
   // A long reader may make the log grow; afterwards it is cut to 8 MB.
   if (auto set = file.execute("PRAGMA journal_size_limit = 8388608"); !set) return set;
   if (!fresh) return migrate(file);
@@ -244,7 +240,7 @@ Expected<TagMap> MapStore::commit(const TagMap& map, const std::string& comment)
 
 Expected<void> check_version_name(const std::string& name) {
   const bool has_control =
-      std::any_of(name.begin(), name.end(), [](unsigned char c) { return c < ' ' || c == 0x7f; });
+      std::ranges::any_of(name, [](unsigned char c) { return c < ' ' || c == 0x7f; });
   if (name.empty() || name.size() > kLongestName || has_control)
     return fail(ErrorCode::kInvalid, "a version's name must have 1 to 200 characters in one line");
   if (name == kAutomaticComment)
@@ -269,9 +265,8 @@ Expected<int> MapStore::thin() {
   if (going->empty()) return 0;
   auto transaction = SqliteTransaction::begin(file);
   if (!transaction) return tl::unexpected(transaction.error());
-  for (const std::int64_t version : *going) {
+  for (const std::int64_t version : *going)
     if (auto removed = remove_map(file, version); !removed) return tl::unexpected(removed.error());
-  }
   if (auto given = return_free_pages(file); !given) return tl::unexpected(given.error());
   if (auto done = transaction->commit(); !done) return tl::unexpected(done.error());
   return static_cast<int>(going->size());

@@ -3,7 +3,6 @@
 #include <sqlite3.h>
 
 #include <algorithm>
-#include <array>
 #include <utility>
 
 namespace fiducap {
@@ -37,8 +36,8 @@ Error error_of(int code, const std::string& detail, const std::string& path) {
     case SQLITE_CORRUPT:
       return {ErrorCode::kInvalid,
               "is damaged or not a map store (" + detail +
-                  "); it was not changed: `fiducap map repair` saves its readable "
-                  "part; or restore a copy of it, or move it away",
+                  "); it was not changed: `fiducap map repair` saves its readable part; or restore "
+                  "a copy of it, or move it away",
               path};
     default:
       return {ErrorCode::kInvalid, "SQLite reports: " + detail, path};

@@ -95,12 +95,11 @@ Expected<void> load_ties(const SqliteFile& file, TagMap& map, const std::string&
   if (!found) return tl::unexpected(found.error());
   if (!*found) return {};
   const std::vector<std::byte> bytes = row.blob(1);
-  if (const auto hash = hash_of(bytes); hash != row.text(0)) {
+  if (const auto hash = hash_of(bytes); hash != row.text(0))
     return fail(ErrorCode::kInvalid,
                 "is damaged: its ties have hash " + hash + ", stored was " + row.text(0) +
                     "; go back to another version",
                 context);
-  }
   auto known = known_from(bytes, map, context);
   if (!known) return tl::unexpected(known.error());
   map.known = std::make_shared<const KnownMap>(std::move(*known));

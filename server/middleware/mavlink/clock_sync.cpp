@@ -23,9 +23,8 @@ std::optional<Timesync> ClockSync::next_request(Instant now) {
 }
 
 bool ClockSync::accept_reply(const Timesync& reply, Instant now) {
-  const auto found = std::find_if(requests_.begin(), requests_.end(), [&](const auto& one) {
-    return one && one->number == reply.ts1_ns;
-  });
+  const auto found = std::ranges::find_if(
+      requests_, [&](const auto& one) { return one && one->number == reply.ts1_ns; });
   if (found == requests_.end()) return false;
   const Instant sent = (*found)->at;
   if (now < sent || now - sent > kLongestTrip) return false;

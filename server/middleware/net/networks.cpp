@@ -4,7 +4,6 @@
 #include <ifaddrs.h>
 #include <net/if.h>
 
-#include <algorithm>
 #include <bit>
 #include <charconv>
 #include <cstring>
@@ -117,8 +116,7 @@ bool TrustedNetworks::contains(const Peer& peer, Instant now) {
 
 bool TrustedNetworks::has(const Peer& peer) const {
   const auto matches = [&](const Network& network) { return network.contains(peer); };
-  return std::any_of(configured_.begin(), configured_.end(), matches) ||
-         std::any_of(attached_now_.begin(), attached_now_.end(), matches);
+  return std::ranges::any_of(configured_, matches) || std::ranges::any_of(attached_now_, matches);
 }
 
 }  // namespace fiducap::net

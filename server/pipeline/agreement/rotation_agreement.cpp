@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 #include <fmt/format.h>
 #include <Eigen/LU>
 
+#include "base/numeric.hpp"
 #include "base/pose.hpp"
 
 namespace fiducap {
@@ -45,7 +45,6 @@ bool are_the_same(const AgreementFinding& a, const AgreementFinding& b) {
          (a.kind == Kind::kAxesApart || (a.A - b.A).norm() < 2 * kSameAxes_rad);
 }
 
-constexpr double kDegrees = 180 / std::numbers::pi;
 // Cosine to an axis of the camera, above which this axis is named.
 constexpr double kAlong = 0.9;
 // The same for the axes of a mirrored gyro.
@@ -70,8 +69,8 @@ std::string turned_text(int camera, const CameraMount& mount, const AgreementFin
       "{}Correct bodies[].cameras[].X_BV (the rotations fit with q_wxyz: [{:.2f}, {:.2f}, {:.2f}, "
       "{:.2f}], good to {:.0f}°; `fiducap calibrate extrinsics` refines it), or the axes of the "
       "IMU if all cameras are turned",
-      camera, turn.norm() * kDegrees, axis_text(turn.normalized()), kWithheld, right.w(), right.x(),
-      right.y(), right.z(), std::ceil(3 * finding.axes_sigma_rad * kDegrees));
+      camera, turn.norm() * kDegreesPerRadian, axis_text(turn.normalized()), kWithheld, right.w(),
+      right.x(), right.y(), right.z(), std::ceil(3 * finding.axes_sigma_rad * kDegreesPerRadian));
 }
 
 /// `(y, x, z)`: what a gyro gives where (x, y, z) is meant; empty: it cannot be described so.
@@ -337,14 +336,14 @@ std::optional<AgreementReport> RotationAgreement::take_report() {
 }
 
 bool RotationAgreement::withholds() const {
-  return std::any_of(cameras_.begin(), cameras_.end(),
-                     [](const CameraAgreement& camera) { return camera.contradicts(); });
+  return std::ranges::any_of(cameras_,
+                             [](const CameraAgreement& camera) { return camera.contradicts(); });
 }
 
 bool RotationAgreement::is_established() const {
-  return !cameras_.empty() &&
-         std::all_of(cameras_.begin(), cameras_.end(),
-                     [](const CameraAgreement& camera) { return camera.is_established(); });
+  return !cameras_.empty() && std::ranges::all_of(cameras_, [](const CameraAgreement& camera) {
+    return camera.is_established();
+  });
 }
 
 }  // namespace fiducap

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
@@ -156,8 +155,6 @@ void describe_certainty(std::span<const TurnPair> pairs, const Scratch& scratch,
 }
 
 using Kind = AgreementFinding::Kind;
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 // Only the newest turns show a jump of the clock.
 constexpr std::size_t kPairsOfClock = 20;

@@ -6,6 +6,7 @@
 #include <memory>
 #include <utility>
 
+#include "base/numeric.hpp"
 #include "base/pose.hpp"
 #include "estimation/segment/segment_cutting.hpp"
 #include "estimation/segment/segment_recorder.hpp"
@@ -39,9 +40,8 @@ class Placing final {
       one.odometry->move_noise_m *= kDoubtOfOdometry;
       one.odometry->turn_noise_rad *= kDoubtOfOdometry;
     }
-    asks_filters_ =
-        bodies_.size() < bodies.size() ||
-        std::any_of(bodies_.begin(), bodies_.end(), [](const Body& one) { return !one.odometry; });
+    asks_filters_ = bodies_.size() < bodies.size() ||
+                    std::ranges::any_of(bodies_, [](const Body& one) { return !one.odometry; });
   }
   [[nodiscard]] bool is_empty() const { return bodies_.empty(); }
 
@@ -50,8 +50,8 @@ class Placing final {
     begin(placement);
     BatchResult result;
     result.last.is_at_rest = true;  // while there is nothing to solve for
-    const bool has_odometry = std::any_of(bodies_.begin(), bodies_.end(),
-                                          [](const Body& one) { return one.odometry.has_value(); });
+    const bool has_odometry =
+        std::ranges::any_of(bodies_, [](const Body& one) { return one.odometry.has_value(); });
     const int most = has_odometry ? kMostWithOdometry : kMostPlacements;
     bool has_moved = placement.settle();
     placement.define_workspace(bodies_.front().body.setup->gauge);
@@ -271,7 +271,7 @@ class Placing final {
               "by the odometry camera {} is {:.0f} mm and {:.1f}° from its configured pose; one of "
               "both is wrong. Check T_BS of the odometry and of the camera: attitudes of the body "
               "may be wrong by as much",
-              k, 1e3 * moved, turned * 180 / M_PI);
+              k, 1e3 * moved, turned * kDegreesPerRadian);
       }
     }
     return std::nullopt;
@@ -307,9 +307,8 @@ BatchResult solve_all(BodiesReplay& replay, std::span<const BatchBody> bodies,
                       const std::function<void(int round)>& progress) {
   BatchResult result;
   Placing placing(replay, bodies);
-  const bool has_imu = std::any_of(bodies.begin(), bodies.end(), [](const BatchBody& body) {
-    return body.setup->sensors.imu.has_value();
-  });
+  const bool has_imu = std::ranges::any_of(
+      bodies, [](const BatchBody& body) { return body.setup->sensors.imu.has_value(); });
   if (has_imu) result.last = replay.refine_to_the_end(progress);
   if (!placing.is_empty()) {
     const bool has_found = result.last.has_found_workspace;

@@ -44,9 +44,8 @@ void BodiesReplay::follow(std::vector<MapTurn> turns,
 }
 
 Expected<void> BodiesReplay::run(const Watch& watch) {
-  for (std::size_t body = 0; body < bodies_.size(); ++body) {
+  for (std::size_t body = 0; body < bodies_.size(); ++body)
     if (const auto done = advance(body); !done) return done;
-  }
   if (!turns_.empty()) {
     if (const auto done = run_by_turns(watch); !done) return done;
   }
@@ -81,12 +80,11 @@ Expected<void> BodiesReplay::advance(std::size_t index) {
       continue;
     }
     if (listener_) listener_(index, **sample);
-    if (!body.pipeline->push(std::move(**sample))) {
+    if (!body.pipeline->push(std::move(**sample)))
       return fail(
           ErrorCode::kInvalid,
           "too many IMU samples wait for an image; are the stamps of the sensors on one clock?",
           body.name);
-    }
   }
 }
 
@@ -184,9 +182,8 @@ bool BodiesReplay::is_at(const Body& body, const MapTurn& turn) {
 }
 
 std::shared_ptr<const TagMap> BodiesReplay::published(std::int64_t revision) const {
-  for (const MapView& view : published_) {
+  for (const MapView& view : published_)
     if (static_cast<std::int64_t>(view.revision) == revision) return view.map;
-  }
   return nullptr;
 }
 

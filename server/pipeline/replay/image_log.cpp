@@ -27,8 +27,8 @@ void ImageLog::add(const TagObservations& seen, const std::optional<Pose>& X_WB,
   const TagObservation* nearest = nullptr;
   const KnownTag* then = nullptr;
   for (const TagObservation& tag : seen.tags) {
-    const auto found = std::find_if(tags.begin(), tags.end(),
-                                    [&](const auto& t) { return t.tag_id == tag.tag_id; });
+    const auto found =
+        std::ranges::find_if(tags, [&](const auto& t) { return t.tag_id == tag.tag_id; });
     if (found == tags.end() || (nearest != nullptr && size_px(tag) <= size_px(*nearest))) continue;
     nearest = &tag;
     then = &*found;

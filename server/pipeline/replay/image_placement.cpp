@@ -70,9 +70,8 @@ std::vector<PlaceProposal> ImagePlacement::proposals(std::size_t body, std::size
     for (const TagObservation& tag : image.tags)
       if (is_in(tag.tag_id, region))
         seen.emplace_back(&tag, &cameras_[body][static_cast<std::size_t>(image.camera)]);
-  std::stable_sort(seen.begin(), seen.end(), [](const auto& a, const auto& b) {
-    return size_px(*a.first) > size_px(*b.first);
-  });
+  std::ranges::stable_sort(
+      seen, [](const auto& a, const auto& b) { return size_px(*a.first) > size_px(*b.first); });
   if (seen.size() > kProposingTags) seen.resize(kProposingTags);
   std::vector<PlaceProposal> all;
   for (const PlaceProposal& one : bodies_[body].log->instants()[instant].proposals)
@@ -194,12 +193,12 @@ bool ImagePlacement::place_instant(std::size_t body, std::size_t instant) {
   if (was_there) offer(improved(placed.X_WB, tags, noise_px));
   for (const PlaceProposal& one : proposals(body, instant, region))
     offer(improved(tags_.at(one.tag_id).tag.X_WT * one.X_TB, tags, noise_px));
-  const auto best = std::min_element(choices.begin(), choices.end(),
-                                     [](const auto& a, const auto& b) { return a.cost < b.cost; });
+  const auto best = std::ranges::min_element(
+      choices, [](const auto& a, const auto& b) { return a.cost < b.cost; });
   const bool stays =
       was_there && choices.front().cost - filter_rules::kEvidenceToFollow < best->cost;
   const Choice& chosen = stays ? choices.front() : *best;
-  placed.is_sure = std::all_of(choices.begin(), choices.end(), [&](const Choice& other) {
+  placed.is_sure = std::ranges::all_of(choices, [&](const Choice& other) {
     return other.cost > chosen.cost + filter_rules::kEvidenceToFollow ||
            angle_between(other.X.q, chosen.X.q) < filter_rules::kOtherBranch_rad;
   });
@@ -230,7 +229,7 @@ double ImagePlacement::cost_of(const std::vector<Sighting>& sightings, const Pos
 std::optional<ImagePlacement::Choice> ImagePlacement::best_place(
     const std::vector<Sighting>& sightings, const std::optional<Pose>& now) const {
   std::vector<Sighting> largest = sightings;
-  std::stable_sort(largest.begin(), largest.end(), [](const Sighting& a, const Sighting& b) {
+  std::ranges::stable_sort(largest, [](const Sighting& a, const Sighting& b) {
     return size_px(*a.seen) > size_px(*b.seen);
   });
   const std::vector<Sighting> judging = thinned(sightings, kJudgingSightings);
@@ -259,14 +258,14 @@ std::optional<ImagePlacement::Choice> ImagePlacement::best_place(
       if (std::isfinite(pose.rms_px)) offer(X_WV * pose.X_VT);
   }
   if (choices.empty()) return std::nullopt;
-  Choice best = *std::min_element(choices.begin(), choices.end(),
-                                  [](const auto& a, const auto& b) { return a.cost < b.cost; });
+  Choice best = *std::ranges::min_element(
+      choices, [](const auto& a, const auto& b) { return a.cost < b.cost; });
   if (now && choices.front().cost - kBranchEvidence < best.cost) best = choices.front();
-  best.is_sure = std::all_of(choices.begin(), choices.end(), [&](const Choice& other) {
+  best.is_sure = std::ranges::all_of(choices, [&](const Choice& other) {
     return other.cost > best.cost + kBranchEvidence ||
            angle_between(other.X.q, best.X.q) < filter_rules::kOtherBranch_rad;
   });
-  const auto fitting = std::count_if(judging.begin(), judging.end(), [&](const Sighting& s) {
+  const auto fitting = std::ranges::count_if(judging, [&](const Sighting& s) {
     return cost_of({s}, best.X) < kSightingBend * std::log(2.0);
   });
   best.is_sure &=

@@ -90,10 +90,9 @@ constexpr double kEvidence = 20.0;
 /// The best one; nullopt: another one is nearly as good, or it explains less than half.
 std::optional<Pose> only_way(const std::vector<CostedPose>& ways, double fitting_cost) {
   if (ways.empty()) return std::nullopt;
-  const CostedPose& best =
-      *std::min_element(ways.begin(), ways.end(),
-                        [](const CostedPose& a, const CostedPose& b) { return a.cost < b.cost; });
-  const bool is_alone = std::all_of(ways.begin(), ways.end(), [&](const CostedPose& way) {
+  const CostedPose& best = *std::ranges::min_element(
+      ways, [](const CostedPose& a, const CostedPose& b) { return a.cost < b.cost; });
+  const bool is_alone = std::ranges::all_of(ways, [&](const CostedPose& way) {
     return way.cost > best.cost + kEvidence ||
            angle_between(way.X.q, best.X.q) < filter_rules::kOtherBranch_rad;
   });
@@ -316,9 +315,8 @@ bool ImagePlacement::begin_elsewhere() {
   }
   if (tags_.empty() && begin_by_odometry()) return true;
   while (!suggested_.empty()) {
-    auto most = std::max_element(
-        suggested_.begin(), suggested_.end(),
-        [](const auto& a, const auto& b) { return a.second.size() < b.second.size(); });
+    auto most = std::ranges::max_element(
+        suggested_, [](const auto& a, const auto& b) { return a.second.size() < b.second.size(); });
     const auto tags = std::move(most->second);
     suggested_.erase(most);
     // The largest is the workspace, if there is none yet.

@@ -26,8 +26,8 @@ struct Span {
 std::vector<Span> spans_of(std::span<const MapBuildBody> bodies) {
   std::vector<std::size_t> by_time(bodies.size());
   std::iota(by_time.begin(), by_time.end(), std::size_t{0});
-  std::stable_sort(by_time.begin(), by_time.end(),
-                   [&](std::size_t a, std::size_t b) { return bodies[a].first < bodies[b].first; });
+  std::ranges::stable_sort(
+      by_time, [&](std::size_t a, std::size_t b) { return bodies[a].first < bodies[b].first; });
   std::vector<Span> spans;
   for (const std::size_t i : by_time) {
     if (spans.empty() || spans.back().last < bodies[i].first)
@@ -35,9 +35,8 @@ std::vector<Span> spans_of(std::span<const MapBuildBody> bodies) {
     spans.back().last = std::max(spans.back().last, bodies[i].last);
     spans.back().members.push_back(i);
   }
-  std::sort(spans.begin(), spans.end(), [](const Span& a, const Span& b) {
-    return *std::min_element(a.members.begin(), a.members.end()) <
-           *std::min_element(b.members.begin(), b.members.end());
+  std::ranges::sort(spans, [](const Span& a, const Span& b) {
+    return *std::ranges::min_element(a.members) < *std::ranges::min_element(b.members);
   });
   return spans;
 }
@@ -63,8 +62,8 @@ void evaluate(const GraphState& graph, const std::vector<MapBuildBody>& bodies, 
   int numbers = 0;
   for (const GraphSegment& segment : graph.segments) {
     const auto body = static_cast<std::size_t>(
-        std::find_if(bodies.begin(), bodies.end(),
-                     [&](const auto& one) { return one.body.id == segment.raw.body_id; }) -
+        std::ranges::find_if(bodies,
+                             [&](const auto& one) { return one.body.id == segment.raw.body_id; }) -
         bodies.begin());
     const int component = graph.nodes[segment.begin].component;
     BuiltRecording& recording = build.recordings[body];
@@ -94,7 +93,7 @@ void evaluate(const GraphState& graph, const std::vector<MapBuildBody>& bodies, 
   }
   for (auto& [component, part] : parts) {
     part.recordings.assign(members[component].begin(), members[component].end());
-    std::sort(part.tag_ids.begin(), part.tag_ids.end());
+    std::ranges::sort(part.tag_ids);
     build.apart.push_back(std::move(part));
   }
 }
@@ -102,9 +101,8 @@ void evaluate(const GraphState& graph, const std::vector<MapBuildBody>& bodies, 
 void note_mismatches(std::span<const GraphFinding> findings,
                      const std::vector<MapBuildBody>& bodies, MapBuild& build) {
   for (const GraphFinding& finding : findings) {
-    const auto of = std::find_if(bodies.begin(), bodies.end(), [&](const MapBuildBody& one) {
-      return one.body.id == finding.body_id;
-    });
+    const auto of = std::ranges::find_if(
+        bodies, [&](const MapBuildBody& one) { return one.body.id == finding.body_id; });
     build.mismatches.push_back(
         of == bodies.end()
             ? mismatch_text(finding.what, {})

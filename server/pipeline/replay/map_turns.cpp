@@ -69,8 +69,8 @@ Expected<std::vector<Turn>> read_turns(const std::filesystem::path& path,
       csv->count_damaged();
   }
   csv->log_damage();
-  std::stable_sort(turns.begin(), turns.end(),
-                   [&](const Turn& a, const Turn& b) { return a.*order < b.*order; });
+  std::ranges::stable_sort(turns,
+                           [&](const Turn& a, const Turn& b) { return a.*order < b.*order; });
   return turns;
 }
 

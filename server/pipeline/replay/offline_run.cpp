@@ -41,7 +41,7 @@ std::vector<OfflinePart> parts_of(int body_id, const GraphState& graph) {
         part.tags.push_back({tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()});
     parts.push_back(std::move(part));
   }
-  std::stable_sort(parts.begin(), parts.end(), [](const OfflinePart& a, const OfflinePart& b) {
+  std::ranges::stable_sort(parts, [](const OfflinePart& a, const OfflinePart& b) {
     return a.trajectory.front().at < b.trajectory.front().at;
   });
   return parts;

@@ -73,8 +73,8 @@ class RecordingChecker final {
     judge_readings();
     judge_corners();
     judge_order();
-    std::stable_sort(report_.findings.begin(), report_.findings.end(),
-                     [](const auto& a, const auto& b) { return a.unusable && !b.unusable; });
+    std::ranges::stable_sort(
+        report_.findings, [](const auto& a, const auto& b) { return a.unusable && !b.unusable; });
     return std::move(report_);
   }
 
@@ -132,8 +132,7 @@ class RecordingChecker final {
     for (std::size_t k = 0; k < info_.cameras.size(); ++k)
       if (has_images(k)) without_images.has_corners[k] = false;
     const bool any_corners =
-        std::any_of(without_images.has_corners.begin(), without_images.has_corners.end(),
-                    [](bool has) { return has; });
+        std::ranges::any_of(without_images.has_corners, [](bool has) { return has; });
     if (!any_corners && !info_.imu) return {};
     GrayImagePool pool;
     auto streams = open_streams(without_images, pool);
@@ -167,7 +166,10 @@ class RecordingChecker final {
       observe(frame, model, setup_.tags, setup_.detector, seen_);
       plausibility_.add(seen_, model);
     }
-    if (const auto fault = plausibility_.take_fault()) faults_.push_back(*fault);
+    const ImuFaults before = std::exchange(imu_faults_, plausibility_.faults());
+    if (before == imu_faults_) return;
+    const auto more = faults_to_report(before, imu_faults_);
+    faults_.insert(faults_.end(), more.begin(), more.end());
   }
 
   /// The likely unit of stamps other than nanoseconds.
@@ -310,7 +312,8 @@ class RecordingChecker final {
   std::optional<std::size_t> imu_;    ///< In `report_.streams`.
   std::vector<std::size_t> cameras_;  ///< In `report_.streams`, those with the times of images.
   ImuPlausibility plausibility_;
-  std::vector<ImuFault> faults_;
+  ImuFaults imu_faults_{};        ///< Present ones.
+  std::vector<ImuFault> faults_;  ///< All.
   TagObservations seen_;
   std::size_t sightings_{0};
   std::size_t mirrored_{0};
@@ -319,8 +322,8 @@ class RecordingChecker final {
 }  // namespace
 
 bool RecordingReport::is_usable() const {
-  return std::none_of(findings.begin(), findings.end(),
-                      [](const RecordingFinding& finding) { return finding.unusable; });
+  return std::ranges::none_of(findings,
+                              [](const RecordingFinding& finding) { return finding.unusable; });
 }
 
 Expected<RecordingReport> check_recording(const RecordingInfo& info) {

@@ -1,7 +1,6 @@
 #include "simulation/images/image_camera.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include "base/expected.hpp"
 #include "simulation/random.hpp"
@@ -30,10 +29,9 @@ std::vector<std::uint16_t> make_vignette(const CameraModel& model, double darken
 std::vector<std::int16_t> make_noise(double sigma, int width) {
   Random random(0, Purpose::kPixelNoise);
   std::vector<std::int16_t> noise;
-  for (std::size_t i = 0; i < kNoiseLength; ++i) {
+  for (std::size_t i = 0; i < kNoiseLength; ++i)
     noise.push_back(static_cast<std::int16_t>(std::clamp(sigma * random.normal(), -100.0, 100.0) *
                                               GrayCanvas::kFraction));
-  }
   for (int i = 0; i < width; ++i)
     noise.push_back(noise[static_cast<std::size_t>(i) % kNoiseLength]);
   return noise;

@@ -18,9 +18,8 @@ class CoarseGrid final {
   explicit CoarseGrid(const CameraModel& model)
       : model_(model), columns_(model.width / kGridStep + 4), rows_(model.height / kGridStep + 4) {
     for (int row = 0; row < rows_; ++row) {
-      for (int column = 0; column < columns_; ++column) {
+      for (int column = 0; column < columns_; ++column)
         nodes_.push_back(exact((column - 1) * kGridStep, (row - 1) * kGridStep));
-      }
     }
   }
 

@@ -87,10 +87,9 @@ const std::vector<std::uint8_t>& TagRenderer::print_of(int tag_id) {
   const std::vector<std::uint8_t> modules = family_.cells(tag_id);
   std::vector<std::uint8_t> print(static_cast<std::size_t>((width + 2) * (width + 2)), 0);
   for (int row = 0; row < width; ++row) {
-    for (int column = 0; column < width; ++column) {
+    for (int column = 0; column < width; ++column)
       print[static_cast<std::size_t>((row + 1) * (width + 2) + column + 1)] =
           modules[static_cast<std::size_t>(row * width + column)] > 127 ? kWhite : kBlack;
-    }
   }
   return prints_.emplace(tag_id, std::move(print)).first->second;
 }
@@ -110,8 +109,8 @@ void TagRenderer::place(const std::vector<RecordedTag>& tags, std::span<const Po
     for (const Pose& X_WV : exposures) homographies_.push_back(homography(tag, X_WV));
     placed_.push_back(placed);
   }
-  std::sort(placed_.begin(), placed_.end(),
-            [](const Placed& a, const Placed& b) { return a.distance > b.distance; });
+  std::ranges::sort(placed_,
+                    [](const Placed& a, const Placed& b) { return a.distance > b.distance; });
 }
 
 bool TagRenderer::bound(const RecordedTag& tag, std::span<const Pose> exposures,
@@ -126,9 +125,8 @@ bool TagRenderer::bound(const RecordedTag& tag, std::span<const Pose> exposures,
   const double off_axis = std::acos(std::clamp(cos_off_axis, -1.0, 1.0));
   if (!front || off_axis - angular_radius > rays_.widest_rad() + 0.02) return false;
   Box box;
-  for (const Pose* X_WV : {&exposures.front(), &middle, &exposures.back()}) {
+  for (const Pose* X_WV : {&exposures.front(), &middle, &exposures.back()})
     if (!box_by_outline(tag, *X_WV, half, box)) box_by_rays(homography(tag, *X_WV), box);
-  }
   placed.left = static_cast<int>(std::max(0.0, box.low.x()));
   placed.top = static_cast<int>(std::max(0.0, box.low.y()));
   placed.right = static_cast<int>(std::min<double>(model_.width, box.high.x()));
@@ -269,11 +267,10 @@ void TagRenderer::add_row(const Placed& tag, int v, std::uint16_t* sum,
     std::array<std::int32_t, kSamples> cell;
     const float ax = x0[i + 1] - x0[i], bx = x1[i] - x0[i], dx = x1[i + 1] - x1[i] - ax;
     const float ay = y0[i + 1] - y0[i], by = y1[i] - y0[i], dy = y1[i + 1] - y1[i] - ay;
-    for (std::size_t k = 0; k < kSamples; ++k) {
+    for (std::size_t k = 0; k < kSamples; ++k)
       cell[k] = cell_of(x0[i] + places.across[k] * ax + places.down[k] * bx + places.both[k] * dx,
                         y0[i] + places.across[k] * ay + places.down[k] * by + places.both[k] * dy,
                         width, pitch);
-    }
     int gray_sum = 0;
     int covered = 0;
     for (const std::int32_t c : cell) {

@@ -20,19 +20,17 @@ class Sway final {
   Sway(Random& random, int slowest, int fastest, const Eigen::Vector3d& amplitude)
       : amplitude_(amplitude) {
     for (auto& axis : waves_) {
-      for (auto& wave : axis) {
+      for (auto& wave : axis)
         wave = {static_cast<double>(slowest + random.below(fastest - slowest + 1)),
                 random.uniform(0, 2 * pi)};
-      }
     }
   }
   /// @param round  0..1 of the closed motion
   [[nodiscard]] Eigen::Vector3d at(double round) const {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (int axis = 0; axis < 3; ++axis) {
-      for (const Wave& wave : waves_[static_cast<std::size_t>(axis)]) {
+      for (const Wave& wave : waves_[static_cast<std::size_t>(axis)])
         sum(axis) += std::sin(2 * pi * wave.turns * round + wave.phase) / 2.0;
-      }
     }
     return sum.cwiseProduct(amplitude_);
   }
@@ -121,9 +119,8 @@ std::vector<RecordedTag> by_bearing(std::vector<RecordedTag> tags) {
   const auto bearing = [&](const RecordedTag& tag) {
     return std::atan2(tag.X_WT.p.y() - middle.y(), tag.X_WT.p.x() - middle.x());
   };
-  std::stable_sort(tags.begin(), tags.end(), [&](const RecordedTag& a, const RecordedTag& b) {
-    return bearing(a) < bearing(b);
-  });
+  std::ranges::stable_sort(
+      tags, [&](const RecordedTag& a, const RecordedTag& b) { return bearing(a) < bearing(b); });
   return tags;
 }
 

@@ -80,9 +80,8 @@ std::optional<std::pair<std::int64_t, Pose>> pose_of(std::string_view line) {
   std::int64_t ns = 0;
   std::array<double, 7> x{};
   if (!read_time((*fields)[0], euroc, ns)) return std::nullopt;
-  for (std::size_t i = 0; i < x.size(); ++i) {
+  for (std::size_t i = 0; i < x.size(); ++i)
     if (!read((*fields)[i + 1], x[i]) || !std::isfinite(x[i])) return std::nullopt;
-  }
   const Eigen::Quaterniond q = euroc ? Eigen::Quaterniond(x[3], x[4], x[5], x[6])
                                      : Eigen::Quaterniond(x[6], x[3], x[4], x[5]);
   if (std::abs(q.norm() - 1.0) > 0.01) return std::nullopt;
@@ -105,11 +104,10 @@ void add_penalty(std::vector<Eigen::Triplet<double>>& normal, Eigen::Index n) {
   constexpr std::array<double, 5> kFourthDifference{1, -4, 6, -4, 1};
   for (Eigen::Index i = 0; i + 4 < n; ++i) {
     for (int a = 0; a < 5; ++a) {
-      for (int b = 0; b < 5; ++b) {
+      for (int b = 0; b < 5; ++b)
         normal.emplace_back(i + a, i + b,
                             kSmoothness * kFourthDifference[static_cast<std::size_t>(a)] *
                                 kFourthDifference[static_cast<std::size_t>(b)]);
-      }
     }
   }
 }
@@ -191,12 +189,11 @@ Expected<std::vector<TimedPose>> read_pose_file(const std::string& path) {
     const std::size_t start = line.find_first_not_of(" \t\r");
     if (start == std::string::npos || line[start] == '#') continue;
     const auto pose = line.size() > kMaxLine ? std::nullopt : pose_of(line);
-    if (!pose) {
+    if (!pose)
       return fail(ErrorCode::kInvalid,
                   "expected `ns,px,py,pz,qw,qx,qy,qz` (EuRoC) or `s px py pz qx qy qz qw` (TUM) "
                   "with a unit quaternion",
                   where());
-    }
     if (poses.empty()) first_ns = pose->first;
     const double t_s = static_cast<double>(pose->first - first_ns) * 1e-9;
     if (!poses.empty() && t_s <= poses.back().t_s)
@@ -205,10 +202,9 @@ Expected<std::vector<TimedPose>> read_pose_file(const std::string& path) {
       return fail(ErrorCode::kUnsupported, "expected at most a day and 2000000 poses", where());
     poses.push_back({t_s, pose->second});
   }
-  if (poses.size() < PoseSpline::kOrder) {
+  if (poses.size() < PoseSpline::kOrder)
     return fail(ErrorCode::kTruncated,
                 "expected at least 6 poses, found " + std::to_string(poses.size()), path);
-  }
   return poses;
 }
 

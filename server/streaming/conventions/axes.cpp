@@ -1,7 +1,6 @@
 #include "streaming/conventions/axes.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "streaming/conventions/protocol_conventions.hpp"
@@ -72,10 +71,9 @@ Matrix12d AxesChange::covariance(const Matrix12d& P) const {
   const std::array<Eigen::Matrix3d, 4> J{units_per_m_ * R_CW_, R_CW_, units_per_m_ * R_CW_, R_rate};
   Matrix12d changed;
   for (int row = 0; row < 4; ++row) {
-    for (int column = 0; column < 4; ++column) {
+    for (int column = 0; column < 4; ++column)
       changed.block<3, 3>(3 * row, 3 * column) =
           J[row] * P.block<3, 3>(3 * row, 3 * column) * J[column].transpose();
-    }
   }
   return changed;
 }

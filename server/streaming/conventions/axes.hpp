@@ -23,15 +23,7 @@ enum class UpAxis { kZ, kY, kDown };
 enum class AxesScope { kWorld, kWorldAndBody };
 
 [[nodiscard]] constexpr std::string_view name_of(UpAxis up) {
-  switch (up) {
-    case UpAxis::kZ:
-      return "z-up";
-    case UpAxis::kY:
-      return "y-up";
-    case UpAxis::kDown:
-      return "z-down";
-  }
-  return "z-up";
+  return up == UpAxis::kDown ? "z-down" : up == UpAxis::kY ? "y-up" : "z-up";
 }
 
 /// Axes and units of one client. They are converted here and nowhere else.

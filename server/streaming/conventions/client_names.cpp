@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <string_view>
 
 #include <fmt/format.h>
 
@@ -145,9 +144,8 @@ std::vector<std::string> make_distinct(const SceneModel& model, const NameAliase
     const bool as_it_is = fit[i] == wanted_name(model.bodies[i].name, aliases);
     if (as_it_is && !has(names, fit[i])) names[i] = fit[i];
   }
-  for (std::size_t i = 0; i < fit.size(); ++i) {
+  for (std::size_t i = 0; i < fit.size(); ++i)
     if (names[i].empty()) names[i] = distinct(fit[i], names, max_bytes);
-  }
   return names;
 }
 

@@ -72,9 +72,8 @@ inline constexpr std::array<ProtocolConventions, 8> kProtocolConventions{{
 }};
 
 [[nodiscard]] constexpr const ProtocolConventions& conventions_of(std::string_view protocol) {
-  for (const auto& one : kProtocolConventions) {
+  for (const auto& one : kProtocolConventions)
     if (one.protocol == protocol) return one;
-  }
   return kProtocolConventions.back();
 }
 

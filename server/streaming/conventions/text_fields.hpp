@@ -36,9 +36,8 @@ template <class Number>
 /// Printable ASCII, other bytes as `?`.
 [[nodiscard]] inline std::string printable(std::string_view text) {
   std::string safe(text);
-  for (char& c : safe) {
+  for (char& c : safe)
     if (c < ' ' || c > '~') c = '?';
-  }
   return safe;
 }
 

@@ -78,13 +78,14 @@ using JoinDomain = std::function<Expected<std::shared_ptr<Participant>>()>;
 /// @param join  also called later
 /// @param events  for `/diagnostics`; nullptr: only the bodies
 /// @return Error with the topic that could not be created
-[[nodiscard]] Expected<std::unique_ptr<Streamer>> start_dds_server(
-    JoinDomain join, const DdsConfig& config, std::shared_ptr<const SceneModel> model,
-    const Clock& clock, const EventBoard* events = nullptr);
+[[nodiscard]] StartedStreamer start_dds_server(JoinDomain join, const DdsConfig& config,
+                                               std::shared_ptr<const SceneModel> model,
+                                               const Clock& clock,
+                                               const EventBoard* events = nullptr);
 
 /// For the list of protocols (streaming/CMakeLists.txt).
-[[nodiscard]] inline Expected<std::unique_ptr<Streamer>> serve(const ProtocolContext& context,
-                                                               const DdsConfig& config) {
+[[nodiscard]] inline StartedStreamer serve(const ProtocolContext& context,
+                                           const DdsConfig& config) {
   return start_dds_server(context.join_dds, config, context.model, context.clock, &context.events);
 }
 

@@ -1,6 +1,5 @@
 #include <chrono>
 #include <cstdint>
-#include <functional>
 #include <future>
 #include <map>
 #include <optional>
@@ -289,9 +288,9 @@ std::vector<ConfigError> DdsConfig::check() const {
       .errors;
 }
 
-Expected<std::unique_ptr<Streamer>> start_dds_server(JoinDomain join, const DdsConfig& config,
-                                                     std::shared_ptr<const SceneModel> model,
-                                                     const Clock& clock, const EventBoard* events) {
+StartedStreamer start_dds_server(JoinDomain join, const DdsConfig& config,
+                                 std::shared_ptr<const SceneModel> model, const Clock& clock,
+                                 const EventBoard* events) {
   auto server = std::make_unique<DdsServer>(std::move(join), config, clock, events);
   if (const auto joined = server->join(std::move(model)); !joined)
     return tl::unexpected(joined.error());

@@ -109,8 +109,8 @@ void HealthTopic::take_conditions(Part& part, const EventSnapshot::Events& stand
 /// Conditions of no body belong to the server.
 bool HealthTopic::is_of(const Part& part, const Event& event) const {
   if (!part.subject.empty()) return part.subject == event.subject;
-  return std::none_of(bodies_.begin(), bodies_.end(),
-                      [&](const Part& body) { return body.subject == event.subject; });
+  return std::ranges::none_of(bodies_,
+                              [&](const Part& body) { return body.subject == event.subject; });
 }
 
 void HealthTopic::add_status(Part& part, std::uint8_t level) {

@@ -2,9 +2,6 @@
 
 #include <algorithm>
 
-#include <fiducap_dds/ros_geometry.h>
-#include <fiducap_dds/ros_mocap.h>
-
 #include "streaming/conventions/protocol_conventions.hpp"
 
 namespace fiducap::dds {
@@ -121,8 +118,7 @@ fiducap_dds_TagState to_dds(TagState state) {
 bool is_ros_name(std::string_view name) {
   return !name.empty() && name.size() <= kLongestName && is_letter(name.front()) &&
          name.find("__") == std::string_view::npos &&
-         std::all_of(name.begin(), name.end(),
-                     [](char c) { return is_letter(c) || is_digit(c) || c == '_'; });
+         std::ranges::all_of(name, [](char c) { return is_letter(c) || is_digit(c) || c == '_'; });
 }
 
 bool is_ros_namespace(std::string_view name) {
@@ -142,7 +138,7 @@ bool is_ros_frame(std::string_view name) {
     return is_letter(c) || is_digit(c) || c == '_' || c == '/' || c == '-' || c == '.';
   };
   return !name.empty() && name.size() <= 100 && name.front() != '/' &&
-         std::all_of(name.begin(), name.end(), good);
+         std::ranges::all_of(name, good);
 }
 
 std::vector<std::string> ros_names(const SceneModel& model, const NameAliases& aliases) {

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <chrono>
 
-#include "streaming/dds/ros_messages.hpp"
-
 namespace fiducap::dds {
 
 namespace {
@@ -94,7 +92,7 @@ SceneTopics::SceneTopics(TopicMaker& make) : world_frame_(make.config().world_fr
 void SceneTopics::use(const SceneModel& model, std::vector<std::string> names) {
   for (const auto& old : bodies_) {
     const auto same = [&old](const BodyDescription& body) { return body.id == old.id; };
-    if (!native_ || std::any_of(model.bodies.begin(), model.bodies.end(), same)) continue;
+    if (!native_ || std::ranges::any_of(model.bodies, same)) continue;
     fiducap_dds_Body gone{};
     gone.id = old.id;
     gone.name = borrowed(old.name);
@@ -132,9 +130,8 @@ void SceneTopics::publish_tf(const SceneFrame& frame, const std::vector<bool>& u
 // Also without bodies, because of the deadline.
 void SceneTopics::publish_poses(const SceneFrame& frame, const std::vector<bool>& usable) {
   named_poses_.clear();
-  for (std::size_t i = 0; i < frame.bodies.size(); ++i) {
+  for (std::size_t i = 0; i < frame.bodies.size(); ++i)
     if (usable[i]) named_poses_.push_back({borrowed(names_[i]), to_ros(frame.bodies[i].X_WP)});
-  }
   motion_capture_tracking_interfaces_msg_dds__NamedPoseArray_ message;
   message.header = header_of(frame, world_frame_);
   lend(message.poses, named_poses_);
@@ -200,9 +197,8 @@ void MapTopics::publish_tf(const SceneFrame& frame) {
   }
   const std_msgs_msg_dds__Header_ header{to_ros(frame.utc_ns()), borrowed(world_frame_)};
   std::vector<geometry_msgs_msg_dds__TransformStamped_> transforms;
-  for (std::size_t i = 0; i < settled.size(); ++i) {
+  for (std::size_t i = 0; i < settled.size(); ++i)
     transforms.push_back({header, borrowed(names[i]), to_ros_transform(settled[i].second)});
-  }
   tf2_msgs_msg_dds__TFMessage_ message{};
   lend(message.transforms, transforms);
   send(tf_static_, &message);

@@ -56,9 +56,8 @@ class TopicMaker final {
 using WriterVisitor = std::function<void(const Writer&)>;
 inline void visit_writers(const WriterVisitor& visit,
                           std::initializer_list<const std::optional<Writer>*> writers) {
-  for (const auto* writer : writers) {
+  for (const auto* writer : writers)
     if (*writer) visit(**writer);
-  }
 }
 
 inline void send(std::optional<Writer>& writer, const void* sample) {

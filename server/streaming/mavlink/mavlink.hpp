@@ -72,13 +72,14 @@ using ProtocolConfig = MavlinkConfig;
 
 /// Sends poses to autopilots by one UDP socket.
 /// @return Error `kUnavailable` naming port and remedy when it cannot bind
-[[nodiscard]] Expected<std::unique_ptr<Streamer>> start_mavlink_server(
-    boost::asio::io_context& io, const MavlinkConfig& config,
-    std::shared_ptr<const SceneModel> model, const Clock& clock);
+[[nodiscard]] StartedStreamer start_mavlink_server(boost::asio::io_context& io,
+                                                   const MavlinkConfig& config,
+                                                   std::shared_ptr<const SceneModel> model,
+                                                   const Clock& clock);
 
 /// For the list of protocols (streaming/CMakeLists.txt).
-[[nodiscard]] inline Expected<std::unique_ptr<Streamer>> serve(const ProtocolContext& context,
-                                                               const MavlinkConfig& config) {
+[[nodiscard]] inline StartedStreamer serve(const ProtocolContext& context,
+                                           const MavlinkConfig& config) {
   return start_mavlink_server(context.io, config, context.model, context.clock);
 }
 

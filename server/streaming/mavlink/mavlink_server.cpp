@@ -49,9 +49,7 @@ class MavlinkServer final : public Streamer {
     udp_.batch().clear();
     for (auto& vehicle : vehicles_) {
       vehicle.datagram.clear();
-      const auto found =
-          std::find_if(frame.bodies.begin(), frame.bodies.end(),
-                       [&](const BodyPose& body) { return body.body_id == vehicle.body_id; });
+      const auto found = std::ranges::find(frame.bodies, vehicle.body_id, &BodyPose::body_id);
       const bool there = found != frame.bodies.end();
       const auto jumps =
           there ? jumps_.count(static_cast<std::size_t>(found - frame.bodies.begin())) : 0;
@@ -69,11 +67,10 @@ class MavlinkServer final : public Streamer {
 
   void append_clients(std::vector<ClientStatus>& out) const override {
     const Instant now = clock_.now();
-    for (const auto& vehicle : vehicles_) {
+    for (const auto& vehicle : vehicles_)
       out.push_back({"mavlink", net::text_of(vehicle.peer) + " udp", vehicle.link.status(now),
                      vehicle.link.poses(), vehicle.refused, to_seconds(now - started_),
                      clock_of(vehicle.link, now)});
-    }
   }
 
   void stop() override { udp_.stop(); }
@@ -89,17 +86,14 @@ class MavlinkServer final : public Streamer {
   }
   /// By name once, then by id: a renamed body remains the same vehicle.
   static std::optional<int> body_called(const SceneModel& model, const std::string& name) {
-    for (const auto& body : model.bodies) {
+    for (const auto& body : model.bodies)
       if (body.name == name) return body.id;
-    }
     log::warning("mavlink", "no body is called " + name + ": its autopilot gets heartbeats only");
     return std::nullopt;
   }
 
   void receive(const net::UdpServer::Datagram& datagram) {
-    const auto vehicle =
-        std::find_if(vehicles_.begin(), vehicles_.end(),
-                     [&](const Vehicle& known) { return known.peer == datagram.from; });
+    const auto vehicle = std::ranges::find(vehicles_, datagram.from, &Vehicle::peer);
     if (vehicle == vehicles_.end()) return;
     answers_.clear();
     vehicle->link.receive(datagram.bytes, clock_.now(), answers_);
@@ -157,10 +151,8 @@ std::vector<ConfigError> MavlinkConfig::check_bodies(const std::vector<std::stri
   return errors;
 }
 
-Expected<std::unique_ptr<Streamer>> start_mavlink_server(boost::asio::io_context& io,
-                                                         const MavlinkConfig& config,
-                                                         std::shared_ptr<const SceneModel> model,
-                                                         const Clock& clock) {
+StartedStreamer start_mavlink_server(boost::asio::io_context& io, const MavlinkConfig& config,
+                                     std::shared_ptr<const SceneModel> model, const Clock& clock) {
   auto udp = net::UdpServer::open(io, {config.address, config.port, "streaming.mavlink"},
                                   {"mavlink", kLongestDatagram});
   if (!udp) return tl::unexpected(udp.error());

@@ -98,11 +98,10 @@ void VehicleLink::publish(const SceneFrame& frame, const BodyPose* body, std::ui
                           Instant now, std::vector<std::byte>& out) {
   const bool usable = body != nullptr && is_usable(*body);
   if (usable && schedule_.is_due(frame.at, frame.rate_hz)) publish_pose(frame, *body, jumps, out);
-  if (heartbeats_.is_due(frame.at, frame.rate_hz)) {
+  if (heartbeats_.is_due(frame.at, frame.rate_hz))
     encode_heartbeat(next_sender(),
                      {kOnboardController, kNoAutopilot, usable ? kStateActive : kStateStandby},
                      out);
-  }
   if (const auto request = sync_.next_request(now)) encode_timesync(next_sender(), *request, out);
 }
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/expected.hpp"
 #include "fiducap/v1/envelope.pb.h"
 
 namespace fiducap::native {
@@ -43,9 +42,8 @@ std::string_view name_of(v1::Envelope::MessageCase kind) {
        {Envelope::kClockReply, "ClockReply"},
        {Envelope::kDiscoveryQuery, "DiscoveryQuery"},
        {Envelope::kDiscoveryReply, "DiscoveryReply"}}};
-  for (const auto& [known, name] : kNames) {
+  for (const auto& [known, name] : kNames)
     if (known == kind) return name;
-  }
   return "no known message";
 }
 
@@ -71,7 +69,7 @@ std::optional<Profile> to_profile(const v1::Profile& in) {
     if (name.empty() || name.size() > kMaxBodyName) return std::nullopt;
     profile.bodies.push_back(name);
   }
-  std::sort(profile.bodies.begin(), profile.bodies.end());
+  std::ranges::sort(profile.bodies);
   profile.bodies.erase(std::unique(profile.bodies.begin(), profile.bodies.end()),
                        profile.bodies.end());
   return profile;
@@ -91,14 +89,12 @@ Expected<void> check_size(std::string_view name, std::size_t least, std::size_t 
 }
 
 Expected<Request> to_request(const v1::Subscribe& in, std::size_t size) {
-  if (const auto padded = check_size("Subscribe", kMinSubscribe, size); !padded) {
+  if (const auto padded = check_size("Subscribe", kMinSubscribe, size); !padded)
     return tl::unexpected(padded.error());
-  }
-  if (in.client_name().size() > kMaxClientName) {
+  if (in.client_name().size() > kMaxClientName)
     return fail(ErrorCode::kInvalid, "client name must have at most " +
                                          std::to_string(kMaxClientName) + " bytes, got " +
                                          std::to_string(in.client_name().size()));
-  }
   SubscribeRequest request;
   request.token = in.token();
   request.nonce = in.nonce();
@@ -123,20 +119,17 @@ std::string_view cut_name(std::string_view name) {
 }  // namespace
 
 Expected<Request> decode_request(std::span<const std::byte> datagram) {
-  if (datagram.size() > kMaxDatagram) {
+  if (datagram.size() > kMaxDatagram)
     return fail(ErrorCode::kInvalid, "datagram must have at most " + std::to_string(kMaxDatagram) +
                                          " bytes, got " + std::to_string(datagram.size()));
-  }
   v1::Envelope envelope;
-  if (!envelope.ParseFromArray(datagram.data(), static_cast<int>(datagram.size()))) {
+  if (!envelope.ParseFromArray(datagram.data(), static_cast<int>(datagram.size())))
     return fail(ErrorCode::kTruncated, "expected an Envelope, the " +
                                            std::to_string(datagram.size()) +
                                            " bytes received end too early or are not protobuf");
-  }
-  if (envelope.protocol() != kProtocol) {
+  if (envelope.protocol() != kProtocol)
     return fail(ErrorCode::kUnsupported, "expected protocol " + std::to_string(kProtocol) +
                                              ", got " + std::to_string(envelope.protocol()));
-  }
   if (envelope.has_subscribe()) return to_request(envelope.subscribe(), datagram.size());
   if (envelope.has_unsubscribe()) return UnsubscribeRequest{envelope.unsubscribe().token()};
   if (envelope.has_clock_query()) {

@@ -2,7 +2,6 @@
 
 #include <cmath>
 
-#include "base/expected.hpp"
 #include "fiducap/v1/control.pb.h"
 
 namespace fiducap::native {
@@ -19,17 +18,15 @@ Expected<int> to_id(std::uint32_t id) {
 }
 
 Expected<Pose> to_pose(const v1::SetPivot& in) {
-  if (in.position_size() != 3 || in.orientation_wxyz_size() != 4) {
+  if (in.position_size() != 3 || in.orientation_wxyz_size() != 4)
     return fail(ErrorCode::kInvalid, "a pivot needs 3 numbers of its place and 4 of its attitude");
-  }
   const Eigen::Vector3d p(in.position(0), in.position(1), in.position(2));
   const Eigen::Quaterniond q(in.orientation_wxyz(0), in.orientation_wxyz(1), in.orientation_wxyz(2),
                              in.orientation_wxyz(3));
   if (!(p.norm() <= kFarthestPivot_m))
     return fail(ErrorCode::kInvalid, "the pivot must be within 1000 m of its body");
-  if (!(std::abs(q.norm() - 1.0) <= kUnitTolerance)) {
+  if (!(std::abs(q.norm() - 1.0) <= kUnitTolerance))
     return fail(ErrorCode::kInvalid, "the pivot's quaternion must have unit length");
-  }
   return Pose{q.normalized(), p};
 }
 
@@ -38,9 +35,8 @@ void put(const OperatorApi::Body& body, v1::ControlBody& out) {
   out.set_name(body.name);
   out.set_enabled(body.enabled);
   for (int i = 0; i < 3; ++i) out.add_position(body.X_BP.p[i]);
-  for (const double part : {body.X_BP.q.w(), body.X_BP.q.x(), body.X_BP.q.y(), body.X_BP.q.z()}) {
+  for (const double part : {body.X_BP.q.w(), body.X_BP.q.x(), body.X_BP.q.y(), body.X_BP.q.z()})
     out.add_orientation_wxyz(part);
-  }
 }
 
 void put(const RecordingStatus& recording, v1::ControlRecording& out) {

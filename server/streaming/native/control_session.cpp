@@ -1,7 +1,6 @@
 #include "streaming/native/control_session.hpp"
 
 #include <algorithm>
-#include <string>
 #include <utility>
 
 #include "base/bytes.hpp"

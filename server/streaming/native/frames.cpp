@@ -2,7 +2,6 @@
 
 #include <google/protobuf/arena.h>
 
-#include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <utility>
@@ -63,9 +62,8 @@ void put_covariance(const BodyPose& body, v1::Body& out) {
   auto& upper = *out.mutable_pose_covariance();
   upper.Reserve(21);
   for (int row = 0; row < 6; ++row) {
-    for (int column = row; column < 6; ++column) {
+    for (int column = row; column < 6; ++column)
       upper.AddAlreadyReserved(static_cast<float>(body.covariance(row, column)));
-    }
   }
 }
 

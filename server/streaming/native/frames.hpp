@@ -59,9 +59,8 @@ class ProfileTable final {
   /// @return its number; nullopt when the table is full
   [[nodiscard]] std::optional<std::uint32_t> grant(const Profile& profile) {
     if (profile.is_default()) return 0;
-    for (const auto& known : profiles_) {
+    for (const auto& known : profiles_)
       if (known.profile == profile) return known.number;
-    }
     if (profiles_.size() == kMost) return std::nullopt;
     profiles_.push_back({++last_number_, profile});
     return last_number_;

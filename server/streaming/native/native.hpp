@@ -54,14 +54,16 @@ using ProtocolConfig = NativeConfig;
 /// commands by TCP.
 /// @param operator_api  executes commands; nullptr: no control channel
 /// @return Error with the remedy when it cannot bind; `kInvalid` for too many bodies
-[[nodiscard]] Expected<std::unique_ptr<Streamer>> start_native_server(
-    boost::asio::io_context& io, const NativeConfig& config,
-    std::shared_ptr<const SceneModel> model, const Clock& clock,
-    OperatorApi* operator_api = nullptr, const EventBoard* events = nullptr);
+[[nodiscard]] StartedStreamer start_native_server(boost::asio::io_context& io,
+                                                  const NativeConfig& config,
+                                                  std::shared_ptr<const SceneModel> model,
+                                                  const Clock& clock,
+                                                  OperatorApi* operator_api = nullptr,
+                                                  const EventBoard* events = nullptr);
 
 /// For the list of protocols (streaming/CMakeLists.txt).
-[[nodiscard]] inline Expected<std::unique_ptr<Streamer>> serve(const ProtocolContext& context,
-                                                               const NativeConfig& config) {
+[[nodiscard]] inline StartedStreamer serve(const ProtocolContext& context,
+                                           const NativeConfig& config) {
   return start_native_server(context.io, config, context.model, context.clock,
                              &context.operator_api, &context.events);
 }

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <array>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -134,12 +133,11 @@ Expected<void> NativeServer::join_group() {
   if (!interface)
     return fail(ErrorCode::kInvalid,
                 "multicast needs an IPv4 address: set streaming.native.address", by);
-  if (const auto error = udp_.use_multicast(*interface, config_.multicast_ttl)) {
+  if (const auto error = udp_.use_multicast(*interface, config_.multicast_ttl))
     return fail(ErrorCode::kUnavailable,
                 "cannot send multicast by this interface (" + error.message() +
                     "): set streaming.native.multicast_interface to one of this machine's",
                 by);
-  }
   group_ = Peer{net::parse_address(config_.multicast_group).value_or(0), config_.multicast_port};
   MulticastGroup offered{{}, group_.port};
   std::copy(group_.address.end() - 4, group_.address.end(), offered.address.begin());
@@ -167,9 +165,8 @@ void NativeServer::listen_to_broadcasts() {
 
 void NativeServer::publish(const std::shared_ptr<const SceneFrame>& frame) {
   if (!udp_.is_open()) return;
-  if (const auto gone = registry_.expire(clock_.now()); gone > 0) {
+  if (const auto gone = registry_.expire(clock_.now()); gone > 0)
     log::info("native", std::to_string(gone) + " client(s) timed out and were removed");
-  }
   if (frame->model->bodies.size() > kMaxBodies || frame->bodies.size() > kMaxBodies) return;
   if (frame->model->generation != model_->generation) {
     use(frame->model);
@@ -182,9 +179,8 @@ void NativeServer::publish(const std::shared_ptr<const SceneFrame>& frame) {
 
 void NativeServer::append_clients(std::vector<ClientStatus>& out) const {
   const Instant now = clock_.now();
-  for (const auto& subscriber : registry_.subscribers()) {
+  for (const auto& subscriber : registry_.subscribers())
     out.push_back(status_of(subscriber, profile_of(subscriber.profile), now));
-  }
 }
 
 void NativeServer::stop() {
@@ -215,24 +211,22 @@ void NativeServer::update_discovery(double rate_hz) {
 void NativeServer::follow_profiles() {
   const auto granted = registry_.profiles();
   const auto is_gone = [&](const std::unique_ptr<ProfileStream>& stream) {
-    return stream->number() != 0 &&
-           std::none_of(granted.begin(), granted.end(),
-                        [&](const GrantedProfile& g) { return g.number == stream->number(); });
+    return stream->number() != 0 && std::ranges::none_of(granted, [&](const GrantedProfile& g) {
+             return g.number == stream->number();
+           });
   };
   std::erase_if(streams_, is_gone);
   for (const auto& one : granted) {
-    const bool is_here = std::any_of(streams_.begin(), streams_.end(), [&](const auto& stream) {
-      return stream->number() == one.number;
-    });
+    const bool is_here = std::ranges::any_of(
+        streams_, [&](const auto& stream) { return stream->number() == one.number; });
     if (!is_here)
       streams_.push_back(std::make_unique<ProfileStream>(registry_.session(), one, *model_));
   }
 }
 
 const Profile& NativeServer::profile_of(std::uint32_t number) const {
-  for (const auto& granted : registry_.profiles()) {
+  for (const auto& granted : registry_.profiles())
     if (granted.number == number) return granted.profile;
-  }
   return streams_.front()->profile();  // the default one
 }
 
@@ -243,9 +237,8 @@ void NativeServer::send(const SceneFrame& frame) {
   sends_.clear();
   udp_.batch().clear();
   for (const auto& stream : streams_) {
-    const bool is_used = std::any_of(subscribers.begin(), subscribers.end(), [&](const auto& one) {
-      return one.profile == stream->number();
-    });
+    const bool is_used = std::ranges::any_of(
+        subscribers, [&](const auto& one) { return one.profile == stream->number(); });
     if (!is_used) continue;
     const auto datagrams = stream->encode(frame);
     if (!datagrams.empty()) add_to_batch(stream->number(), datagrams);
@@ -295,11 +288,10 @@ void NativeServer::answer(const net::UdpServer::Datagram& request) {
     follow_profiles();
     send_model(reply.profile, from);
   }
-  if (reply.instead_of) {
+  if (reply.instead_of)
     log::warning("native", net::text_of(*reply.instead_of) +
-                               " udp is removed: its address has the most clients or profiles "
-                               "and another client needs one");
-  }
+                               " udp is removed: its address has the most clients or profiles and "
+                               "another client needs one");
   if (reply.event == Registry::Event::kNone) return;
   log::info("native", net::text_of(from) + " udp" +
                           (reply.event == Registry::Event::kJoined ? " subscribed" : " left"));
@@ -353,17 +345,13 @@ ServedProtocol NativeConfig::served() const {
   return {"native", enabled, address, {{port, true}}, conventions.axes, conventions.when_invalid};
 }
 
-Expected<std::unique_ptr<Streamer>> start_native_server(boost::asio::io_context& io,
-                                                        const NativeConfig& config,
-                                                        std::shared_ptr<const SceneModel> model,
-                                                        const Clock& clock,
-                                                        OperatorApi* operator_api,
-                                                        const EventBoard* events) {
-  if (model->bodies.size() > kMaxBodies) {
+StartedStreamer start_native_server(boost::asio::io_context& io, const NativeConfig& config,
+                                    std::shared_ptr<const SceneModel> model, const Clock& clock,
+                                    OperatorApi* operator_api, const EventBoard* events) {
+  if (model->bodies.size() > kMaxBodies)
     return fail(ErrorCode::kInvalid, "the native protocol carries at most " +
                                          std::to_string(kMaxBodies) + " bodies, the scene has " +
                                          std::to_string(model->bodies.size()));
-  }
   auto server = open_server(io, config, model, clock, operator_api, events);
   for (int i = 1; i < kBindAttempts && !server && config.port == 0; ++i)
     server = open_server(io, config, model, clock, operator_api, events);

@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <iterator>
 #include <limits>
-#include <vector>
 
 #include <fmt/format.h>
 
 #include "streaming/conventions/text_fields.hpp"
-#include "streaming/net/limits.hpp"
 
 namespace fiducap::native {
 
@@ -16,9 +14,8 @@ namespace {
 
 template <typename T>
 std::uint8_t* put(std::uint8_t* at, T value) {
-  for (std::size_t i = 0; i < sizeof(T); ++i) {
+  for (std::size_t i = 0; i < sizeof(T); ++i)
     *at++ = static_cast<std::uint8_t>(static_cast<std::uint64_t>(value) >> (8 * i));
-  }
   return at;
 }
 
@@ -50,12 +47,10 @@ std::string text_of(const Subscriber& subscriber, const Profile& profile) {
   std::string text =
       (subscriber.name.empty() ? "unnamed" : subscriber.name) + ", " + text_of(profile);
   if (subscriber.multicast) text += ", multicast";
-  if (subscriber.latency_p99 > Duration{0}) {
+  if (subscriber.latency_p99 > Duration{0})
     text += fmt::format(", latency p99 {:.1f} ms", 1e3 * to_seconds(subscriber.latency_p99));
-  }
-  if (subscriber.lost_on_the_way > 0) {
+  if (subscriber.lost_on_the_way > 0)
     text += fmt::format(", reports {} frames lost on the way", subscriber.lost_on_the_way);
-  }
   return text;
 }
 
@@ -100,13 +95,11 @@ Registry::Reply Registry::receive(std::span<const std::byte> datagram, const Pee
     ++unanswered_.malformed;
     return {};
   }
-  if (const auto* subscribe = std::get_if<SubscribeRequest>(&*request)) {
+  if (const auto* subscribe = std::get_if<SubscribeRequest>(&*request))
     return on(*subscribe, from, model_generation, datagram.size(), now);
-  }
   if (const auto* clock = std::get_if<ClockRequest>(&*request)) return on(*clock, from, now);
-  if (const auto* discovery = std::get_if<DiscoveryRequest>(&*request)) {
+  if (const auto* discovery = std::get_if<DiscoveryRequest>(&*request))
     return on(*discovery, from, datagram.size(), now);
-  }
   return on(std::get<UnsubscribeRequest>(*request), from, now);
 }
 
@@ -177,8 +170,8 @@ Registry::Reply Registry::renew(Subscriber& subscriber, const SubscribeRequest& 
 
 void Registry::prune_profiles() {
   profiles_.prune([&](std::uint32_t number) {
-    return std::any_of(subscribers_.begin(), subscribers_.end(),
-                       [number](const Subscriber& s) { return s.profile == number; });
+    return std::ranges::any_of(subscribers_,
+                               [number](const Subscriber& s) { return s.profile == number; });
   });
 }
 
@@ -227,22 +220,20 @@ Registry::Reply Registry::challenge(const SubscribeRequest& request, const Peer&
 std::optional<NoticeReason> Registry::make_room(const Peer& from, std::optional<Peer>& instead_of) {
   std::vector<Peer> holders;
   for (const Subscriber& s : subscribers_) holders.push_back(s.peer);
-  const auto same = std::count_if(holders.begin(), holders.end(),
-                                  [&](const Peer& other) { return other.same_address(from); });
+  const auto same =
+      std::ranges::count_if(holders, [&](const Peer& other) { return other.same_address(from); });
   if (same >= limits_.max_clients_per_address) return NoticeReason::kAddressFull;
   const auto place = net::place_for(from, holders, static_cast<std::size_t>(limits_.max_clients));
   if (!place.is_there) return NoticeReason::kServerFull;
-  if (place.instead_of) {
+  if (place.instead_of)
     instead_of =
         forget_newest([&](const Subscriber& s) { return s.peer.same_address(*place.instead_of); });
-  }
   return std::nullopt;
 }
 
 /// The client that requested it first.
 std::optional<Peer> Registry::holder_of(std::uint32_t profile) const {
-  const auto first = std::find_if(subscribers_.begin(), subscribers_.end(),
-                                  [&](const Subscriber& s) { return s.profile == profile; });
+  const auto first = std::ranges::find(subscribers_, profile, &Subscriber::profile);
   return first == subscribers_.end() ? std::nullopt : std::optional(first->peer);
 }
 
@@ -252,10 +243,9 @@ std::uint32_t Registry::spare_profile_of(const Peer& address) const {
   for (const auto& granted : profiles_.profiles()) {
     const auto holder = holder_of(granted.number);
     if (!holder || !holder->same_address(address)) continue;
-    const auto others =
-        std::count_if(subscribers_.begin(), subscribers_.end(), [&](const Subscriber& s) {
-          return s.profile == granted.number && !s.peer.same_address(address);
-        });
+    const auto others = std::ranges::count_if(subscribers_, [&](const Subscriber& s) {
+      return s.profile == granted.number && !s.peer.same_address(address);
+    });
     if (others > fewest) continue;
     fewest = others;
     spare = granted.number;  // of equal ones the newest: numbers ascend
@@ -267,9 +257,8 @@ std::optional<std::uint32_t> Registry::grant(const Profile& profile, const Peer&
                                              std::optional<Peer>& instead_of) {
   if (const auto number = profiles_.grant(profile)) return number;
   std::vector<Peer> holders;
-  for (const auto& granted : profiles_.profiles()) {
+  for (const auto& granted : profiles_.profiles())
     if (const auto holder = holder_of(granted.number)) holders.push_back(*holder);
-  }
   const auto place = net::place_for(from, holders, holders.size());
   if (!place.instead_of) return std::nullopt;
   const std::uint32_t spare = spare_profile_of(*place.instead_of);
@@ -304,8 +293,7 @@ std::size_t Registry::expire(Instant now) {
 }
 
 Subscriber* Registry::find(const Peer& peer) {
-  const auto at = std::find_if(subscribers_.begin(), subscribers_.end(),
-                               [&](const Subscriber& s) { return s.peer == peer; });
+  const auto at = std::ranges::find(subscribers_, peer, &Subscriber::peer);
   return at == subscribers_.end() ? nullptr : &*at;
 }
 

@@ -1,10 +1,8 @@
 #include "streaming/natnet/codec.hpp"
 
 #include <algorithm>
-#include <string>
 
 #include "base/bytes.hpp"
-#include "base/expected.hpp"
 #include "streaming/conventions/text_fields.hpp"
 
 namespace fiducap::natnet {
@@ -116,10 +114,9 @@ std::size_t body_size(const std::string& name, ModelLayout layout) {
 
 std::size_t packet_size(std::span<const BodyDescription> bodies, ModelLayout layout) {
   std::size_t size = kCount;
-  for (const auto& body : bodies) {
+  for (const auto& body : bodies)
     size += sizeof(kRigidBody) + (layout >= ModelLayout::k4_1 ? kCount : 0) +
             body_size(body.name, layout);
-  }
   return size;
 }
 
@@ -164,9 +161,8 @@ bool is_supported(Bitstream version) {
 Bitstream negotiate(const ClientVersions& client, Bitstream server_default) {
   if (client.wanted && *client.wanted != Bitstream{}) return round_down(*client.wanted);
   // A library cannot read newer versions than its own: it crashes.
-  if (client.library && client.library->major >= kOldest.major) {
+  if (client.library && client.library->major >= kOldest.major)
     return round_down(std::min(server_default, *client.library));
-  }
   return round_down(server_default);
 }
 

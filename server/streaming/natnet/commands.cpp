@@ -54,14 +54,13 @@ bool is_active(const std::string& name) { return is_one_of(name, {"active", "ena
 bool is_tracked(int id, const ServerView& server) {
   if (!server.frame) return false;
   const auto& bodies = server.frame->bodies;
-  return std::any_of(bodies.begin(), bodies.end(),
-                     [&](const BodyPose& body) { return body.body_id == id && body.valid; });
+  return std::ranges::any_of(
+      bodies, [&](const BodyPose& body) { return body.body_id == id && body.valid; });
 }
 
 std::string name_for_clients(const OperatorApi::Body& body, const ServerView& server) {
-  for (const auto& shown : server.announced) {
+  for (const auto& shown : server.announced)
     if (shown.id == body.id) return shown.name;
-  }
   return client_name(body.name, server.config.name_rule(), server.config.aliases);  // disabled
 }
 
@@ -145,7 +144,7 @@ std::optional<int> body_id(std::string_view node, bool by_id, const ServerView& 
   const auto id = whole_number<int>(node);
   const auto& bodies = server.model->bodies;
   const bool is_known =
-      id && std::any_of(bodies.begin(), bodies.end(), [&](const auto& b) { return b.id == *id; });
+      id && std::ranges::any_of(bodies, [&](const auto& b) { return b.id == *id; });
   return is_known ? id : std::nullopt;
 }
 
@@ -201,9 +200,8 @@ Expected<void> stop_recording(const Command&, const ServerView& server, std::str
 }
 
 Expected<void> set_take_name(const Command& command, const ServerView&, std::string& next_take) {
-  if (command[0].empty() || command[0].size() > kMaxTakeName) {
+  if (command[0].empty() || command[0].size() > kMaxTakeName)
     return fail(ErrorCode::kInvalid, "a take's name has 1 to 128 bytes");
-  }
   next_take = command[0];
   return {};
 }
@@ -220,9 +218,8 @@ Expected<void> reset_orientation(const Command& command, const ServerView& serve
   if (!body) return tl::unexpected(body.error());
   const BodyPose* now = nullptr;
   if (server.frame) {
-    for (const BodyPose& pose : server.frame->bodies) {
+    for (const BodyPose& pose : server.frame->bodies)
       if (pose.body_id == body->id && pose.valid) now = &pose;
-    }
   }
   if (now == nullptr)
     return fail(ErrorCode::kUnavailable, "the body is not tracked: its attitude is unknown");
@@ -261,8 +258,8 @@ constexpr std::array<OperatorCommand, 9> kOperatorCommands{{
 /// @return nullopt: not one of these commands
 std::optional<Datagram> run_operator_command(const Command& command, const ServerView& server,
                                              const Peer& from, std::string& next_take) {
-  const auto at = std::find_if(kOperatorCommands.begin(), kOperatorCommands.end(),
-                               [&](const auto& known) { return known.word == command.word; });
+  const auto at = std::ranges::find_if(
+      kOperatorCommands, [&](const auto& known) { return known.word == command.word; });
   if (at == kOperatorCommands.end()) return std::nullopt;
   const std::string what = std::string(at->word) + " " +
                            printable(command[0].substr(0, kLongestNode)) + " of " + text_of(from);
@@ -293,13 +290,12 @@ bool may_change(const ServerView& server, const Peer& from) {
 std::optional<OperatorApi::Body> find_body(const ServerView& server, std::string_view node) {
   const auto bodies = all_bodies(server);
   const auto with = [&](const auto& holds) -> std::optional<OperatorApi::Body> {
-    const auto at = std::find_if(bodies.begin(), bodies.end(), holds);
+    const auto at = std::ranges::find_if(bodies, holds);
     if (at == bodies.end()) return std::nullopt;
     return *at;
   };
-  for (const auto& shown : server.announced) {
+  for (const auto& shown : server.announced)
     if (shown.name == node) return with([&](const auto& body) { return body.id == shown.id; });
-  }
   if (const auto own = with([&](const auto& body) { return body.name == node; })) return own;
   const NameRule rule = server.config.name_rule();
   if (const auto hidden = with([&](const auto& body) {
@@ -320,10 +316,9 @@ std::optional<std::string> get_property(const Command& command, const ServerView
 }
 
 Expected<void> set_property(const Command& command, const ServerView& server) {
-  if (command.count < 3 || command[0].empty()) {
+  if (command.count < 3 || command[0].empty())
     return fail(ErrorCode::kUnsupported,
                 "the server's own properties are set in its configuration");
-  }
   const auto body = find_body(server, command[0]);
   if (!body) return fail(ErrorCode::kNotFound, "no body of this name or id");
   const std::string name = plain(command[1]);

@@ -115,9 +115,8 @@ Conversation::Bytes Conversation::on(const EchoRequest& request, Sender& sender)
 
 Conversation::Bytes Conversation::on(const ModelRequest& request, Sender& sender) {
   const ModelLayout layout = model_layout(version_of(sender));
-  if ((request.types & ModelRequest::kRigidBodies) == 0) {
+  if ((request.types & ModelRequest::kRigidBodies) == 0)
     return reply(encode_model(server_.announced, layout, request.types));
-  }
   Datagram& encoded = models_[static_cast<std::size_t>(layout)];
   if (encoded.empty()) encoded = encode_model(server_.announced, layout);
   return encoded;
@@ -129,19 +128,17 @@ Conversation::Bytes Conversation::on(const FrameRequest&, Sender& sender) {
 }
 
 Conversation::Bytes Conversation::on(const CommandRequest& request, Sender& sender) {
-  if (CommandWords::is_legacy_check(request.text)) {
+  if (CommandWords::is_legacy_check(request.text))
     log::debug("natnet",
                text_of(sender.from) +
                    ": its NatNet library is too old for this server, it needs 4.1 or later");
-  }
   auto answer = words_.answer(
       request.text, server_,
       {sender.from, sender.channel == Channel::kMulticast && sender.subscriber == nullptr,
        version_of(sender), sender.subscriber});
   if (answer.switch_to) switch_to(*answer.switch_to, sender);
-  if (answer.leaves && sender.subscriber != nullptr && registry_.remove(sender.from)) {
+  if (answer.leaves && sender.subscriber != nullptr && registry_.remove(sender.from))
     log::info("natnet", text_of(sender.from) + " left");
-  }
   recording_asked_at_ = {};
   return reply(std::move(answer.datagram));
 }

@@ -124,10 +124,9 @@ std::span<const std::byte> FrameEncoder::encode(const FrameProfile& profile) {
 }
 
 FrameEncoder::Encoded& FrameEncoder::place_for(const FrameProfile& profile) {
-  if (profile.selection == nullptr || profile.selection->is_everything()) {
+  if (profile.selection == nullptr || profile.selection->is_everything())
     return everything_[2 * static_cast<std::size_t>(profile.layout) +
                        (profile.bitstream_changed ? 1 : 0)];
-  }
   Encoded* free = nullptr;
   for (auto& encoded : selections_) {
     if (!encoded.fresh) {
@@ -161,7 +160,7 @@ void FrameEncoder::write_bodies(const FrameProfile& profile, std::vector<std::by
   const auto shown = [&](const Record& record) {
     return (layout >= FrameLayout::k2_6 || record.valid) && wants(profile, record.id);
   };
-  const auto count = std::count_if(records_.begin(), records_.end(), shown);
+  const auto count = std::ranges::count_if(records_, shown);
   LittleEndianWriter out(bytes);
   out.i32(static_cast<std::int32_t>(count));
   if (layout >= FrameLayout::k4_1)
@@ -171,9 +170,8 @@ void FrameEncoder::write_bodies(const FrameProfile& profile, std::vector<std::by
     out.bytes(all);
     return;
   }
-  for (const Record& record : records_) {
+  for (const Record& record : records_)
     if (shown(record)) write_body(all.subspan(record.at, kRecordSize), layout, out);
-  }
 }
 
 void FrameEncoder::write_suffix(const FrameProfile& profile, std::vector<std::byte>& bytes) const {

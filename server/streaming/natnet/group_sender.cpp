@@ -39,7 +39,7 @@ bool GroupSender::add_interface_of(std::uint32_t own) {
   if (!config_.multicast || !config_.multicast_interface.empty() || own == 0) return false;
   const std::uint32_t interface = is_own_machine(own) ? kOwnMachine : own;
   const auto known = [&](const Interface& one) { return one.address == interface; };
-  if (std::any_of(interfaces_.begin(), interfaces_.end(), known)) return false;
+  if (std::ranges::any_of(interfaces_, known)) return false;
   const bool failed = std::find(asked_.begin(), asked_.end(), interface) != asked_.end();
   if (failed || asked_.size() == kMostInterfaces) return false;
   asked_.push_back(interface);
@@ -59,14 +59,13 @@ Expected<void> GroupSender::add(std::uint32_t address) {
   const std::string from = anywhere ? net::address_text({address, 0}) : config_.address;
   auto port = net::UdpServer::open(*io_, {from, 0, "streaming.natnet"}, options);
   if (!port) return tl::unexpected(port.error());
-  if (const auto error = port->use_multicast(address, config_.multicast_ttl)) {
+  if (const auto error = port->use_multicast(address, config_.multicast_ttl))
     return fail(ErrorCode::kUnavailable,
                 "cannot send multicast by " + net::address_text({address, 0}) + " (" +
                     error.message() +
-                    "); set it to the address of an interface that can (`ip maddr` "
-                    "lists them), or streaming.natnet.multicast: false",
+                    "); set it to the address of an interface that can (`ip maddr` lists them), or "
+                    "streaming.natnet.multicast: false",
                 "streaming.natnet.multicast_interface");
-  }
   for (const Peer& group : groups_) port->join(group, address);
   interfaces_.push_back({address, std::move(*port)});
   return {};

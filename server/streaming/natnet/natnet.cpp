@@ -57,20 +57,18 @@ std::vector<ConfigError> NatNetConfig::check() const {
       .within("max_clients", max_clients, 1, 256)
       .within("max_clients_per_address", max_clients_per_address, 1, 256)
       .within("client_timeout_s", client_timeout_s, 2, 600);
-  for (const auto& target : targets) {
+  for (const auto& target : targets)
     rules.require(parse_peer(target).has_value(), "targets", target,
                   "must be ip:port, e.g. 10.0.0.7:1511");
-  }
   rules.require(multicast || groups().empty() || parse_address(address).value_or(0) != 0 ||
                     !multicast_interface.empty(),
                 "multicast_interface", multicast_interface,
                 "must name an interface: targets has a group, and address is that of none");
   rules.require(networks.size() <= kMostNetworks, "networks", networks.size(),
                 "must be at most 64");
-  for (const auto& network : networks) {
+  for (const auto& network : networks)
     rules.require(net::parse_network(network).has_value(), "networks", network,
                   "must be a network, e.g. 10.1.0.0/16, or an address");
-  }
   return rules.errors;
 }
 
@@ -78,25 +76,22 @@ std::vector<Peer> NatNetConfig::groups() const {
   std::vector<Peer> all;
   if (const auto group = parse_address(multicast_group); multicast && group)
     all.emplace_back(*group, data_port);
-  for (const auto& text : targets) {
+  for (const auto& text : targets)
     if (const auto target = target_in(text, true)) all.push_back(*target);
-  }
   return all;
 }
 
 std::vector<Peer> NatNetConfig::listeners() const {
   std::vector<Peer> all;
-  for (const auto& text : targets) {
+  for (const auto& text : targets)
     if (const auto listener = target_in(text, false)) all.push_back(*listener);
-  }
   return all;
 }
 
 std::vector<net::Network> NatNetConfig::trusted_networks() const {
   std::vector<net::Network> all;
-  for (const auto& text : networks) {
+  for (const auto& text : networks)
     if (const auto network = net::parse_network(text)) all.push_back(*network);
-  }
   for (const Peer& listener : listeners()) all.push_back({listener.address, 128});
   return all;
 }

@@ -111,8 +111,8 @@ class NatNetStreamer : public Streamer {
     double rate_hz);
 
 /// For the list of protocols (streaming/CMakeLists.txt).
-[[nodiscard]] inline Expected<std::unique_ptr<Streamer>> serve(const ProtocolContext& context,
-                                                               const NatNetConfig& config) {
+[[nodiscard]] inline StartedStreamer serve(const ProtocolContext& context,
+                                           const NatNetConfig& config) {
   return start_natnet_server(context.io, config, context.model, context.clock,
                              &context.operator_api, context.rate_hz);
 }

@@ -141,10 +141,9 @@ void NatNetServer::answer(const net::UdpServer::Datagram& request, Channel chann
                           net::UdpServer& from) {
   const auto answer = conversation_.receive(request.bytes, request.from, channel, clock_.now());
   if (!answer.empty()) from.send(answer, request.from, request.to);
-  if (conversation_.asked_for_group() && groups_.add_interface_of(request.to)) {
+  if (conversation_.asked_for_group() && groups_.add_interface_of(request.to))
     log::info("natnet", net::address_text(request.from) + " asked: frames are sent to " +
                             groups_text(groups_) + " by " + groups_.interfaces_text());
-  }
 }
 
 void NatNetServer::publish(const std::shared_ptr<const SceneFrame>& frame) {
@@ -181,9 +180,8 @@ void NatNetServer::remove_gone_clients(Instant now) {
     if (conversation_.remove(*peer))
       log::info("natnet", text_of(*peer) + " is removed: its port is closed");
   }
-  if (const auto silent = conversation_.expire(now); silent > 0) {
+  if (const auto silent = conversation_.expire(now); silent > 0)
     log::info("natnet", std::to_string(silent) + " client(s) timed out and were removed");
-  }
 }
 
 void NatNetServer::count_sent() {
@@ -236,11 +234,10 @@ Expected<std::unique_ptr<NatNetStreamer>> start_natnet_server(
     boost::asio::io_context& io, const NatNetConfig& config,
     std::shared_ptr<const SceneModel> model, const Clock& clock, OperatorApi* operator_api,
     double rate_hz) {
-  if (model->bodies.size() > kMaxBodies) {
+  if (model->bodies.size() > kMaxBodies)
     return fail(ErrorCode::kInvalid, "NatNet clients take at most " + std::to_string(kMaxBodies) +
                                          " bodies, the scene has " +
                                          std::to_string(model->bodies.size()));
-  }
   auto frames = open_frame_port(io, config);
   if (!frames) return tl::unexpected(frames.error());
   auto groups = GroupSender::open(io, config);
@@ -249,9 +246,8 @@ Expected<std::unique_ptr<NatNetStreamer>> start_natnet_server(
                             net::TrustedNetworks(config.trusted_networks()), clock.now());
   auto server = std::make_unique<NatNetServer>(std::move(*frames), std::move(*groups),
                                                std::move(conversation), clock);
-  if (auto listening = server->listen(io, config); !listening) {
+  if (auto listening = server->listen(io, config); !listening)
     return tl::unexpected(listening.error());
-  }
   log::info("natnet", "serves NatNet " + fiducap::natnet::text_of(kOldest) + " to " +
                           fiducap::natnet::text_of(kNewest) + " on " + where_text(config, *server));
   return server;

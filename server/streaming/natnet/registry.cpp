@@ -1,9 +1,6 @@
 #include "streaming/natnet/registry.hpp"
 
 #include <algorithm>
-#include <utility>
-
-#include "streaming/net/limits.hpp"
 
 namespace fiducap::natnet {
 
@@ -32,8 +29,7 @@ bool Selection::has(int id) const {
 }
 
 bool Selection::is_everything() const {
-  return by_default() &&
-         std::all_of(bodies_.begin(), bodies_.end(), [](const auto& one) { return one.second; });
+  return by_default() && std::ranges::all_of(bodies_, [](const auto& one) { return one.second; });
 }
 
 bool Selection::by_default() const {
@@ -45,8 +41,7 @@ Registry::Registry(const RegistryLimits& limits) : limits_(limits) {
 }
 
 Subscriber* Registry::find(const Peer& peer) {
-  const auto at = std::find_if(subscribers_.begin(), subscribers_.end(),
-                               [&](const Subscriber& s) { return s.peer == peer; });
+  const auto at = std::ranges::find(subscribers_, peer, &Subscriber::peer);
   return at == subscribers_.end() ? nullptr : &*at;
 }
 
@@ -82,11 +77,10 @@ std::size_t Registry::expire(Instant now) {
 
 bool Registry::make_place(const Peer& peer, Instant now) {
   std::vector<Peer> clients;
-  for (const Subscriber& s : subscribers_) {
+  for (const Subscriber& s : subscribers_)
     if (is_client(s)) clients.push_back(s.peer);
-  }
-  const auto here = std::count_if(clients.begin(), clients.end(),
-                                  [&](const Peer& other) { return other.same_address(peer); });
+  const auto here =
+      std::ranges::count_if(clients, [&](const Peer& other) { return other.same_address(peer); });
   const net::Place place =
       net::place_for(peer, clients, static_cast<std::size_t>(limits_.max_clients));
   const bool full_here = !peer.is_loopback() && here >= limits_.max_clients_per_address;
@@ -102,9 +96,8 @@ bool Registry::make_place(const Peer& peer, Instant now) {
 template <typename MayGo>
 const Subscriber* Registry::quietest(MayGo may_go) const {
   const Subscriber* found = nullptr;
-  for (const Subscriber& s : subscribers_) {
+  for (const Subscriber& s : subscribers_)
     if (is_client(s) && may_go(s) && (found == nullptr || s.heard_at < found->heard_at)) found = &s;
-  }
   return found;
 }
 

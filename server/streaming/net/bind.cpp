@@ -18,12 +18,11 @@ std::string where(const BindTarget& target, std::string_view transport) {
 Expected<asio::ip::address> address_of(const BindTarget& target) {
   error_code error;
   const auto address = asio::ip::make_address(target.address, error);
-  if (error) {
+  if (error)
     return fail(
         ErrorCode::kInvalid,
         "expected an IP address, e.g. 127.0.0.1 or 0.0.0.0 for all, got \"" + target.address + "\"",
         std::string(target.key) + ".address");
-  }
   return address;
 }
 
@@ -34,21 +33,17 @@ std::string bind_remedy(const error_code& error, const BindTarget& target) {
   const std::string number = std::to_string(target.port);
   const std::string section(target.key);
   const std::string key = section + "." + std::string(target.port_key);
-  if (error == errc::address_in_use) {
+  if (error == errc::address_in_use)
     return "port " + number +
            " is in use, perhaps by another mocap server; end it (`ss -tulpn | grep " + number +
            "` shows it) or set " + key + " to a free one";
-  }
-  if (error == errc::permission_denied && target.port < kFirstFreePort) {
+  if (error == errc::permission_denied && target.port < kFirstFreePort)
     return "ports below 1024 need a permission: `sudo setcap cap_net_bind_service=+ep` on "
-           "fiducapd, or "
-           "`sudo sysctl net.ipv4.ip_unprivileged_port_start=" +
+           "fiducapd, or `sudo sysctl net.ipv4.ip_unprivileged_port_start=" +
            number + "`, or set " + key + " to 1024 or above";
-  }
-  if (error == errc::address_not_available) {
+  if (error == errc::address_not_available)
     return "this machine has no interface with the address " + target.address + "; set " + section +
            ".address to one of its addresses (`ip addr` lists them) or to 0.0.0.0 for all";
-  }
   return "cannot use port " + number + ": " + error.message();
 }
 

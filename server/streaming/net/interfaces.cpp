@@ -8,8 +8,6 @@
 #include <array>
 #include <memory>
 
-#include "middleware/net/peer.hpp"
-
 namespace fiducap::net {
 
 namespace {
@@ -39,7 +37,7 @@ std::vector<Interface> ipv4_interfaces() {
 bool is_this_machine(const Peer& peer) {
   if (peer.is_loopback()) return true;
   const auto all = ipv4_interfaces();
-  return std::any_of(all.begin(), all.end(), [&](const Interface& one) {
+  return std::ranges::any_of(all, [&](const Interface& one) {
     return peer.same_address(Peer{one.address, 0});
   });
 }

@@ -97,7 +97,7 @@ class WrongProofs final {
     ++entry.count;
   }
   [[nodiscard]] bool shut_out(std::uint64_t address_hash, Instant now) const {
-    return std::any_of(entries_.begin(), entries_.end(), [&](const Entry& entry) {
+    return std::ranges::any_of(entries_, [&](const Entry& entry) {
       return entry.address_hash == address_hash && entry.count >= kAllowed && is_fresh(entry, now);
     });
   }
@@ -118,8 +118,8 @@ class WrongProofs final {
       if (!is_fresh(entry, now)) return 0;
       return entry.address_hash == address_hash ? -1 : entry.count;
     };
-    return *std::min_element(entries_.begin(), entries_.end(),
-                             [&](const Entry& a, const Entry& b) { return rank(a) < rank(b); });
+    return *std::ranges::min_element(
+        entries_, [&](const Entry& a, const Entry& b) { return rank(a) < rank(b); });
   }
 
   std::array<Entry, 256> entries_{};
@@ -131,8 +131,8 @@ class WrongProofs final {
     std::span<const Peer> holders, std::ptrdiff_t least) {
   std::optional<Peer> found;
   for (const Peer& one : holders) {
-    const auto has = std::count_if(holders.begin(), holders.end(),
-                                   [&](const Peer& other) { return other.same_address(one); });
+    const auto has =
+        std::ranges::count_if(holders, [&](const Peer& other) { return other.same_address(one); });
     if (has < least) continue;
     least = has + 1;
     found = one;
@@ -166,8 +166,8 @@ inline constexpr std::ptrdiff_t kOperatorPlaces = 4;
       if (auto other = address_with_most_connections(remote, 1)) return {true, other};
     }
   }
-  const auto same = std::count_if(holders.begin(), holders.end(),
-                                  [&](const Peer& other) { return other.same_address(peer); });
+  const auto same =
+      std::ranges::count_if(holders, [&](const Peer& other) { return other.same_address(peer); });
   auto other = address_with_most_connections(holders, same + 2);
   return {other.has_value(), other};
 }

@@ -117,9 +117,8 @@ void TcpServer::State::take_in(tcp::socket socket, const MakeSession& make) {
 /// Peers of all open sessions; one that is being connected to has no place yet.
 std::vector<Peer> TcpServer::State::holders() const {
   std::vector<Peer> all;
-  for (const auto& session : sessions) {
+  for (const auto& session : sessions)
     if (!session->closed()) all.push_back(session->peer());
-  }
   return all;
 }
 
@@ -133,7 +132,7 @@ std::shared_ptr<Session> TcpServer::State::newest_of(const Peer& address) const 
 
 /// @return nullptr: there is none
 std::shared_ptr<Session> TcpServer::State::oldest_replaceable() const {
-  const auto oldest = std::find_if(sessions.begin(), sessions.end(), [&](const auto& session) {
+  const auto oldest = std::ranges::find_if(sessions, [&](const auto& session) {
     return !session->closed() && session->may_be_replaced(clock.now());
   });
   return oldest == sessions.end() ? nullptr : *oldest;
@@ -141,8 +140,8 @@ std::shared_ptr<Session> TcpServer::State::oldest_replaceable() const {
 
 TcpServer::State::Admission TcpServer::State::admit(const Peer& peer) {
   const std::vector<Peer> all = holders();
-  const auto same = std::count_if(all.begin(), all.end(),
-                                  [&](const Peer& other) { return other.same_address(peer); });
+  const auto same =
+      std::ranges::count_if(all, [&](const Peer& other) { return other.same_address(peer); });
   const bool full_here =
       limits.max_clients_per_address > 0 && same >= limits.max_clients_per_address;
   if (!full_here) {
@@ -167,10 +166,10 @@ void TcpServer::State::warn_full(const Peer& peer, std::size_t all, std::ptrdiff
 }
 
 void TcpServer::State::connect(const Peer& peer, Duration timeout, MakeSession make) {
-  const auto there = std::count_if(connecting.begin(), connecting.end(),
-                                   [&](const auto& one) { return one->peer.same_address(peer); });
-  const bool under_way = std::any_of(connecting.begin(), connecting.end(),
-                                     [&](const auto& one) { return one->peer == peer; });
+  const auto there = std::ranges::count_if(
+      connecting, [&](const auto& one) { return one->peer.same_address(peer); });
+  const bool under_way =
+      std::ranges::any_of(connecting, [&](const auto& one) { return one->peer == peer; });
   if (stopped || under_way || there >= static_cast<std::ptrdiff_t>(kMaxConnectingPerAddress) ||
       !admit(peer).is_granted)
     return;
@@ -256,9 +255,8 @@ void TcpServer::State::stop(Duration delay) {
 }
 
 void TcpServer::State::close_sessions() {
-  for (const auto& session : sessions) {
+  for (const auto& session : sessions)
     session->close("is closed: the server stops", log::Level::kDebug);
-  }
   sessions.clear();
 }
 

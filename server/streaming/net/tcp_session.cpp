@@ -6,9 +6,7 @@
 #include <boost/asio/buffer.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/write.hpp>
-#include <utility>
 
-#include "base/log.hpp"
 #include "streaming/net/bind.hpp"
 #include "streaming/net/repeated_wait.hpp"
 
@@ -115,9 +113,8 @@ TcpSession::~TcpSession() = default;
 template <typename Work>
 void TcpSession::guard(Work&& work) {
   const auto whose = [this] { return "client " + peer_text() + " is closed"; };
-  if (!log::guarded(protocol_, whose, std::forward<Work>(work))) {
+  if (!log::guarded(protocol_, whose, std::forward<Work>(work)))
     close("is closed after a failure", log::Level::kWarning);
-  }
 }
 
 void TcpSession::start() {
@@ -171,9 +168,8 @@ void TcpSession::flush() {
                                                     asio::buffer(second.data(), second.size())};
     error_code error;
     const std::size_t done = link_->socket.write_some(buffers, error);
-    if (error && error != asio::error::would_block && error != asio::error::try_again) {
+    if (error && error != asio::error::would_block && error != asio::error::try_again)
       return close("left: " + error.message());
-    }
     second = second.subspan(done - std::min(done, first.size()));
     first = first.subspan(std::min(done, first.size()));
     if (first.size() + second.size() > 0) return write_rest(first, second);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <string>
 
 #include "base/bytes.hpp"
 #include "streaming/conventions/text_fields.hpp"
@@ -66,10 +65,9 @@ Expected<void> parse_udp(std::string_view word, StreamRequest& request) {
   const auto colon = target.rfind(':');
   const std::string_view port = colon == std::string_view::npos ? target : target.substr(colon + 1);
   const auto number = whole_number<std::uint16_t>(port);
-  if (!number || *number < kLowestUdpPort) {
+  if (!number || *number < kLowestUdpPort)
     return fail(ErrorCode::kInvalid,
                 "expected a UDP port from 1024, got \"" + std::string(port) + "\"");
-  }
   request.udp_port = *number;
   if (colon != std::string_view::npos) request.udp_address = target.substr(0, colon);
   return {};
@@ -108,11 +106,10 @@ void encode_no_more_data(std::endian order, std::vector<std::byte>& out) {
 Expected<std::optional<Packet>> decode_packet(std::endian order, std::span<const std::byte> bytes) {
   if (bytes.size() < kHeaderSize) return std::nullopt;
   const Header header = read_header(order, bytes);
-  if (header.size < kHeaderSize || header.size > kMaxIncoming) {
+  if (header.size < kHeaderSize || header.size > kMaxIncoming)
     return fail(ErrorCode::kInvalid, "expected a packet of " + std::to_string(kHeaderSize) +
                                          " to " + std::to_string(kMaxIncoming) +
                                          " bytes, got one of " + std::to_string(header.size));
-  }
   if (bytes.size() < header.size) return std::nullopt;
   return Packet{static_cast<PacketType>(header.type),
                 bytes.subspan(kHeaderSize, header.size - kHeaderSize), header.size};
@@ -121,10 +118,9 @@ Expected<std::optional<Packet>> decode_packet(std::endian order, std::span<const
 std::string_view decode_text(std::span<const std::byte> payload) { return until_zero(payload); }
 
 Expected<std::uint16_t> decode_discover(std::span<const std::byte> datagram) {
-  if (datagram.size() != kDiscoverSize) {
+  if (datagram.size() != kDiscoverSize)
     return fail(ErrorCode::kInvalid,
                 "expected a discover packet of 10 bytes, got " + std::to_string(datagram.size()));
-  }
   const auto is_question = [](const Header& h) {
     return h.size == kDiscoverSize && h.type == static_cast<std::uint32_t>(PacketType::kDiscover);
   };
@@ -134,10 +130,9 @@ Expected<std::uint16_t> decode_discover(std::span<const std::byte> datagram) {
   }
   BigEndianReader in(datagram.subspan(kHeaderSize));
   const std::uint16_t port = in.u16();
-  if (port < kLowestUdpPort) {
+  if (port < kLowestUdpPort)
     return fail(ErrorCode::kInvalid,
                 "expected an answer port from 1024, got " + std::to_string(port));
-  }
   return port;
 }
 
@@ -179,14 +174,12 @@ Expected<Components> parse_components(std::string_view words) {
   for (const std::string_view word : words_of(words)) {
     if (same_word(word, "All")) return Components::all();
     const std::string_view plain = word.substr(0, word.find(':'));  // options: Skeleton:global
-    for (const auto& known : kComponentWords) {
+    for (const auto& known : kComponentWords)
       if (same_word(plain, known.word)) components.add(known.component);
-    }
   }
-  if (components.empty()) {
+  if (components.empty())
     return fail(ErrorCode::kInvalid,
                 "expected components, e.g. 6D, got \"" + std::string(words) + "\"");
-  }
   return components;
 }
 
@@ -199,9 +192,8 @@ Expected<StreamRequest> parse_stream_request(std::string_view words) {
   std::string_view rest = first.rest;
   const Command second = split_command(rest);
   if (begins_with_word(second.name, "UDP:")) {
-    if (const auto done = parse_udp(second.name, request); !done) {
+    if (const auto done = parse_udp(second.name, request); !done)
       return tl::unexpected(done.error());
-    }
     rest = second.rest;
   }
   const auto components = parse_components(rest);
@@ -227,7 +219,7 @@ Expected<ParameterGroups> parse_parameter_groups(std::string_view words) {
     groups.general = groups.general || all || same_word(plain, "General");
     groups.three_d = groups.three_d || all || same_word(plain, "3D");
     groups.six_d = groups.six_d || all || same_word(plain, "6D");
-    groups.others = groups.others || std::any_of(kOthers.begin(), kOthers.end(), [&](auto known) {
+    groups.others = groups.others || std::ranges::any_of(kOthers, [&](auto known) {
                       return same_word(plain, known);
                     });
   }

@@ -32,22 +32,22 @@ std::optional<std::string> failure_of(const std::vector<RecordingStatus>& record
 }
 
 bool is_saved(const std::vector<RecordingStatus>& recordings, const std::string& name) {
-  return std::any_of(recordings.begin(), recordings.end(), [&](const RecordingStatus& one) {
+  return std::ranges::any_of(recordings, [&](const RecordingStatus& one) {
     return one.name == name && one.state == RecordingStatus::State::kFinished;
   });
 }
 
 /// @return nullptr: another command
 const Refusal* refusal_of(const Command& command) {
-  const auto at = std::find_if(kRefusals.begin(), kRefusals.end(),
-                               [&](const Refusal& one) { return command.is(one.word); });
+  const auto at =
+      std::ranges::find_if(kRefusals, [&](const Refusal& one) { return command.is(one.word); });
   return at == kRefusals.end() ? nullptr : &*at;
 }
 
 bool is_for_masters(const Command& command) {
   static constexpr std::array<std::string_view, 5> kWords{"New", "Close", "Start", "Stop", "Save"};
   return refusal_of(command) != nullptr ||
-         std::any_of(kWords.begin(), kWords.end(), [&](auto word) { return command.is(word); });
+         std::ranges::any_of(kWords, [&](auto word) { return command.is(word); });
 }
 
 }  // namespace
@@ -73,9 +73,8 @@ void Control::left(ClientId client) {
 }
 
 std::optional<Reply> Control::execute(ClientId client, const Command& command) {
-  if (command.is("GetCaptureC3D") || command.is("GetCaptureQTM") || command.is("GetCapture")) {
+  if (command.is("GetCaptureC3D") || command.is("GetCaptureQTM") || command.is("GetCapture"))
     return Reply::refused("No capture to get");
-  }
   if (!is_for_masters(command)) return std::nullopt;
   if (!is_master(client)) return Reply::refused("You must be master to issue this command");
   if (command.is("New")) return Reply::done("Already connected");
@@ -127,8 +126,8 @@ Reply Control::apply_settings(ClientId client, std::string_view xml,
   const auto switches = parse_body_switches(xml);
   if (!switches || switches->empty()) return failed();
   for (const BodySwitch& one : *switches) {
-    const auto body = std::find_if(bodies.begin(), bodies.end(),
-                                   [&](const auto& entry) { return entry.name == one.name; });
+    const auto body =
+        std::ranges::find_if(bodies, [&](const auto& entry) { return entry.name == one.name; });
     if (body == bodies.end()) return failed();
     if (body->enabled != one.enabled && !operator_api_->set_enabled(body->id, one.enabled))
       return failed();
@@ -150,9 +149,9 @@ void Control::observe(std::vector<Event>& out) {
   if (!ending_) return;
   // Saving may still fail.
   const auto recordings = operator_api_->recordings();
-  const bool is_ending = std::any_of(
-      recordings.begin(), recordings.end(),
-      [&](const RecordingStatus& one) { return one.name == *ending_ && !one.is_over(); });
+  const bool is_ending = std::ranges::any_of(recordings, [&](const RecordingStatus& one) {
+    return one.name == *ending_ && !one.is_over();
+  });
   if (is_ending) return;
   if (is_saved(recordings, *ending_)) out.push_back(Event::kCaptureSaved);
   ending_.reset();

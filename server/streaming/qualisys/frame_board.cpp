@@ -3,19 +3,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
-#include <numbers>
 #include <type_traits>
-#include <utility>
 
 #include "base/bytes.hpp"
-#include "streaming/conventions/protocol_conventions.hpp"
+#include "base/numeric.hpp"
 
 namespace fiducap::qualisys {
 
 namespace {
 
-constexpr double kDegreesPerRadian = 180.0 / std::numbers::pi;
 // Below this cosine of a2 the entries that a1 and a3 come from are rounding noise.
 constexpr double kGimbalLock = 1e-9;
 
@@ -88,8 +84,7 @@ bool BodyTable::update(const SceneModel& model) {
   index_of_body_.clear();
   for (std::size_t i = 0; i < model.bodies.size(); ++i) {
     const int id = model.bodies[i].id;
-    auto entry = std::find_if(entries_.begin(), entries_.end(),
-                              [id](const Entry& known) { return known.id == id; });
+    auto entry = std::ranges::find(entries_, id, &Entry::id);
     if (entry == entries_.end()) entry = entries_.insert(entries_.end(), Entry{id, {}, true});
     entry->name = names[i];
     entry->enabled = true;
@@ -193,11 +188,10 @@ void FrameEncoder::write_component(Component component, bool wide,
   }
   if (has_rates(component)) writer.u16(0).u16(0);
   if (has_bodies(component)) write_bodies(component, wide, writer);
-  if (component == Component::kTimecode) {
+  if (component == Component::kTimecode)
     writer.u32(kCameraTime)
         .u32(static_cast<std::uint32_t>(utc_100ns_ >> 32))
         .u32(static_cast<std::uint32_t>(utc_100ns_));
-  }
   overwrite_u32<Writer>(out, begin, static_cast<std::uint32_t>(out.size() - begin));
 }
 
@@ -246,9 +240,8 @@ void FrameBoard::begin() {
 }
 
 std::shared_ptr<const EncodedFrame> FrameBoard::encoded(const Profile& profile) {
-  for (const Kept& kept : kept_) {
+  for (const Kept& kept : kept_)
     if (kept.profile == profile) return kept.frame;
-  }
   if (frame_ != nullptr) begin();
   auto out = pool_.acquire();
   encoder_.encode(profile, *out);

@@ -69,8 +69,8 @@ class QualisysStreamer : public Streamer {
     std::shared_ptr<const SceneModel> model, const Clock& clock);
 
 /// For the list of protocols (streaming/CMakeLists.txt).
-[[nodiscard]] inline Expected<std::unique_ptr<Streamer>> serve(const ProtocolContext& context,
-                                                               const QualisysConfig& config) {
+[[nodiscard]] inline StartedStreamer serve(const ProtocolContext& context,
+                                           const QualisysConfig& config) {
   return start_qualisys_server(context.io, config, &context.operator_api, context.model,
                                context.clock);
 }

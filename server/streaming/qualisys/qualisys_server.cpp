@@ -24,7 +24,7 @@ namespace {
 
 bool is_short_text(const std::string& text) {
   return !text.empty() && text.size() <= 60 &&
-         std::all_of(text.begin(), text.end(), [](char c) { return c >= 0x20 && c < 0x7f; });
+         std::ranges::all_of(text, [](char c) { return c >= 0x20 && c < 0x7f; });
 }
 
 constexpr Duration kStopDelay = std::chrono::milliseconds(50);
@@ -152,9 +152,8 @@ void QualisysServer::answer(const net::UdpServer::Datagram& question) {
 void QualisysServer::publish(const std::shared_ptr<const SceneFrame>& frame) {
   if (stopped_) return;
   shared_->rate_hz = frame->rate_hz;
-  if (frame->model != nullptr && shared_->bodies.update(*frame->model)) {
+  if (frame->model != nullptr && shared_->bodies.update(*frame->model))
     send_to_all(Event::kCameraSettingsChanged);
-  }
   shared_->frames.put(frame, shared_->bodies);
   udp_->batch().clear();
   tcp_.each<Session>([&](Session& session) {
@@ -170,9 +169,8 @@ void QualisysServer::send_frame(Session& session, const SceneFrame& frame) {
   const auto profile = session.connection().stream_of(frame);
   if (!profile) return;
   const auto encoded = shared_->frames.encoded(*profile);
-  if (!session.connection().udp_port()) {
+  if (!session.connection().udp_port())
     return session.offer(net::SharedBytes(encoded, &encoded->packet));
-  }
   // The address of the TCP peer: a client cannot redirect frames.
   const net::Peer target = session.peer().with_port(*session.connection().udp_port());
   session.datagrams.open(udp_->batch());
@@ -238,9 +236,7 @@ Expected<std::unique_ptr<QualisysStreamer>> start_qualisys_server(
     boost::asio::io_context& io, const QualisysConfig& config, OperatorApi* operator_api,
     std::shared_ptr<const SceneModel> model, const Clock& clock) {
   auto server = std::make_unique<QualisysServer>(io, config, operator_api, clock);
-  if (auto listening = server->listen(*model); !listening) {
-    return tl::unexpected(listening.error());
-  }
+  if (auto listening = server->listen(*model); !listening) return tl::unexpected(listening.error());
   const std::uint16_t base = server->base_port();
   log::info("qualisys", "serves QTM RT 1.0 to 1.28 on " + config.address + ":" +
                             std::to_string(base) + " to " + std::to_string(base + 2) + " (TCP)");

@@ -64,9 +64,8 @@ Expected<void> Connection::receive(std::span<const std::byte> bytes, std::vector
     handle(**packet, out);
     used += (*packet)->size;
     if (out.size() > kMaxAnswers) return fail(ErrorCode::kInvalid, "does not read its replies");
-    if (wrong_passwords_ >= kMaxWrongPasswords) {
+    if (wrong_passwords_ >= kMaxWrongPasswords)
       return fail(ErrorCode::kInvalid, "gave five wrong passwords");
-    }
   }
   in_.erase(in_.begin(), in_.begin() + static_cast<std::ptrdiff_t>(used));
   return {};
@@ -76,19 +75,17 @@ void Connection::handle(const Packet& packet, std::vector<std::byte>& out) {
   has_spoken_ = true;
   if (packet.type == PacketType::kCommand)
     return obey(split_command(decode_text(packet.payload)), out);
-  if (packet.type == PacketType::kXml) {
+  if (packet.type == PacketType::kXml)
     return reply(
         shared_.control.apply_settings(id_, decode_text(packet.payload), shared_.bodies.entries()),
         out);
-  }
   reply(Reply::refused(kParseError), out);
 }
 
 void Connection::obey(const Command& command, std::vector<std::byte>& out) {
   if (command.is("Version")) return set_version(command.rest, out);
-  if (command.is("QTMVersion")) {
+  if (command.is("QTMVersion"))
     return reply(Reply::done("QTM Version is " + shared_.config.qtm_version), out);
-  }
   if (command.is("ByteOrder")) return byte_order(command.rest, out);
   if (command.is("CheckLicense")) return reply(Reply::done("License pass"), out);
   if (command.is("GetState") || command.is("GetLastEvent"))
@@ -107,9 +104,8 @@ void Connection::set_version(std::string_view word, std::vector<std::byte>& out)
     return reply(Reply::done("Version is 1." + std::to_string(version_.minor)), out);
   const auto version = parse_version(word);
   // 1.0 has its own port, without other versions.
-  if (!version || (version->minor == 0) != (dialect_ == Dialect::kLegacy)) {
+  if (!version || (version->minor == 0) != (dialect_ == Dialect::kLegacy))
     return reply(Reply::refused("Version NOT supported"), out);
-  }
   version_ = *version;
   reply(Reply::done("Version set to 1." + std::to_string(version_.minor)), out);
 }
@@ -146,9 +142,8 @@ void Connection::stream_frames(std::string_view words, std::vector<std::byte>& o
   auto request = parse_stream_request(words);
   if (!request) return reply(Reply::refused(kParseError), out);
   // A stream cannot be sent to a third party.
-  if (!request->udp_address.empty() && request->udp_address != address_) {
+  if (!request->udp_address.empty() && request->udp_address != address_)
     return reply(Reply::refused("UDP goes to the client's own address only"), out);
-  }
   const FramePicker picker(request->rate);
   stream_.emplace(Stream{std::move(*request), picker});
   if (shared_.frames.number() == 0) encode_no_more_data(order_, out);
@@ -202,9 +197,8 @@ std::string Connection::detail() const {
                      std::string(name_of(shared_.config.up)) + " mm";
   if (shared_.control.is_master(id_)) text += ", master";
   if (!stream_) return text + ", no stream";
-  for (const auto& known : kComponentWords) {
+  for (const auto& known : kComponentWords)
     if (stream_->request.components.has(known.component)) text += " " + std::string(known.word);
-  }
   return text;
 }
 
@@ -237,9 +231,8 @@ void Session::answer_current() {
 }
 
 void Session::ticked(Instant now) {
-  if (!connection_.has_spoken() && now - since() > kSilence) {
+  if (!connection_.has_spoken() && now - since() > kSilence)
     close("is closed: sent nothing within 10 s");
-  }
 }
 
 ClientStatus Session::status(Instant now) const {

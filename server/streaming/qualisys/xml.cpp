@@ -2,11 +2,8 @@
 
 #include <array>
 #include <cmath>
-#include <cstdint>
 #include <optional>
 #include <utility>
-
-#include "streaming/qualisys/codec.hpp"
 
 namespace fiducap::qualisys {
 
@@ -53,11 +50,10 @@ void add_body(std::string& out, const BodyTable::Entry& body, std::size_t index)
   out +=
       "<MaximumResidual>10</MaximumResidual><MinimumMarkersInBody>3</MinimumMarkersInBody>"
       "<BoneLengthTolerance>5</BoneLengthTolerance><Filter Preset=\"No filter\"/><Points>";
-  for (std::size_t i = 0; i < kPoints.size(); ++i) {
+  for (std::size_t i = 0; i < kPoints.size(); ++i)
     out += "<Point X=\"" + std::to_string(kPoints[i].x) + "\" Y=\"" + std::to_string(kPoints[i].y) +
            "\" Z=\"" + std::to_string(kPoints[i].z) + "\" Virtual=\"1\" PhysicalId=\"0\" Name=\"" +
            std::to_string(i + 1) + "\"/>";
-  }
   out +=
       "</Points><Data_origin X=\"0\" Y=\"0\" Z=\"0\" Relative_body=\"1\">0</Data_origin>"
       "<Data_orientation R11=\"1\" R12=\"0\" R13=\"0\" R21=\"0\" R22=\"1\" R23=\"0\" R31=\"0\" "
@@ -69,10 +65,9 @@ void add_old_body(std::string& out, const BodyTable::Entry& body, std::size_t in
   out += "<Body>";
   add(out, "Name", escape_xml(body.name));
   add(out, "RGBColor", c.r + (c.g << 8) + (c.b << 16));
-  for (const Point& p : kPoints) {
+  for (const Point& p : kPoints)
     out += "<Point><X>" + std::to_string(p.x) + "</X><Y>" + std::to_string(p.y) + "</Y><Z>" +
            std::to_string(p.z) + "</Z></Point>";
-  }
   out += "</Body>";
 }
 
@@ -86,22 +81,13 @@ void add_6d(std::string& out, Version version, std::span<const BodyTable::Entry>
       add_body(out, bodies[i], i);
     }
   }
-  if (version.old_parameters() && version.minor >= 16) {
+  if (version.old_parameters() && version.minor >= 16)
     out += "<Euler><First>Roll</First><Second>Pitch</Second><Third>Yaw</Third></Euler>";
-  }
   out += "</The_6D>";
 }
 
 std::string_view upwards(UpAxis up) {
-  switch (up) {
-    case UpAxis::kZ:
-      return "+Z";
-    case UpAxis::kY:
-      return "+Y";
-    case UpAxis::kDown:
-      return "-Z";
-  }
-  return "+Z";
+  return up == UpAxis::kDown ? "-Z" : up == UpAxis::kY ? "+Y" : "+Z";
 }
 
 void add_3d(std::string& out, UpAxis up) {
@@ -118,11 +104,10 @@ void add_actions(std::string& out, std::string_view element, bool offline) {
   out +=
       "<AIM>false</AIM><Track6DOF>true</Track6DOF><ForceData>false</ForceData>"
       "<GazeVector>false</GazeVector>";
-  if (offline) {
+  if (offline)
     out +=
         "<ExportTSV>false</ExportTSV><ExportC3D>false</ExportC3D>"
         "<ExportMatlabFile>false</ExportMatlabFile><ExportAviFile>false</ExportAviFile>";
-  }
   out.append("</").append(element).append(">");
 }
 
@@ -208,9 +193,8 @@ class SettingsReader final {
       if (in_body() && path_.back() == "Body") name_.reset(), enabled_.reset();
     }
     if (!tag.closes) return {};
-    if (path_.empty() || path_.back() != tag.name) {
+    if (path_.empty() || path_.back() != tag.name)
       return fail(ErrorCode::kInvalid, "a closed element is not open");
-    }
     const auto done = leave(tag.opens ? std::string_view{} : tag.before);
     path_.pop_back();
     return done;

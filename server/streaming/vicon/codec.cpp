@@ -55,12 +55,11 @@ Expected<std::uint32_t> checked_count(LittleEndianReader& from, std::size_t size
                                       const char* context) {
   const std::uint32_t n = from.u32();
   if (auto read = from.check(context); !read) return tl::unexpected(read.error());
-  if (n > from.left() / size) {
+  if (n > from.left() / size)
     return fail(ErrorCode::kTruncated,
                 std::to_string(n) + " elements of " + std::to_string(size) + " bytes announced, " +
                     std::to_string(from.left()) + " bytes left",
                 context);
-  }
   return n;
 }
 
@@ -127,9 +126,8 @@ void encode_subject_info(std::uint32_t subject, std::string_view name,
 void encode_subject_topology(std::uint32_t subject, std::vector<std::byte>& out) {
   LittleEndianWriter to = begin_segment(Type::kSubjectTopology, 96, subject, out);
   to.zeros(24);
-  for (int row = 0; row < 3; ++row) {
+  for (int row = 0; row < 3; ++row)
     for (int column = 0; column < 3; ++column) to.f64(row == column ? 1.0 : 0.0);
-  }
 }
 
 void encode_subject_scale(std::uint32_t subject, std::vector<std::byte>& out) {
@@ -190,9 +188,8 @@ void encode_timecode(const Timecode& time, std::vector<std::byte>& out) {
 void encode_segments(Type type, const SegmentPose& pose, std::vector<std::byte>& out) {
   LittleEndianWriter to = begin_segment(type, 96, pose.subject, out);
   to.f64(pose.t_mm.x()).f64(pose.t_mm.y()).f64(pose.t_mm.z());
-  for (int row = 0; row < 3; ++row) {
+  for (int row = 0; row < 3; ++row)
     for (int column = 0; column < 3; ++column) to.f64(pose.R(row, column));
-  }
 }
 
 void encode_lightweight_segments(const SegmentPose& pose, std::vector<std::byte>& out) {
@@ -217,12 +214,11 @@ Expected<std::size_t> packet_size(std::span<const std::byte> in) {
   LittleEndianReader from(in);
   from.u32();
   const std::size_t length = from.u32();
-  if (length > kMaxClientPacket) {
+  if (length > kMaxClientPacket)
     return fail(ErrorCode::kInvalid,
                 "expected a length up to " + std::to_string(kMaxClientPacket) + ", got " +
                     std::to_string(length),
                 "Vicon packet");
-  }
   return kHeaderSize + length;
 }
 
@@ -279,7 +275,7 @@ Expected<SubjectFilter> decode_filter(std::span<const std::byte> payload) {
   }
   // Once per type: one packet may name the same type thousands of times.
   for (auto& [type, wanted] : filter) {
-    std::sort(wanted.begin(), wanted.end());
+    std::ranges::sort(wanted);
     wanted.erase(std::unique(wanted.begin(), wanted.end()), wanted.end());
   }
   return filter;

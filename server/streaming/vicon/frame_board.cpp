@@ -1,12 +1,10 @@
 #include "streaming/vicon/frame_board.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <span>
 #include <utility>
 
 #include "base/pose.hpp"
-#include "streaming/conventions/protocol_conventions.hpp"
 
 namespace fiducap::vicon {
 
@@ -223,9 +221,8 @@ net::SharedBytes FrameBoard::packet(const std::shared_ptr<const Profile>& profil
   const Duration waited = not_negative(now - updated_at_);
   const bool late = waited > kFresh;
   if (!late) {
-    for (const Ready& one : ready_) {
+    for (const Ready& one : ready_)
       if (one.profile == profile && one.statics == statics) return one.bytes;
-    }
   }
   auto bytes = packets_.acquire();
   compose(*profile, statics, late ? waited : Duration::zero(), *bytes);
@@ -241,9 +238,8 @@ void FrameBoard::compose(const Profile& profile, bool statics, Duration waited,
   append_contents(profile, statics, out);
   const auto append = [&](bool static_ones) {
     for (const Type type : kOffered) {
-      if (is_static(type) == static_ones && profile.types.has(type)) {
+      if (is_static(type) == static_ones && profile.types.has(type))
         run_of(type).append_to(out, wanted_of(profile, type));
-      }
     }
   };
   if (statics) append(true);

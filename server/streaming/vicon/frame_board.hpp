@@ -92,8 +92,8 @@ struct ObjectRun {
     return wanted == nullptr || std::binary_search(wanted->begin(), wanted->end(), subject);
   }
   [[nodiscard]] std::uint32_t count(const std::vector<std::uint32_t>* wanted) const {
-    return static_cast<std::uint32_t>(std::count_if(
-        ends.begin(), ends.end(), [&](const End& end) { return admits(wanted, end.subject); }));
+    return static_cast<std::uint32_t>(
+        std::ranges::count_if(ends, [&](const End& end) { return admits(wanted, end.subject); }));
   }
   void append_to(std::vector<std::byte>& out, const std::vector<std::uint32_t>* wanted) const {
     if (wanted == nullptr) {
@@ -102,10 +102,9 @@ struct ObjectRun {
     }
     std::size_t begin = 0;
     for (const End& end : ends) {
-      if (admits(wanted, end.subject)) {
+      if (admits(wanted, end.subject))
         out.insert(out.end(), bytes.begin() + static_cast<std::ptrdiff_t>(begin),
                    bytes.begin() + static_cast<std::ptrdiff_t>(end.at));
-      }
       begin = end.at;
     }
   }

@@ -86,9 +86,8 @@ inline constexpr std::array<Type, 16> kOffered{
 
 /// Place in kOffered; nullopt for a type that is not sent.
 [[nodiscard]] constexpr std::optional<std::size_t> index_of(std::uint32_t type) {
-  for (std::size_t i = 0; i < kOffered.size(); ++i) {
+  for (std::size_t i = 0; i < kOffered.size(); ++i)
     if (static_cast<std::uint32_t>(kOffered[i]) == type) return i;
-  }
   return std::nullopt;
 }
 
@@ -143,9 +142,8 @@ class ProfileTable final {
  public:
   [[nodiscard]] std::shared_ptr<const Profile> share(const Profile& profile) {
     std::erase_if(profiles_, [](const auto& one) { return one.expired(); });
-    for (const auto& one : profiles_) {
+    for (const auto& one : profiles_)
       if (auto known = one.lock(); *known == profile) return known;
-    }
     auto added = std::make_shared<const Profile>(profile);
     profiles_.push_back(added);
     return added;

@@ -130,9 +130,8 @@ std::string Connection::summary() const {
           : types.has(Type::kLightweightSegments) ? ", lightweight segments"
                                                   : ", no poses";
   const Type shown = full ? Type::kGlobalSegments : Type::kLightweightSegments;
-  if (const auto entry = profile_->filter.find(shown); entry != profile_->filter.end()) {
+  if (const auto entry = profile_->filter.find(shown); entry != profile_->filter.end())
     text += ", " + std::to_string(entry->second.size()) + " subjects only";
-  }
   return text;
 }
 

@@ -41,13 +41,12 @@ using ProtocolConfig = ViconConfig;
 
 /// @param clock  outlives all handlers of `io`
 /// @return Error `kUnavailable` naming port and remedy when it cannot bind.
-[[nodiscard]] Expected<std::unique_ptr<Streamer>> start_vicon_server(boost::asio::io_context& io,
-                                                                     const ViconConfig& config,
-                                                                     const Clock& clock);
+[[nodiscard]] StartedStreamer start_vicon_server(boost::asio::io_context& io,
+                                                 const ViconConfig& config, const Clock& clock);
 
 /// For the list of protocols (streaming/CMakeLists.txt).
-[[nodiscard]] inline Expected<std::unique_ptr<Streamer>> serve(const ProtocolContext& context,
-                                                               const ViconConfig& config) {
+[[nodiscard]] inline StartedStreamer serve(const ProtocolContext& context,
+                                           const ViconConfig& config) {
   return start_vicon_server(context.io, config, context.clock);
 }
 

@@ -73,13 +73,10 @@ ServedProtocol ViconConfig::served() const {
   return {"vicon", enabled, address, {{port, false}}, conventions_of("vicon").axes, when_invalid};
 }
 
-Expected<std::unique_ptr<Streamer>> start_vicon_server(boost::asio::io_context& io,
-                                                       const ViconConfig& config,
-                                                       const Clock& clock) {
+StartedStreamer start_vicon_server(boost::asio::io_context& io, const ViconConfig& config,
+                                   const Clock& clock) {
   auto server = std::make_unique<ViconServer>(io, config, clock);
-  if (auto listening = server->listen(config); !listening) {
-    return tl::unexpected(listening.error());
-  }
+  if (auto listening = server->listen(config); !listening) return tl::unexpected(listening.error());
   log::info("vicon", "serves the Vicon DataStream on " + config.address + ":" +
                          std::to_string(server->port()) + " (TCP)");
   return server;

@@ -4,7 +4,6 @@
 #include <numbers>
 
 #include "base/bytes.hpp"
-#include "base/pose.hpp"
 #include "streaming/conventions/text_fields.hpp"
 
 namespace fiducap::vrpn {
@@ -143,12 +142,11 @@ void number_messages(std::span<std::byte> bytes, std::uint32_t& next) {
 Expected<std::size_t> occupied_size(std::span<const std::byte> in) {
   if (in.size() < 4) return 0;
   const std::size_t length = BigEndianReader(in).u32();
-  if (length < kHeaderSize || length > kHeaderSize + kMaxPayload) {
+  if (length < kHeaderSize || length > kHeaderSize + kMaxPayload)
     return fail(ErrorCode::kInvalid,
                 "expected a length from 24 to " + std::to_string(kHeaderSize + kMaxPayload) +
                     ", got " + std::to_string(length),
                 "VRPN message");
-  }
   return kHeaderSize + padded(length - kHeaderSize);
 }
 
@@ -179,15 +177,13 @@ Expected<Cookie> decode_cookie(std::span<const std::byte> in) {
   const bool form = text.starts_with(kMagic) && text[kMinorOffset - 1] == '.' &&
                     is_digit(text[kMinorOffset]) && is_digit(text[kMinorOffset + 1]) &&
                     log_mode >= '0' && log_mode <= '3';
-  if (!form) {
+  if (!form)
     return fail(ErrorCode::kInvalid, "expected \"vrpn: ver. 07.NN  0\", got " + shown(text),
                 "VRPN cookie");
-  }
-  if (text.substr(kMajorOffset, 2) != "07") {
+  if (text.substr(kMajorOffset, 2) != "07")
     return fail(ErrorCode::kUnsupported,
                 "this server speaks VRPN 07, the client " + shown(text.substr(kMajorOffset, 5)),
                 "VRPN cookie");
-  }
   return Cookie{(text[kMinorOffset] - '0') * 10 + (text[kMinorOffset + 1] - '0'), log_mode - '0'};
 }
 
@@ -197,24 +193,21 @@ Expected<std::string_view> decode_name(std::span<const std::byte> payload) {
   const std::string_view name = until_zero(from.bytes(from.left()));
   if (auto whole = from.check("VRPN description"); !whole) return tl::unexpected(whole.error());
   // libvrpn holds names in 100 bytes.
-  if (name.empty() || name.size() > 100) {
+  if (name.empty() || name.size() > 100)
     return fail(ErrorCode::kInvalid,
                 "expected a name of 1 to 100 bytes, got " + std::to_string(name.size()),
                 "VRPN description");
-  }
   return name;
 }
 
 Expected<std::uint16_t> decode_udp_description(const Message& message) {
   const std::string_view address = until_zero(message.payload);
-  const bool form =
-      !address.empty() && address.size() < message.payload.size() &&
-      std::all_of(address.begin(), address.end(), [](char c) { return is_digit(c) || c == '.'; });
-  if (!form) {
+  const bool form = !address.empty() && address.size() < message.payload.size() &&
+                    std::ranges::all_of(address, [](char c) { return is_digit(c) || c == '.'; });
+  if (!form)
     return fail(ErrorCode::kInvalid,
                 "expected a dotted quad and a zero, got " + shown(as_text(message.payload)),
                 "VRPN UDP description");
-  }
   return checked_port(message.header.sender, "VRPN UDP description");
 }
 
@@ -223,18 +216,16 @@ Expected<TextMessage> decode_text(std::span<const std::byte> payload) {
   const std::uint32_t severity = from.u32();
   const std::uint32_t level = from.u32();
   if (auto whole = from.check("VRPN text"); !whole) return tl::unexpected(whole.error());
-  if (severity > static_cast<std::uint32_t>(Severity::kError)) {
+  if (severity > static_cast<std::uint32_t>(Severity::kError))
     return fail(ErrorCode::kInvalid,
                 "expected a severity from 0 to 2, got " + std::to_string(severity), "VRPN text");
-  }
   const std::span<const std::byte> rest = from.bytes(from.left());
   const std::string_view text = until_zero(rest);
-  if (text.size() == rest.size()) {
+  if (text.size() == rest.size())
     return fail(ErrorCode::kTruncated,
                 "expected a text that ends with a zero, got " + std::to_string(rest.size()) +
                     " bytes without one",
                 "VRPN text");
-  }
   return TextMessage{static_cast<Severity>(severity), level, text};
 }
 
@@ -250,19 +241,17 @@ Expected<std::uint16_t> decode_request(std::span<const std::byte> datagram) {
       space == std::string_view::npos ? std::string_view{} : text.substr(space + 1);
   const bool ends = text.size() < datagram.size();
   const auto port = whole_number<std::uint32_t>(digits);
-  if (!ends || host.empty() || !std::all_of(host.begin(), host.end(), in_host) || !port) {
+  if (!ends || host.empty() || !std::ranges::all_of(host, in_host) || !port)
     return fail(ErrorCode::kInvalid,
                 "expected \"a.b.c.d PORT\" and a zero, got " + shown(as_text(datagram)), kContext);
-  }
   return checked_port(*port, kContext);
 }
 
 std::size_t EncodedFrame::equal_cut() const {
   if (datagram_ends.size() < 2) return 0;
   const std::size_t cut = datagram_ends.front();
-  for (std::size_t i = 0; i + 1 < datagram_ends.size(); ++i) {
+  for (std::size_t i = 0; i + 1 < datagram_ends.size(); ++i)
     if (datagram_ends[i] != (i + 1) * cut) return 0;
-  }
   return bytes.size() - datagram_ends[datagram_ends.size() - 2] <= cut ? cut : 0;
 }
 
@@ -281,9 +270,8 @@ void ReportEncoder::encode(const SceneFrame& frame, std::span<const std::int32_t
     append(body, kAtPivot, {utc_ns, sender_of_body[i], 0}, out.bytes);
     if (i < sensors_of_body.size()) {
       int sensor = 0;
-      for (const Pose& X_PS : sensors_of_body[i]) {
+      for (const Pose& X_PS : sensors_of_body[i])
         append(body, X_PS, {utc_ns, sender_of_body[i], ++sensor}, out.bytes);
-      }
     }
     // The reports of one body stay together.
     if (out.bytes.size() - datagram_begin > kMaxDatagram) {
@@ -310,10 +298,9 @@ void ReportEncoder::append(const BodyPose& body, const Pose& X_PS, const Stamp& 
     encode_rate(header(Type::kVelocity), stamp.sensor, v, exp_so3(w * dt_s), dt_s, out);
   }
   const Eigen::Vector3d a = axes_.length(body.a_WP + q_WP * body.w_WP_P.cross(lever));
-  if (content_.acceleration && a.allFinite()) {
+  if (content_.acceleration && a.allFinite())
     encode_rate(header(Type::kAcceleration), stamp.sensor, a, Eigen::Quaterniond::Identity(), 1.0,
                 out);
-  }
 }
 
 }  // namespace fiducap::vrpn

@@ -4,10 +4,6 @@
 #include <chrono>
 #include <utility>
 
-#include "base/expected.hpp"
-#include "base/log.hpp"
-#include "streaming/vrpn/codec.hpp"
-
 namespace fiducap::vrpn {
 
 namespace {
@@ -26,7 +22,7 @@ std::string printable(std::string_view text) {
 }  // namespace
 
 std::vector<ConfigError> check_body_name(const std::string& path, std::string_view name) {
-  const bool plain = std::none_of(name.begin(), name.end(), [](char c) {
+  const bool plain = std::ranges::none_of(name, [](char c) {
     const auto byte = static_cast<unsigned char>(c);
     return byte < 0x20 || byte == 0x7f;
   });
@@ -71,9 +67,8 @@ std::int32_t SenderTable::id_for(const std::string& name) {
 }
 
 std::optional<std::int32_t> SenderTable::find_body(std::string_view name) const {
-  for (const std::int32_t id : of_bodies_) {
+  for (const std::int32_t id : of_bodies_)
     if (id != kNone && names_[static_cast<std::size_t>(id)] == name) return id;
-  }
   return std::nullopt;
 }
 
@@ -159,19 +154,17 @@ Expected<void> Connection::receive(std::span<const std::byte> bytes, std::int64_
 
 void Connection::greet_back(std::int64_t utc_ns, std::vector<std::byte>& out) {
   describe_new_senders(utc_ns, out);
-  for (std::size_t id = 0; id < kTypeNames.size(); ++id) {
+  for (std::size_t id = 0; id < kTypeNames.size(); ++id)
     encode_description({utc_ns, static_cast<std::int32_t>(id), kTypeDescription, 0}, kTypeNames[id],
                        out);
-  }
 }
 
 void Connection::describe_new_senders(std::int64_t utc_ns, std::vector<std::byte>& out) {
   if (!cookie_) return;
   const auto names = senders_.names();
-  for (; described_ < names.size(); ++described_) {
+  for (; described_ < names.size(); ++described_)
     encode_description({utc_ns, static_cast<std::int32_t>(described_), kSenderDescription, 0},
                        names[described_], out);
-  }
 }
 
 void Connection::handle(const Message& message, std::int64_t utc_ns, std::vector<std::byte>& out) {
@@ -304,9 +297,8 @@ void Session::received(std::span<const std::byte> bytes) {
   const std::size_t before = replies().size();
   const Instant now = clock().now();
   const auto result = connection_.receive(bytes, context_->utc_ns(now), replies());
-  for (const auto& note : connection_.take_notes()) {
+  for (const auto& note : connection_.take_notes())
     context_->write_log(note.level, transport_text() + " " + note.text);
-  }
   if (!result) return close("is refused: " + result.error().text(), log::Level::kWarning);
   number_messages(std::span(replies()).subspan(before), context_->sequence);
   if (!was_open && connection_.open()) {

@@ -76,13 +76,14 @@ using ProtocolConfig = VrpnConfig;
 
 /// @param clock  outlives all handlers of `io`
 /// @return Error `kUnavailable` naming port and remedy when it cannot bind.
-[[nodiscard]] Expected<std::unique_ptr<Streamer>> start_vrpn_server(
-    boost::asio::io_context& io, const VrpnConfig& config, std::shared_ptr<const SceneModel> model,
-    const Clock& clock);
+[[nodiscard]] StartedStreamer start_vrpn_server(boost::asio::io_context& io,
+                                                const VrpnConfig& config,
+                                                std::shared_ptr<const SceneModel> model,
+                                                const Clock& clock);
 
 /// For the list of protocols (streaming/CMakeLists.txt).
-[[nodiscard]] inline Expected<std::unique_ptr<Streamer>> serve(const ProtocolContext& context,
-                                                               const VrpnConfig& config) {
+[[nodiscard]] inline StartedStreamer serve(const ProtocolContext& context,
+                                           const VrpnConfig& config) {
   return start_vrpn_server(context.io, config, context.model, context.clock);
 }
 

@@ -21,9 +21,8 @@ namespace fiducap::vrpn {
 namespace {
 
 bool is_box(const std::array<double, 6>& box) {
-  for (std::size_t i = 0; i < 3; ++i) {
+  for (std::size_t i = 0; i < 3; ++i)
     if (!std::isfinite(box[i]) || !std::isfinite(box[i + 3]) || box[i] >= box[i + 3]) return false;
-  }
   return true;
 }
 
@@ -133,10 +132,9 @@ void VrpnServer::connect_back(const net::UdpServer::Datagram& request) {
   const std::uint64_t address = net::address_hash(key_, request.from);
   unproven_.count_received(address, request.bytes.size() + kHeaderBytes);
   const auto port = decode_request(request.bytes);
-  if (!port) {
+  if (!port)
     return context_->write_log(log::Level::kDebug,
                                net::address_text(request.from) + " " + port.error().text());
-  }
   const net::Peer client = request.from.with_port(*port);
   bool served = false;
   tcp_.each<Session>([&](const Session& session) {
@@ -151,10 +149,9 @@ void VrpnServer::connect_back(const net::UdpServer::Datagram& request) {
 void VrpnServer::tick() {
   if (++ticks_ % kTicksPerSecond != 0) return;
   context_->log_lines_left = kLogLinesPerSecond;
-  if (const int lost = std::exchange(context_->log_lines_lost, 0); lost > 0) {
+  if (const int lost = std::exchange(context_->log_lines_lost, 0); lost > 0)
     context_->write_log(log::Level::kInfo,
                         std::to_string(lost) + " more lines within a second were dropped");
-  }
 }
 
 void VrpnServer::take_over(const SceneModel& model) {
@@ -165,20 +162,18 @@ void VrpnServer::take_over(const SceneModel& model) {
     for (const auto& body : model.bodies)
       sensors_of_body_.push_back(context_->config.sensors_of(body.name));
   }
-  for (const auto& name : context_->senders.update(model)) {
+  for (const auto& name : context_->senders.update(model))
     context_->write_log(
         log::Level::kError,
         "the body \"" + name + "\" is not served: its name is doubled or breaks VRPN's rules");
-  }
 }
 
 void VrpnServer::report_changes(const SceneFrame& frame) {
   if (frame.model != nullptr) {
     const std::size_t known = context_->senders.names().size();
     take_over(*frame.model);
-    if (context_->senders.names().size() > known) {
+    if (context_->senders.names().size() > known)
       tcp_.each<Session>([](Session& session) { session.describe_new_senders(); });
-    }
   }
   texts_.clear();
   watch_.observe(frame, context_->senders.of_bodies(), texts_);
@@ -243,9 +238,8 @@ void VrpnServer::stop() {
 
 std::vector<Pose> VrpnConfig::sensors_of(std::string_view body) const {
   std::vector<Pose> all;
-  for (const ExtraSensor& sensor : sensors) {
+  for (const ExtraSensor& sensor : sensors)
     if (sensor.body == body) all.push_back({sensor.X_PS.q.normalized(), sensor.X_PS.p});
-  }
   return all;
 }
 
@@ -278,10 +272,8 @@ ServedProtocol VrpnConfig::served() const {
           axes(),  conventions_of("vrpn").when_invalid};
 }
 
-Expected<std::unique_ptr<Streamer>> start_vrpn_server(boost::asio::io_context& io,
-                                                      const VrpnConfig& config,
-                                                      std::shared_ptr<const SceneModel> model,
-                                                      const Clock& clock) {
+StartedStreamer start_vrpn_server(boost::asio::io_context& io, const VrpnConfig& config,
+                                  std::shared_ptr<const SceneModel> model, const Clock& clock) {
   auto server = std::make_unique<VrpnServer>(io, config, clock);
   if (auto listening = server->listen(*model); !listening) return tl::unexpected(listening.error());
   log::info("vrpn", "serves VRPN 07." + std::to_string(config.minor_version) + " on " +

@@ -2,9 +2,7 @@
 
 #include <array>
 #include <charconv>
-#include <cmath>
 #include <limits>
-#include <numbers>
 
 #include <nlohmann/json.hpp>
 
@@ -38,9 +36,8 @@ void add_quaternion(JsonWriter& out, const Eigen::Quaterniond& q) {
 void add_covariance(JsonWriter& out, const Eigen::Matrix3d& c) {
   out.name("cov");
   out.array([&] {
-    for (int row = 0; row < 3; ++row) {
+    for (int row = 0; row < 3; ++row)
       for (int column = row; column < 3; ++column) out.value(rounded(c(row, column), 1e12));
-    }
   });
 }
 
@@ -259,7 +256,7 @@ std::string encode_log(std::span<const log::Line> lines) {
       out.member("n", line.number);
       out.member("utc_ms", line.utc_ms);
       out.member("level", log::name_of(line.level));
-      out.member("room", line.module);
+      out.member("module", line.module);
       out.member("text", line.text.substr(0, kLongestText));
     });
   });

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <concepts>
 #include <cstdint>
-#include <numbers>
 #include <optional>
 #include <span>
 #include <string>
@@ -11,6 +10,7 @@
 
 #include "base/event_board.hpp"
 #include "base/log.hpp"
+#include "base/numeric.hpp"
 #include "mapping/store/map_rows.hpp"
 #include "scene/scene_frame.hpp"
 #include "streaming/streamer.hpp"
@@ -19,7 +19,6 @@
 // quaternions w x y z, unit; a number that is not finite becomes null. Reader: web/src/protocol.ts.
 namespace fiducap::web {
 
-inline constexpr double kDegreesPerRadian = 180.0 / std::numbers::pi;
 /// Rounds to 1 / parts. As a quotient, so that 0.1 is written `0.1`.
 [[nodiscard]] inline double rounded(double value, double parts) {
   return std::round(value * parts) / parts;
@@ -126,7 +125,7 @@ struct Hello {
 /// `clients`: clients [{protocol, peer, detail, sent, dropped, connected_s}]
 [[nodiscard]] std::string encode_clients(std::span<const ClientStatus> clients);
 
-/// `log`: lines [{n, utc_ms, level, room, text}], oldest first; text at most 1000 bytes.
+/// `log`: lines [{n, utc_ms, level, module, text}], oldest first; text at most 1000 bytes.
 [[nodiscard]] std::string encode_log(std::span<const log::Line> lines);
 
 /// `events`: standing and events, each [{n, utc_ms, severity, subject, kind, text, remedy, over}]:

@@ -8,7 +8,6 @@
 #include <cstdio>
 #include <fstream>
 #include <limits>
-#include <optional>
 #include <sstream>
 #include <system_error>
 #include <utility>
@@ -47,9 +46,8 @@ std::optional<std::string> compressed(const std::string& text, Effort effort) {
 
 bool same_word(std::string_view text, std::string_view word) {
   if (text.size() != word.size()) return false;
-  for (std::size_t i = 0; i < text.size(); ++i) {
+  for (std::size_t i = 0; i < text.size(); ++i)
     if (std::tolower(static_cast<unsigned char>(text[i])) != word[i]) return false;
-  }
   return true;
 }
 
@@ -84,9 +82,8 @@ constexpr std::array<ContentType, 9> kTypes{{
 
 std::optional<std::string_view> type_of(const fs::path& file) {
   const std::string extension = file.extension().string();
-  for (const auto& known : kTypes) {
+  for (const auto& known : kTypes)
     if (known.extension == extension) return known.type;
-  }
   return std::nullopt;
 }
 

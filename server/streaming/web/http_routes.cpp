@@ -1,10 +1,8 @@
 #include "streaming/web/http_routes.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <charconv>
-#include <memory>
 #include <utility>
 
 #include "middleware/net/peer.hpp"
@@ -64,10 +62,9 @@ HttpResponse json_response(int status, Content json, const HttpRequest& request)
 
 HttpResponse health_response(const Health& health, const HttpRequest& request) {
   std::string alarms;
-  for (const Severity severity : {Severity::kError, Severity::kWarning, Severity::kInfo}) {
+  for (const Severity severity : {Severity::kError, Severity::kWarning, Severity::kInfo})
     alarms += (alarms.empty() ? "\"" : ",\"") + std::string(name_of(severity)) +
               "\":" + std::to_string(health.alarms[static_cast<std::size_t>(severity)]);
-  }
   const std::string status = health.trouble.empty() ? "ok" : health.trouble;
   return json_response(
       health.trouble.empty() ? 200 : 503,
@@ -222,9 +219,8 @@ std::string_view path_of(std::string_view target) {
 
 HttpResponse answer(const HttpRequest& request, const PageFiles& page,
                     const RouteSources& sources) {
-  if (request.method != "GET" && request.method != "HEAD") {
+  if (request.method != "GET" && request.method != "HEAD")
     return plain_response(405, "expected GET or HEAD\n");
-  }
   const std::string_view path = path_of(request.target);
   if (path == "/api/v1/state") return json_response(200, sources.state(), request);
   if (path == "/healthz") return health_response(sources.health(), request);
@@ -251,7 +247,7 @@ bool is_our_name(std::string_view host, const std::vector<std::string>& names) {
   name = name.substr(0, name.rfind(':'));
   if (name.ends_with('.')) name.pop_back();
   if (name == "localhost" || net::parse_address(name)) return true;
-  return std::any_of(names.begin(), names.end(), [&](const std::string& ours) {
+  return std::ranges::any_of(names, [&](const std::string& ours) {
     return name == lower(ours) || name == lower(ours) + ".local";
   });
 }

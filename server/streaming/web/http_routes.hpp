@@ -93,8 +93,7 @@ struct RouteSources {
 /// Sent with every reply: no foreign content in the page, no page in foreign frames.
 inline constexpr std::string_view kContentSecurityPolicy =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src "
-    "'self'; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+    "'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 /// `/api/v1/setup` and all below it.
 [[nodiscard]] bool is_setup(std::string_view path);

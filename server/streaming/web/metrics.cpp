@@ -6,7 +6,6 @@
 #include <fstream>
 #include <initializer_list>
 #include <limits>
-#include <utility>
 
 #include <fmt/format.h>
 
@@ -149,11 +148,10 @@ void add_protocols(Writer& out, const MetricsParts& parts) {
 
 void add_events(Writer& out, const MetricsParts& parts) {
   out.gauge("fiducap_alarm", "1 while a condition holds.");
-  for (const Event& alarm : parts.alarms) {
+  for (const Event& alarm : parts.alarms)
     out.sample(
         std::uint64_t{1},
         {{"subject", alarm.subject}, {"kind", alarm.kind}, {"severity", name_of(alarm.severity)}});
-  }
   out.counter("fiducap_events", "Events since the start.");
   for (const Severity severity : kSeverities)
     out.sample(parts.events[static_cast<std::size_t>(severity)], {{"severity", name_of(severity)}});

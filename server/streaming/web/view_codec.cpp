@@ -2,10 +2,9 @@
 
 #include <array>
 #include <charconv>
-#include <cmath>
-#include <numbers>
 #include <optional>
 
+#include "base/numeric.hpp"
 #include "streaming/web/codec.hpp"
 
 namespace fiducap::web {
@@ -13,43 +12,19 @@ namespace fiducap::web {
 namespace {
 
 std::string_view name_of(ViewAccess::Kind kind) {
-  switch (kind) {
-    case ViewAccess::Kind::kGranted:
-      return "granted";
-    case ViewAccess::Kind::kProof:
-      return "proof";
-    case ViewAccess::Kind::kDenied:
-      break;
-  }
-  return "denied";
+  static constexpr std::array<std::string_view, 3> kNames{"granted", "proof", "denied"};
+  return kNames[static_cast<std::size_t>(kind)];
 }
 
 std::string_view name_of(ViewOutline::Kind kind) {
-  switch (kind) {
-    case ViewOutline::Kind::kUsed:
-      return "used";
-    case ViewOutline::Kind::kRejected:
-      return "rejected";
-    case ViewOutline::Kind::kExpected:
-      break;
-  }
-  return "expected";
+  static constexpr std::array<std::string_view, 3> kNames{"used", "rejected", "expected"};
+  return kNames[static_cast<std::size_t>(kind)];
 }
 
 std::string_view name_of(TagCandidate::Why why) {
-  switch (why) {
-    case TagCandidate::Why::kUnsearched:
-      return "unsearched";
-    case TagCandidate::Why::kLowMargin:
-      return "low_margin";
-    case TagCandidate::Why::kTooSmall:
-      return "too_small";
-    case TagCandidate::Why::kFaint:
-      return "faint";
-    case TagCandidate::Why::kUnread:
-      break;
-  }
-  return "unread";
+  static constexpr std::array<std::string_view, 5> kNames{"unsearched", "low_margin", "too_small",
+                                                          "faint", "unread"};
+  return kNames[static_cast<std::size_t>(why)];
 }
 
 void corners(JsonWriter& json, const std::array<Eigen::Vector2d, 4>& px) {
@@ -172,16 +147,14 @@ Expected<std::vector<CameraRequest>> parse_view_requests(std::string_view text) 
   std::vector<CameraRequest> requests;
   while (!text.empty()) {
     const auto request = text.ends_with(' ') ? std::nullopt : take_view_request(text);
-    if (!request) {
+    if (!request)
       return fail(ErrorCode::kInvalid,
                   "expected BODY/CAMERA/WIDTH/PER_SECOND/CANDIDATES with width 80 to 4096, per "
                   "second 1 to 10, candidates 0 or 1; request " +
                       std::to_string(requests.size() + 1) + " is different");
-    }
-    if (requests.size() == kMostViewRequests) {
+    if (requests.size() == kMostViewRequests)
       return fail(ErrorCode::kInvalid,
                   "expected at most " + std::to_string(kMostViewRequests) + " cameras at once");
-    }
     requests.push_back(*request);
   }
   return requests;

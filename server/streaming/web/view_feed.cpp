@@ -37,10 +37,9 @@ bool ViewConnection::prove(std::span<const std::byte> bytes, std::vector<std::by
 void ViewConnection::request(std::span<const CameraRequest> requests,
                              std::span<const CameraViews::Camera> cameras) {
   for (std::size_t i = 0; i < places_.size(); ++i) {
-    const auto wanted =
-        std::find_if(requests.begin(), requests.end(), [&](const CameraRequest& one) {
-          return one.body_id == cameras[i].body_id && one.camera == cameras[i].camera;
-        });
+    const auto wanted = std::ranges::find_if(requests, [&](const CameraRequest& one) {
+      return one.body_id == cameras[i].body_id && one.camera == cameras[i].camera;
+    });
     Place& place = places_[i];
     if (wanted == requests.end()) {
       place = {};
@@ -76,8 +75,8 @@ Message ViewConnection::next(Instant now) {
 }
 
 ClientStatus ViewConnection::status(Instant now) const {
-  const auto watched = std::count_if(places_.begin(), places_.end(),
-                                     [](const Place& place) { return place.request.has_value(); });
+  const auto watched =
+      std::ranges::count_if(places_, [](const Place& place) { return place.request.has_value(); });
   return {"web",
           net::text_of(peer_) + " tcp",
           "camera views, " + std::to_string(watched) + (watched == 1 ? " camera" : " cameras"),
@@ -113,8 +112,8 @@ net::Place ViewFeed::place_for(const net::Peer& peer) const {
   std::vector<net::Peer> holders;
   for (const auto& one : connections_)
     if (one->has_place()) holders.push_back(one->peer());
-  const auto same = std::count_if(holders.begin(), holders.end(),
-                                  [&](const net::Peer& one) { return one.same_address(peer); });
+  const auto same =
+      std::ranges::count_if(holders, [&](const net::Peer& one) { return one.same_address(peer); });
   if (static_cast<std::size_t>(same) >= kMostPerAddress) return {};
   return net::place_for(peer, holders, kMostViewers);
 }

@@ -90,13 +90,14 @@ struct WebSources {
 /// `/api/v1/control`: commands with the operator's token; `/api/v1/views`: pictures of cameras),
 /// same origin.
 /// @return Error with a remedy when the address cannot be bound
-[[nodiscard]] Expected<std::unique_ptr<Streamer>> start_web_server(
-    boost::asio::io_context& io, const WebConfig& config, WebSources sources,
-    std::shared_ptr<const SceneModel> model, const Clock& clock);
+[[nodiscard]] StartedStreamer start_web_server(boost::asio::io_context& io, const WebConfig& config,
+                                               WebSources sources,
+                                               std::shared_ptr<const SceneModel> model,
+                                               const Clock& clock);
 
 /// For the list of protocols (streaming/CMakeLists.txt).
-[[nodiscard]] inline Expected<std::unique_ptr<Streamer>> serve(const ProtocolContext& context,
-                                                               const WebConfig& config) {
+[[nodiscard]] inline StartedStreamer serve(const ProtocolContext& context,
+                                           const WebConfig& config) {
   WebSources sources;
   sources.clients = context.clients;
   sources.version = context.version;

@@ -74,15 +74,13 @@ std::vector<ConfigError> WebConfig::check() const {
       .errors;
 }
 
-Expected<std::unique_ptr<Streamer>> start_web_server(boost::asio::io_context& io,
-                                                     const WebConfig& config, WebSources sources,
-                                                     std::shared_ptr<const SceneModel> model,
-                                                     const Clock& clock) {
+StartedStreamer start_web_server(boost::asio::io_context& io, const WebConfig& config,
+                                 WebSources sources, std::shared_ptr<const SceneModel> model,
+                                 const Clock& clock) {
   auto context = std::make_shared<WebContext>(config, std::move(sources), std::move(model), clock);
-  if (!context->has_page()) {
+  if (!context->has_page())
     log::warning(
         "web", "no page bundle in " + page_root(config.root).string() + ": only the API is served");
-  }
   auto server = std::make_unique<PageServer>(io, std::move(context), config, clock);
   if (const auto listening = server->listen(config); !listening)
     return tl::unexpected(listening.error());

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <boost/beast/http/read.hpp>
 #include <boost/beast/http/write.hpp>
-#include <utility>
 
 #include "base/log.hpp"
 #include "streaming/net/bind.hpp"
@@ -57,20 +56,18 @@ void BeastSession::on_request(ErrorCodeOf error, std::size_t) {
   const bool is_watching = socket && *socket != SocketKind::kControl;
   // No limit for the set-up: other programs of this machine share its address.
   const bool leads = context_->leads_setup(view_of(request[kSetupHeader]));
-  if (!leads && !context_->take_request(peer(), is_watching ? kUpgradeCost : 1)) {
+  if (!leads && !context_->take_request(peer(), is_watching ? kUpgradeCost : 1))
     return send(later_response(429, "too many requests from this address; try again later\n"),
                 request.keep_alive());
-  }
   // RFC 9112 3.2
   const auto hosts = request.count(http::field::host);
   if (hosts > 1 || (hosts == 0 && request.version() >= 11))
     return send(plain_response(400, "expected one Host\n"), false);
-  if (!context_->knows(view_of(request[http::field::host]))) {
+  if (!context_->knows(view_of(request[http::field::host])))
     return send(plain_response(421,
                                "this server has another name: use its address, or add this name to "
                                "streaming.web.hosts\n"),
                 false);
-  }
   if (socket) return upgrade(*socket);
   const HttpRequest asked{view_of(request.method_string()),
                           view_of(request.target()),
@@ -89,9 +86,8 @@ void BeastSession::on_request(ErrorCodeOf error, std::size_t) {
 
 void BeastSession::refuse(ErrorCodeOf error) {
   (void)context_->take_request(peer(), 1);  // costs as much as a valid one
-  if (error == http::error::header_limit || error == http::error::buffer_overflow) {
+  if (error == http::error::header_limit || error == http::error::buffer_overflow)
     return send(plain_response(431, "request header larger than 8 KiB\n"), false);
-  }
   if (error == http::error::unexpected_body)
     return send(plain_response(413, "expected no body\n"), false);
   // Other errors of the parser: not HTTP. The rest are disconnects and timeouts, without a reply.

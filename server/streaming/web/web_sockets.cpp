@@ -93,11 +93,10 @@ void BeastSession::on_live_read(ErrorCodeOf, std::size_t) { end(); }
 template <class Client>
 void BeastSession::write_next(Client& client, std::string_view places) {
   const Instant now = context_->now();
-  if (client.dismissed()) {
+  if (client.dismissed())
     return close("is closed: its address has the most " + std::string(places) +
                      " and another client needs one",
                  log::Level::kWarning);
-  }
   if (client.is_stuck(now, kWriteTimeout))
     return close("stopped reading and was closed", log::Level::kWarning);
   Message message = client.next(now);
@@ -182,10 +181,9 @@ void BeastSession::on_view_request(ErrorCodeOf error, std::size_t) {
   const auto requests = stream_.got_text()
                             ? parse_view_requests(text)
                             : fail(ErrorCode::kInvalid, "expected a request as text");
-  if (!requests) {
+  if (!requests)
     return close_socket(
         {websocket::close_code::policy_error, requests.error().what.substr(0, kLongestReason)});
-  }
   context_->view_feed().request(*view_, *requests);
   buffer_.clear();
   stream_.async_read(buffer_, on(&BeastSession::on_view_request));
@@ -194,9 +192,8 @@ void BeastSession::on_view_request(ErrorCodeOf error, std::size_t) {
 void BeastSession::prove_view() {
   hangs_up_ = stream_.got_text() || !view_->prove(received(), replies_, context_->now());
   buffer_.clear();
-  if (view_->is_admitted() && !context_->view_feed().admit(*view_)) {
+  if (view_->is_admitted() && !context_->view_feed().admit(*view_))
     return close_socket({websocket::close_code::try_again_later, kTooManyViewers});
-  }
   if (replies_.empty()) return on_view_reply({}, 0);  // half a request, or none at all
   stream_.async_write(asio::buffer(replies_), on(&BeastSession::on_view_reply));
 }

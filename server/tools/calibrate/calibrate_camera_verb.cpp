@@ -31,12 +31,11 @@ Expected<CollectedViews> views_in_corners(const CalibrateCameraArguments& argume
   const auto fits = [](int n) { return n > 0 && n <= kLargest_px; };
   const auto size = pair_from(arguments.size);
   if (!size || !fits(size->first) || !fits(size->second))
-    return fail(
-        ErrorCode::kInvalid,
-        "must be WIDTHxHEIGHT of the images in pixels, e.g. 1280x720 (a file of corners does "
-        "not have it); is '" +
-            arguments.size + "'",
-        "--size");
+    return fail(ErrorCode::kInvalid,
+                "must be WIDTHxHEIGHT of the images in pixels, e.g. 1280x720 (a file of corners "
+                "does not have it); is '" +
+                    arguments.size + "'",
+                "--size");
   choice.board.tag_m = (arguments.tag_mm > 0 ? arguments.tag_mm : kUsualTag_mm) / 1000;
   if (!arguments.board.empty()) {
     auto board = read_board_description(arguments.board);
@@ -88,10 +87,9 @@ void add_camera_target_options(CLI::App& verb, CalibrateCameraArguments& a) {
       ->excludes(board);
   verb.add_option("--family", a.family, "Tag family; default: as in the recording, else tag36h11")
       ->excludes(board);
-  verb.add_flag(
-      "--loose", a.loose,
-      "The tags are moved relative to each other while recording (detected without it, too, "
-      "but slowly)");
+  verb.add_flag("--loose", a.loose,
+                "The tags are moved relative to each other while recording (detected without it, "
+                "too, but slowly)");
 }
 
 void add_corner_options(CLI::App& verb, CLI::Option& input, CalibrateCameraArguments& a) {

@@ -1,10 +1,10 @@
 #include <array>
 #include <filesystem>
-#include <numbers>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "base/numeric.hpp"
 #include "base/pose.hpp"
 #include "base/whole_file.hpp"
 #include "calibration/extrinsics/camera_imu_calibration.hpp"
@@ -16,7 +16,6 @@
 namespace fiducap {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kGoodTime_s = 0.001;
 constexpr double kSurprising_sigma = 3;
 constexpr std::array<const char*, 6> kAxes{"x", "y", "z", "rotation x", "rotation y", "rotation z"};

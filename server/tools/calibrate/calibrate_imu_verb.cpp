@@ -1,12 +1,12 @@
 #include <array>
 #include <filesystem>
 #include <locale>
-#include <numbers>
 #include <sstream>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "base/numeric.hpp"
 #include "base/whole_file.hpp"
 #include "calibration/imu/imu_calibration.hpp"
 #include "capture/recording/recording_layout.hpp"
@@ -38,8 +38,9 @@ Expected<std::vector<ImuSample>> read_imu(const std::string& folder, const Termi
       line.show("reading " + folder + ": " + std::to_string(samples.size()) + " samples");
   }
   stream->log_damage();
-  if (const auto fault = plausibility.take_fault(); fault && is_fatal(*fault))
-    return fail(ErrorCode::kInvalid, std::string(text_of(*fault)), layout->imu_csv().string());
+  for (const auto& fault : plausibility.faults())
+    if (fault && is_fatal(*fault))
+      return fail(ErrorCode::kInvalid, std::string(text_of(*fault)), layout->imu_csv().string());
   return samples;
 }
 
@@ -191,7 +192,6 @@ std::string percent_list(const Eigen::Matrix3d& M, const Eigen::Vector3d& sigma)
 }
 
 void print_poses(const MultiPoseImu& r, const std::string& file, const Terminal& terminal) {
-  constexpr double kDegrees = 180 / std::numbers::pi;
   const ImuCorrection& c = r.correction;
   terminal.out << fmt::format("{} attitudes at rest, {} turns between them, in {:.1f} min\n",
                               r.rests, r.turns, r.seconds / 60)
@@ -204,8 +204,9 @@ void print_poses(const MultiPoseImu& r, const std::string& file, const Terminal&
                       "  |f| against gravity: {:.4f} m/s² RMS as read, {:.4f} corrected\n"
                       "  up carried by the gyro: {:.2f}° RMS as read, {:.2f}° corrected\n"
                       "written: {}\n",
-                      r.gravity_rms_before, r.gravity_rms_after, r.up_rms_before * kDegrees,
-                      r.up_rms_after * kDegrees, file);
+                      r.gravity_rms_before, r.gravity_rms_after,
+                      r.up_rms_before * kDegreesPerRadian, r.up_rms_after * kDegreesPerRadian,
+                      file);
 }
 
 int run_poses(const CalibrateImuArguments& arguments, const std::vector<ImuSample>& samples,

@@ -116,11 +116,11 @@ Expected<CalibrationImages> CalibrationImages::open_folder(const std::string& pa
     if (is_file(entry.path()) && is_picture(entry.path())) images.files_.push_back(entry.path());
   if (error) return fail(ErrorCode::kUnavailable, "cannot be read: " + error.message(), path);
   if (images.files_.empty())
-    return fail(ErrorCode::kNotFound,
-                "holds neither pictures (.png, .jpg, .bmp, .pgm, .tiff, .webp) nor a recording "
-                "(mav0)",
-                path);
-  std::sort(images.files_.begin(), images.files_.end());
+    return fail(
+        ErrorCode::kNotFound,
+        "holds neither pictures (.png, .jpg, .bmp, .pgm, .tiff, .webp) nor a recording (mav0)",
+        path);
+  std::ranges::sort(images.files_);
   return images;
 }
 

@@ -2,18 +2,16 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "base/numeric.hpp"
 #include "capture/lens/calibration_files.hpp"
 #include "tools/calibrate/calibrate.hpp"
 
 namespace fiducap {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 std::array<const char*, kLensNumbers> number_names(Distortion kind) {
   if (kind == Distortion::kEquidistant)
@@ -347,8 +345,7 @@ std::string to_camera_yaml(const IntrinsicsCalibration& calibration,
          "\nintrinsics_sigma: {focal: " + fixed(mount.focal_sigma, 6) +
          ", centre_px: " + fixed(mount.centre_sigma_px, 4) + ", k1: " + fixed(mount.k1_sigma, 6) +
          "}\nlens_error_px: " + fixed(mount.lens_error_px, 3) +
-         "  # systematic, the same in all images\ncamera_model: pinhole\nresolution: "
-         "[" +
+         "  # systematic, the same in all images\ncamera_model: pinhole\nresolution: [" +
          std::to_string(camera.width) + ", " + std::to_string(camera.height) +
          "]\nintrinsics: " + list(0, 4, 6) + "\ndistortion_model: " + name_of(camera.distortion) +
          "\ndistortion_coefficients: " + list(4, coefficients, 9) + "\n";

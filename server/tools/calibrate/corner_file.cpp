@@ -15,13 +15,12 @@ namespace {
 constexpr int kMostAlong = 100;  // squares along a side
 
 Error board_error(const std::string& text) {
-  return {
-      ErrorCode::kInvalid,
-      "must be tags:MM, points:COLUMNSxROWS:MM, charuco:COLUMNSxROWS:SQUARE_MM:MARKER_MM[:white] "
-      "or grid:COLUMNSxROWS:TAG_MM:GAP_MM, e.g. charuco:5x7:36.2:18.3 (columns and rows 2 to 100, "
-      "lengths > 0); is '" +
-          text + "'",
-      "--board"};
+  return {ErrorCode::kInvalid,
+          "must be tags:MM, points:COLUMNSxROWS:MM, "
+          "charuco:COLUMNSxROWS:SQUARE_MM:MARKER_MM[:white] or grid:COLUMNSxROWS:TAG_MM:GAP_MM, "
+          "e.g. charuco:5x7:36.2:18.3 (columns and rows 2 to 100, lengths > 0); is '" +
+              text + "'",
+          "--board"};
 }
 
 std::vector<std::string_view> split(std::string_view text, char by) {
@@ -250,7 +249,7 @@ class CornerRows final {
 };
 
 bool is_whole(const Quad& quad) {
-  return std::all_of(quad.begin(), quad.end(), [](const auto& px) { return px.has_value(); });
+  return std::ranges::all_of(quad, [](const auto& px) { return px.has_value(); });
 }
 
 double shortest_side(const Quad& quad) {

@@ -31,8 +31,7 @@ struct CaptureArguments {
   bool json{false};
 };
 
-using CameraOpener = std::function<Expected<std::unique_ptr<SensorSource>>(
-    const CameraDeviceConfig&, const CameraModel&)>;
+using CameraOpener = std::function<OpenedSource(const CameraDeviceConfig&, const CameraModel&)>;
 
 /// `fiducap capture`: pictures for a calibration, or a recording with images, of any camera that
 /// the server can open. @param open  a replacement for tests

@@ -1,7 +1,6 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
-#include <numbers>
 #include <optional>
 #include <string_view>
 #include <vector>
@@ -12,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/log.hpp"
+#include "base/numeric.hpp"
 #include "base/text.hpp"
 #include "capture/gray_image.hpp"
 #include "capture/image_watch.hpp"
@@ -242,7 +242,7 @@ Expected<int> take_pictures(const CaptureArguments& arguments, CameraRun& run,
 /// A guessed lens of 70°, common among cameras, with its sigmas.
 CameraMount guessed_mount(PixelSize size) {
   CameraMount mount;
-  const double f = size.width / 2.0 / std::tan(35 * std::numbers::pi / 180);
+  const double f = size.width / 2.0 / std::tan(35 * kDegree);
   mount.model = {
       size.width,        size.height, f, f, (size.width - 1) / 2.0, (size.height - 1) / 2.0,
       Distortion::kNone, {}};

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "daemon/config/config_file.hpp"
+#include "daemon/review/config_review.hpp"
 #include "daemon/stream_loop.hpp"
 #include "middleware/network.hpp"
 #include "tools/terminal.hpp"
@@ -89,12 +90,6 @@ struct TokenFacts {
 struct RunningServer {
   int pid{};
   bool realtime{};  ///< One of its threads has real-time priority.
-};
-
-struct FolderFacts {
-  std::string path;
-  bool writable{};
-  std::optional<std::uint64_t> free_bytes;
 };
 
 struct StoreFacts {

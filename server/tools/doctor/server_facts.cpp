@@ -88,18 +88,6 @@ std::vector<RunningServer> running_servers() {
   return all;
 }
 
-/// Of the nearest existing folder: missing folders will be made in it.
-FolderFacts folder_facts(const fs::path& path) {
-  std::error_code unknown;
-  fs::path existing = fs::absolute(path, unknown);
-  while (!fs::exists(existing, unknown) && existing.has_relative_path())
-    existing = existing.parent_path();
-  FolderFacts facts{path.string(), ::access(existing.c_str(), W_OK) == 0, std::nullopt};
-  const auto space = fs::space(existing, unknown);
-  if (!unknown) facts.free_bytes = space.available;
-  return facts;
-}
-
 StoreFacts store_facts(const std::string& path) {
   std::error_code unknown;
   StoreFacts facts;
@@ -154,8 +142,7 @@ ServerFacts gather_facts(const ServerConfig& config, const std::string& host) {
   facts.servers = running_servers();
   facts.listening = listening_ports();
   if (!config.map.store.empty()) facts.store = store_facts(config.map.store);
-  facts.recordings =
-      folder_facts(config.recorder.folder.empty() ? "recordings" : config.recorder.folder);
+  facts.recordings = recordings_of(config);
   if (config.streaming.web.enabled) {
     if (const auto state = http_get(host, config.streaming.web.port, "/api/v1/state", kPageTimeout))
       facts.alarms = alarms_in(*state);

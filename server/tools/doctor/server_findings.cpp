@@ -41,7 +41,7 @@ bool is_public(const std::string& address) {
   static constexpr std::array kPrivate{"0.0.0.0/8",      "10.0.0.0/8",     "100.64.0.0/10",
                                        "127.0.0.0/8",    "169.254.0.0/16", "172.16.0.0/12",
                                        "192.168.0.0/16", "224.0.0.0/3"};
-  return std::none_of(kPrivate.begin(), kPrivate.end(), [&](const char* network) {
+  return std::ranges::none_of(kPrivate, [&](const char* network) {
     const auto known = net::parse_network(network);
     return known && known->contains({peer->address, 0});
   });
@@ -80,15 +80,10 @@ void check_natnet(Findings& all, const natnet::NatNetConfig& natnet) {
          "streaming.natnet.remote_control: off, unless a program needs it");
 }
 
-void check_imus(Findings& all, const std::vector<BodyConfig>& bodies) {
-  for (const BodyConfig& body : bodies) {
-    const auto* link = body.imu_source ? body.imu_source->link() : nullptr;
-    if (link != nullptr && link->takes_the_first_sender())
-      warn(all,
-           "the IMU of " + body.name + " on UDP port " + std::to_string(link->port) +
-               " belongs to the first sender",
-           "name its address with imu_source.peer, or listen on address: 127.0.0.1");
-  }
+/// The checks that `--check-config` reports, too.
+void add_checks(Findings& all, const std::vector<ConfigCheck>& checks) {
+  for (const ConfigCheck& one : checks)
+    all.push_back({one.is_fault ? Grade::kFault : Grade::kWarning, one.text, one.remedy});
 }
 
 void check_token(Findings& all, const TokenFacts& token) {
@@ -183,11 +178,7 @@ void check_store(Findings& all, const StoreFacts& store,
 }
 
 void check_recordings(Findings& all, const FolderFacts& folder, double bytes_per_s) {
-  if (!folder.writable)
-    return fault(
-        all, "recordings cannot be written to " + folder.path,
-        "make the folder writable for the user that runs fiducapd, or change recorder.folder");
-  if (!folder.free_bytes || bytes_per_s <= 0) return;
+  if (!folder.writable || !folder.free_bytes || bytes_per_s <= 0) return;
   const double minutes = static_cast<double>(*folder.free_bytes) / bytes_per_s / 60;
   const std::string text = "room for about " + fixed(minutes, 0) + " min of recording in " +
                            folder.path + " (" + fixed(bytes_per_s / 1e6, 2) + " MB/s)";
@@ -221,26 +212,24 @@ std::vector<std::string> faults_of(const ServedProtocol& protocol,
                                    const std::vector<ListeningPort>& listening,
                                    const std::vector<NetworkInterface>& interfaces) {
   std::vector<std::string> faults;
-  const bool known = is_any(protocol.address) ||
-                     std::any_of(interfaces.begin(), interfaces.end(),
-                                 [&](const auto& one) { return one.address == protocol.address; });
-  if (!known) {
+  const bool known =
+      is_any(protocol.address) || std::ranges::any_of(interfaces, [&](const auto& one) {
+        return one.address == protocol.address;
+      });
+  if (!known)
     faults.push_back("no interface of this machine has that address; set streaming." +
                      std::string(protocol.name) + ".address to one of those above");
-  }
   for (const PortUse& port : protocol.ports) {
     const Transport transport = port.udp ? Transport::kUdp : Transport::kTcp;
-    const bool heard =
-        std::any_of(listening.begin(), listening.end(), [&](const ListeningPort& one) {
-          return one.port == port.number && one.transport == transport &&
-                 (one.address == protocol.address || is_any(one.address));
-        });
-    if (!heard && port.number != 0) {
+    const bool heard = std::ranges::any_of(listening, [&](const ListeningPort& one) {
+      return one.port == port.number && one.transport == transport &&
+             (one.address == protocol.address || is_any(one.address));
+    });
+    if (!heard && port.number != 0)
       faults.push_back("no program listens on " + std::to_string(port.number) +
                        (port.udp ? " udp" : " tcp") +
                        ": is fiducapd running with this configuration? Its log names a port that "
                        "it could not open");
-    }
   }
   return faults;
 }
@@ -249,27 +238,25 @@ std::vector<std::string> faults_of(const dds::NetworkConfig& network,
                                    const std::vector<ListeningPort>& listening,
                                    const std::vector<NetworkInterface>& interfaces) {
   std::vector<std::string> faults;
-  const bool known = network.interface.empty() ||
-                     std::any_of(interfaces.begin(), interfaces.end(), [&](const auto& one) {
-                       return one.name == network.interface || one.address == network.interface;
-                     });
-  if (!known) {
+  const bool known =
+      network.interface.empty() || std::ranges::any_of(interfaces, [&](const auto& one) {
+        return one.name == network.interface || one.address == network.interface;
+      });
+  if (!known)
     faults.push_back(
         "no interface of this machine has that name or address; set dds.interface to one of those "
         "above");
-  }
   // RTPS 2.2, 9.6.1.1: discovery port of participant i of a domain.
   const int first = 7400 + 250 * network.domain + 10;
-  const bool heard = std::any_of(listening.begin(), listening.end(), [&](const ListeningPort& one) {
+  const bool heard = std::ranges::any_of(listening, [&](const ListeningPort& one) {
     const int index = (one.port - first) / 2;
     return one.transport == Transport::kUdp && one.port >= first && (one.port - first) % 2 == 0 &&
            index < network.max_participants;
   });
-  if (!heard) {
+  if (!heard)
     faults.push_back("no program listens on " + std::to_string(first) +
                      " udp or the ports after it: is fiducapd running "
                      "with this configuration? Its log has the reason");
-  }
   return faults;
 }
 
@@ -285,7 +272,7 @@ Findings exposure_findings(const ServerConfig& config, const ServerFacts& facts,
     }
     const std::string text =
         name + " on " + protocol.address + " is open to " + allowed_clients(config, protocol.name);
-    const auto reached = std::find_if(interfaces.begin(), interfaces.end(), [&](const auto& card) {
+    const auto reached = std::ranges::find_if(interfaces, [&](const auto& card) {
       return card.up && is_public(card.address) &&
              (is_any(protocol.address) || card.address == protocol.address);
     });
@@ -305,7 +292,7 @@ Findings exposure_findings(const ServerConfig& config, const ServerFacts& facts,
              " is open to all machines of that network: it has no password",
          "dds.interface: lo, or a network of its own");
   check_natnet(all, config.streaming.natnet);
-  check_imus(all, config.bodies);
+  add_checks(all, access_checks(config));
   check_token(all, facts.token);
   return all;
 }
@@ -337,10 +324,8 @@ Findings machine_findings(const ServerConfig& config, const ServerFacts& facts) 
 
 Findings disk_findings(const ServerConfig& config, const ServerFacts& facts) {
   Findings all;
-  if (facts.store)
-    check_store(all, *facts.store, facts.servers);
-  else
-    warn(all, "the map is lost when the server ends", "map.store: a file");
+  if (facts.store) check_store(all, *facts.store, facts.servers);
+  add_checks(all, storage_checks(config, facts.recordings));
   check_recordings(all, facts.recordings, recording_rate(config));
   return all;
 }
@@ -351,11 +336,10 @@ Findings port_findings(const ServerConfig& config, const ServerFacts& facts) {
     if (!protocol.enabled) continue;
     for (const PortUse& port : protocol.ports) {
       const Transport transport = port.udp ? Transport::kUdp : Transport::kTcp;
-      const auto taken =
-          std::find_if(facts.listening.begin(), facts.listening.end(), [&](const auto& one) {
-            return one.port == port.number && one.transport == transport && !one.owner.empty() &&
-                   one.owner.rfind("fiducapd ", 0) != 0;
-          });
+      const auto taken = std::ranges::find_if(facts.listening, [&](const auto& one) {
+        return one.port == port.number && one.transport == transport && !one.owner.empty() &&
+               one.owner.rfind("fiducapd ", 0) != 0;
+      });
       if (port.number == 0 || taken == facts.listening.end()) continue;
       fault(all,
             std::string(protocol.name) + ": port " + std::to_string(port.number) +

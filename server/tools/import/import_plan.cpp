@@ -57,11 +57,11 @@ std::vector<std::size_t> usable_images(const ImportSource& source) {
   for (std::size_t i = 0; i < streams.size(); ++i) {
     const FoundStream& s = streams[i];
     if (s.kind != FoundKind::kImages || s.is_depth || s.mount.model.width == 0) continue;
-    const bool twin = ros::is_compressed(s.name) &&
-                      std::any_of(streams.begin(), streams.end(), [&](const FoundStream& raw) {
-                        return raw.kind == FoundKind::kImages &&
-                               raw.name + "/compressed" == s.name && raw.count > 0;
-                      });
+    const bool twin =
+        ros::is_compressed(s.name) && std::ranges::any_of(streams, [&](const FoundStream& raw) {
+          return raw.kind == FoundKind::kImages && raw.name + "/compressed" == s.name &&
+                 raw.count > 0;
+        });
     if (!twin) usable.push_back(i);
   }
   return usable;
@@ -80,10 +80,10 @@ Expected<void> choose_images(const ImportSource& source, const ImportArguments& 
   if (!choice.images.empty()) return {};
   choice.images = usable_images(source);
   if (choice.images.empty())
-    return fail(ErrorCode::kNotFound,
-                "has no images (sensor_msgs/Image or CompressedImage, a video, pictures); there "
-                "is: " +
-                    all_there_is(source));
+    return fail(
+        ErrorCode::kNotFound,
+        "has no images (sensor_msgs/Image or CompressedImage, a video, pictures); there is: " +
+            all_there_is(source));
   if (choice.images.size() == 1 || source.is_one_rig()) return {};
   std::string choices;
   for (const std::size_t i : choice.images)

@@ -29,8 +29,8 @@ Expected<ControlOptions> options_of(const ControlArguments& arguments) {
   if (options.token.empty() && from_environment != nullptr) options.token = from_environment;
   if (options.token.empty())
     return fail(ErrorCode::kInvalid,
-                "needs the operator's token (operator.token of the server's configuration): "
-                "export FIDUCAP_TOKEN=$(cat FILE), or --token T, which other users see");
+                "needs the operator's token (operator.token of the server's configuration): export "
+                "FIDUCAP_TOKEN=$(cat FILE), or --token T, which other users see");
   return options;
 }
 
@@ -70,8 +70,7 @@ Error stalled(const Recording& recording, std::chrono::duration<double> timeout)
           "the recording \"" + recording.name + "\"" +
               (begins ? " has not begun" : " is still being written") +
               ": its disk has taken nothing for " + fixed(timeout.count(), 1) +
-              " s. The samples wait in the server's memory; `fiducap control "
-              "list` shows its state "
+              " s. The samples wait in the server's memory; `fiducap control list` shows its state "
               "(so far " +
               counts_of(recording) + ")",
           {}};

@@ -4,12 +4,12 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <numbers>
 
 #include <fmt/format.h>
 #include <Eigen/Geometry>
 #include <nlohmann/json.hpp>
 
+#include "base/numeric.hpp"
 #include "fiducap/client.hpp"
 #include "tools/live/live_verbs.hpp"
 #include "tools/terminal.hpp"
@@ -18,22 +18,13 @@
 namespace fiducap {
 namespace {
 
-constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr std::size_t kAngleWidth = 8;
 constexpr std::size_t kRateWidth = 7;
 
 const char* name_of(Tracking tracking) {
-  switch (tracking) {
-    case Tracking::kSearching:
-      return "searching";
-    case Tracking::kTracking:
-      return "tracking";
-    case Tracking::kCoasting:
-      return "coasting";
-    case Tracking::kLost:
-      return "lost";
-  }
-  return "lost";
+  constexpr std::array kNames{"searching", "tracking", "coasting", "lost"};
+  const auto i = static_cast<std::size_t>(tracking);
+  return i < kNames.size() ? kNames[i] : "lost";
 }
 
 double length(const std::array<double, 3>& v) { return std::hypot(v[0], v[1], v[2]); }
@@ -42,9 +33,9 @@ double length(const std::array<double, 3>& v) { return std::hypot(v[0], v[1], v[
 std::array<double, 3> yaw_pitch_roll_deg(const std::array<double, 4>& wxyz) {
   const Eigen::Matrix3d R =
       Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]).toRotationMatrix();
-  return {kDegrees * std::atan2(R(1, 0), R(0, 0)),
-          kDegrees * std::atan2(-R(2, 0), std::hypot(R(0, 0), R(1, 0))),
-          kDegrees * std::atan2(R(2, 1), R(2, 2))};
+  return {kDegreesPerRadian * std::atan2(R(1, 0), R(0, 0)),
+          kDegreesPerRadian * std::atan2(-R(2, 0), std::hypot(R(0, 0), R(1, 0))),
+          kDegreesPerRadian * std::atan2(R(2, 1), R(2, 2))};
 }
 
 std::string milliseconds(double seconds) {
@@ -76,9 +67,9 @@ std::string row(const Body& body) {
   for (const double p : body.position_m) add(p, 3, 8);
   for (const double angle : yaw_pitch_roll_deg(body.orientation_wxyz)) add(angle, 1, kAngleWidth);
   add(length(body.velocity_m_s), 2, kRateWidth);
-  add(kDegrees * length(body.body_rate_rad_s), 0, kRateWidth);
+  add(kDegreesPerRadian * length(body.body_rate_rad_s), 0, kRateWidth);
   add(1000 * body.position_sigma_m, 1, 7);
-  add(kDegrees * body.rotation_sigma_rad, 2, 7);
+  add(kDegreesPerRadian * body.rotation_sigma_rad, 2, 7);
   text += ' ' + right(std::isfinite(body.age_s) ? fixed(1000 * body.age_s, 0) : "-", 7) + ' ' +
           right(std::to_string(body.tags_in_view), 4);
   return text + '\n';

@@ -170,7 +170,7 @@ PlotJson thinned(const std::vector<PlotPoint>& points, const PlotRange& x, const
       if (points[end].second > points[kept[2]].second) kept[2] = end;
       kept[3] = end;
     }
-    std::sort(kept.begin(), kept.end());
+    std::ranges::sort(kept);
     std::for_each(kept.begin(), std::unique(kept.begin(), kept.end()), write);
   }
   return out;

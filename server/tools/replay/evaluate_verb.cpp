@@ -1,9 +1,10 @@
+#include <array>
 #include <filesystem>
-#include <numbers>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "base/numeric.hpp"
 #include "base/whole_file.hpp"
 #include "tools/replay/replay_verbs.hpp"
 #include "tools/replay/run_plots.hpp"
@@ -13,8 +14,6 @@
 namespace fiducap {
 namespace {
 
-constexpr double kDegreesPerRad = 180 / std::numbers::pi;
-
 std::string line(const char* label, const std::optional<PoseErrors>& errors, const char* what) {
   if (!errors) return {};
   if (errors->samples == 0) return label + std::string("nothing to compare\n");
@@ -22,15 +21,8 @@ std::string line(const char* label, const std::optional<PoseErrors>& errors, con
 }
 
 const char* name_of(Evaluation::Against against) {
-  switch (against) {
-    case Evaluation::Against::kTruth:
-      return "truth";
-    case Evaluation::Against::kOtherProgram:
-      return "other_program";
-    case Evaluation::Against::kNothing:
-      return "nothing";
-  }
-  return "nothing";
+  constexpr std::array kNames{"truth", "other_program", "nothing"};
+  return kNames[static_cast<std::size_t>(against)];
 }
 
 nlohmann::ordered_json json_of(const std::optional<PoseErrors>& errors) {
@@ -38,8 +30,8 @@ nlohmann::ordered_json json_of(const std::optional<PoseErrors>& errors) {
   return {{"samples", errors->samples},
           {"position_rmse_m", errors->position_rmse_m},
           {"position_max_m", errors->position_max_m},
-          {"orientation_rmse_deg", kDegreesPerRad * errors->rotation_rmse_rad},
-          {"orientation_max_deg", kDegreesPerRad * errors->rotation_max_rad}};
+          {"orientation_rmse_deg", kDegreesPerRadian * errors->rotation_rmse_rad},
+          {"orientation_max_deg", kDegreesPerRadian * errors->rotation_max_rad}};
 }
 
 nlohmann::ordered_json json_of(const ReprojectionSummary& r) {
@@ -56,8 +48,7 @@ nlohmann::ordered_json json_of(const ReprojectionSummary& r) {
 std::string line(const char* label, const ReprojectionSummary& r) {
   return fmt::format(
       "{}median {:.3f} px, 95 % {:.3f} px, of all {} ({} of {} detections; {} without pose, {} "
-      "with "
-      "unmapped tag, {} outside the camera)\n",
+      "with unmapped tag, {} outside the camera)\n",
       label, r.median_px, r.p95_px,
       r.p95_of_all_px ? fmt::format("{:.3f} px", *r.p95_of_all_px) : "not known", r.scored,
       r.detections, r.without_pose, r.without_tag, r.outside_camera);

@@ -2,7 +2,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 #include "base/numeric.hpp"
 #include "base/text.hpp"
@@ -12,7 +11,6 @@ namespace fiducap {
 namespace {
 
 constexpr double kMm = 1e3;
-constexpr double kDeg = 180 / std::numbers::pi;
 constexpr double kBandSigmas = 3;
 constexpr double kBroken = std::numeric_limits<double>::quiet_NaN();
 constexpr const char* kTimeLabel = "time since the first image, s";
@@ -51,8 +49,8 @@ class ErrorPanels final {
   [[nodiscard]] std::string share_text() const {
     if (compared_ == 0) return {};
     return fixed(100.0 * within_ / compared_, 1) +
-           " % of the components are within the filter's own 3 sigma. 99.7 % is expected if "
-           "the reference tag is exact: its error in the map is part of the curves.";
+           " % of the components are within the filter's own 3 sigma. 99.7 % is expected if the "
+           "reference tag is exact: its error in the map is part of the curves.";
   }
   [[nodiscard]] std::vector<PlotPanel> take_panels() {
     for (std::size_t k = 1; k < 3; ++k) {
@@ -73,7 +71,7 @@ class ErrorPanels final {
   }
 
   void add(const PoseDifference& one, double t_s, const StampedCovariance* covariance) {
-    const double unit = is_position() ? kMm : kDeg;
+    const double unit = is_position() ? kMm : kDegreesPerRadian;
     const Eigen::Vector3d error = unit * (is_position() ? one.p : one.rotation);
     for (std::size_t k = 0; k < 3; ++k)
       panels_[k].lines.front().points.emplace_back(t_s, error[static_cast<Eigen::Index>(k)]);
@@ -121,7 +119,7 @@ LinePlot error_plot(const Evaluation& e, const RunResults& run,
   const PoseErrors& errors = *e.pose;
   const bool is_position = half == PoseHalf::kPosition;
   const auto number = [&](double m, double rad) {
-    return is_position ? fixed(kMm * m, 2) + " mm" : fixed(kDeg * rad, 3) + "°";
+    return is_position ? fixed(kMm * m, 2) + " mm" : fixed(kDegreesPerRadian * rad, 3) + "°";
   };
   LinePlot plot;
   plot.title = std::string(is_position ? "Position" : "Attitude") + " error " + against_text(e) +

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <set>
 
 #include <fmt/format.h>
@@ -13,7 +12,6 @@
 namespace fiducap {
 namespace {
 
-constexpr double kDegreesOfTurn = 180 / std::numbers::pi;
 constexpr std::size_t kMostNamed = 20;
 
 template <typename Range, typename Name>
@@ -95,9 +93,8 @@ std::string text_of_part(const MapPart& part, const std::vector<std::string>& na
   if (part.also_in_map.empty())
     return text +
            ": no recording shows one of them together with the rest. Walk so that one tag is seen "
-           "by both: "
-           "record a way from a tag of the map to one of these without a break, or let one "
-           "recording see a tag of the other";
+           "by both: record a way from a tag of the map to one of these without a break, or let "
+           "one recording see a tag of the other";
   return text + ", though it has " + tags_text(part.also_in_map) +
          " as well: seen from both they do not lie the same. Was one moved, is a number printed "
          "twice, or was it seen too briefly? Walk so that two tags are seen by both, from near";
@@ -106,9 +103,8 @@ std::string text_of_part(const MapPart& part, const std::vector<std::string>& na
 }  // namespace
 
 int tags_placed(const TagMap& map) {
-  return static_cast<int>(std::count_if(map.tags.begin(), map.tags.end(), [](const MapTag& entry) {
-    return entry.state != TagState::kSurveyed;
-  }));
+  return static_cast<int>(std::ranges::count_if(
+      map.tags, [](const MapTag& entry) { return entry.state != TagState::kSurveyed; }));
 }
 
 std::string MapBuildText::summary() const {
@@ -134,8 +130,8 @@ std::string MapBuildText::summary() const {
         "  1-sigma of a tag: place median {:.1f} mm, worst {:.1f} mm (tag {}); attitude median "
         "{:.3f} deg, worst {:.3f} deg (tag {})\n",
         1e3 * quantile(sigmas.place_m, 0.5), 1e3 * quantile(sigmas.place_m, 1.0), sigmas.worst_tag,
-        kDegreesOfTurn * quantile(sigmas.attitude_rad, 0.5),
-        kDegreesOfTurn * quantile(sigmas.attitude_rad, 1.0), sigmas.worst_turned_tag);
+        kDegreesPerRadian * quantile(sigmas.attitude_rad, 0.5),
+        kDegreesPerRadian * quantile(sigmas.attitude_rad, 1.0), sigmas.worst_turned_tag);
   return text + fmt::format(
                     "  residuals {:.2f} times the expected ones; {} of {} sightings contradict the "
                     "rest\n  CPU: {:.1f} s to process, {:.1f} s for the joint solution\n",

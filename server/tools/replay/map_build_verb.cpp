@@ -98,9 +98,8 @@ Expected<std::vector<Input>> read_inputs(const MapBuildArguments& arguments,
     inputs.push_back(std::move(*input));
   }
   // Recordings without a reference tag use that of the others.
-  const auto named = std::find_if(inputs.begin(), inputs.end(), [](const Input& input) {
-    return input.setup.gauge.reference_tag.has_value();
-  });
+  const auto named = std::ranges::find_if(
+      inputs, [](const Input& input) { return input.setup.gauge.reference_tag.has_value(); });
   for (Input& input : inputs)
     if (named != inputs.end() && !input.setup.gauge.reference_tag)
       input.setup.gauge = named->setup.gauge;
@@ -208,9 +207,9 @@ void add_map_build(CLI::App& map, ChosenVerb& chosen) {
                    "Store it as the next version of this store, map.store of the server");
   verb->add_option("--config", a.config,
                    "Take the sections estimator, detector, tags and map of a server configuration");
-  verb->add_option("--map", a.map,
-                   "Tags whose places are known (a survey, an earlier map): they stay as they are. "
-                   ".yaml, .csv");
+  verb->add_option(
+      "--map", a.map,
+      "Tags whose places are known (a survey, an earlier map): they stay as they are. .yaml, .csv");
   add_filter_option(*verb, a.filter);
   add_set_option(*verb, a.sets);
   verb->add_option("--comment", a.comment, "Comment in the history");

@@ -7,7 +7,6 @@
 
 #include "capture/recording/recording_layout.hpp"
 #include "daemon/bodies/body_setup.hpp"
-#include "daemon/config/config_file.hpp"
 #include "daemon/system.hpp"
 #include "mapping/store/map_store.hpp"
 #include "tools/tags/map_files.hpp"
@@ -160,9 +159,8 @@ void prepare_to_resolve(ReplayInputs& inputs) {
   // The order in which the live server's threads ran does not matter any more.
   inputs.map.turns.clear();
   inputs.map.refinements.reset();
-  const bool has_imu =
-      std::any_of(inputs.bodies.begin(), inputs.bodies.end(),
-                  [](const ReplayInput& i) { return i.setup.sensors.imu.has_value(); });
+  const bool has_imu = std::ranges::any_of(
+      inputs.bodies, [](const ReplayInput& i) { return i.setup.sensors.imu.has_value(); });
   double& period_s = inputs.map.config.refine_period_s;
   const bool needs_graph = has_imu || inputs.map.start.known != nullptr;
   period_s = needs_graph ? (period_s > 0 ? period_s : kRefinePeriod_s) : 0;

@@ -37,8 +37,7 @@ void print_body(const Terminal& terminal, const std::string& name, const Offline
              result.known.size())
       << fmt::format(
              "  reprojection median {:.2f} px, 95 % {:.2f} px; NIS per degree of freedom {:.2f}, "
-             "{} "
-             "of {} sightings rejected\n",
+             "{} of {} sightings rejected\n",
              s.reprojection_median_px, s.reprojection_p95_px, s.nis_per_dof(), s.tags_rejected,
              s.tags_rejected + s.tags_used);
   if (s.frames_before_anchoring > 0)
@@ -61,10 +60,10 @@ void print_summary(const Terminal& terminal, const ReplayArguments& arguments,
   for (std::size_t i = 0; i < inputs.bodies.size(); ++i)
     print_body(terminal, inputs.bodies[i].info.name, session.bodies[i]);
   if (session.turns_missed > 0)
-    terminal.out << "  warning: " << session.turns_missed
-                 << " images could not be replayed in the order of the live session (samples are "
-                    "missing in the recording, or it began later): estimates differ from the live "
-                    "ones\n";
+    terminal.out
+        << "  warning: " << session.turns_missed
+        << " images could not be replayed in the order of the live session (samples are missing in "
+           "the recording, or it began later): estimates differ from the live ones\n";
   if (const LiveAgreement& live = session.agreement; live.compared > 0) {
     terminal.out << "  " << live.compared - live.different << " of " << live.compared
                  << " live estimates repeated to the last bit";
@@ -74,8 +73,8 @@ void print_summary(const Terminal& terminal, const ReplayArguments& arguments,
     terminal.out << "\n";
   }
   if (!session.is_at_rest)
-    terminal.out << "  warning: the last solution did not converge: measurements contradict "
-                    "each other, and its sigmas are too small\n";
+    terminal.out << "  warning: the last solution did not converge: measurements contradict each "
+                    "other, and its sigmas are too small\n";
   const ReplayInput& first = inputs.bodies.front();
   terminal.out << "  written to " << arguments.out << "; next: fiducap evaluate "
                << (std::filesystem::path(arguments.out) / (first.info.name + ".tum")).string()
@@ -91,7 +90,7 @@ void print_warnings(const Terminal& terminal, const std::string& name,
 }
 
 bool imu_is_unusable(const OfflineResult& result) {
-  return std::any_of(result.events.begin(), result.events.end(), [](const BodyEvent& event) {
+  return std::ranges::any_of(result.events, [](const BodyEvent& event) {
     return event.kind == BodyEvent::Kind::kImuUnusable;
   });
 }
@@ -184,13 +183,12 @@ void add_replay(CLI::App& app, ChosenVerb& chosen) {
   verb->add_option("--map", a.map, "Tags whose places are known: .yaml, .csv");
   verb->add_option(
       "--store", a.store,
-      "The newest version in this map store is the map at the start. With --resolve it "
-      "must not have been made of these recordings: their sightings would count twice");
+      "The newest version in this map store is the map at the start. With --resolve it must not "
+      "have been made of these recordings: their sightings would count twice");
   verb->add_flag(
       "--resolve", a.resolve,
-      "Solve for all poses and tags together after the last image: each pose by what was "
-      "seen before and after it, with its covariance. One recording without an IMU is "
-      "always resolved");
+      "Solve for all poses and tags together after the last image: each pose by what was seen "
+      "before and after it, with its covariance. One recording without an IMU is always resolved");
   add_filter_option(*verb, a.filter);
   add_set_option(*verb, a.sets);
   verb->add_flag("--anyway", a.anyway, "Run also what `fiducap check` calls unusable");

@@ -2,14 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 #include <fmt/format.h>
 #include <Eigen/Dense>
 #include <Eigen/Geometry>
 
-#include "base/pose.hpp"
 #include "detection/tag_geometry.hpp"
 
 namespace fiducap {
@@ -36,7 +34,7 @@ void for_each_pair(std::span<const StampedPose> estimates, std::span<const Truth
 std::optional<double> quantile_of_all(std::vector<double> values, std::size_t count, double share) {
   const double place = share * static_cast<double>(count) - share;
   if (!(place <= static_cast<double>(values.size()) - 1)) return std::nullopt;
-  values.resize(count, *std::max_element(values.begin(), values.end()));
+  values.resize(count, *std::ranges::max_element(values));
   return quantile(std::move(values), share);
 }
 
@@ -71,15 +69,13 @@ std::optional<Duration> median_step(std::span<const StampedPose> poses, std::siz
 }
 
 std::string text_of(const PoseErrors& errors) {
-  constexpr double kDegreesPerRad = 180 / std::numbers::pi;
   return fmt::format("{:.2f} mm, {:.3f}° RMSE; worst {:.2f} mm, {:.3f}°",
-                     1000 * errors.position_rmse_m, kDegreesPerRad * errors.rotation_rmse_rad,
-                     1000 * errors.position_max_m, kDegreesPerRad * errors.rotation_max_rad);
+                     1000 * errors.position_rmse_m, kDegreesPerRadian * errors.rotation_rmse_rad,
+                     1000 * errors.position_max_m, kDegreesPerRadian * errors.rotation_max_rad);
 }
 
 const TagPlace* find_tag(std::span<const TagPlace> tags, int tag_id) {
-  const auto found =
-      std::find_if(tags.begin(), tags.end(), [&](const TagPlace& t) { return t.tag_id == tag_id; });
+  const auto found = std::ranges::find(tags, tag_id, &TagPlace::tag_id);
   return found == tags.end() ? nullptr : &*found;
 }
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <numbers>
 #include <tuple>
 
 #include <yaml-cpp/yaml.h>
@@ -11,6 +10,7 @@
 #include <Eigen/Dense>
 #include <nlohmann/json.hpp>
 
+#include "base/numeric.hpp"
 #include "base/text.hpp"
 #include "base/whole_file.hpp"
 #include "base/yaml.hpp"
@@ -22,7 +22,6 @@ namespace fiducap {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kDegrees = 180 / std::numbers::pi;
 
 nlohmann::ordered_json cpu_report(const OfflineStatistics& s) {
   const double total =
@@ -64,7 +63,8 @@ std::optional<std::vector<std::string>> files_listed(const fs::path& folder) {
 std::string event_line(Instant at, const std::string& body, std::string_view event, int tag_id,
                        const Pose& shift, std::string text) {
   std::replace(text.begin(), text.end(), ',', ';');
-  const double turn_deg = 2 * std::atan2(shift.q.vec().norm(), std::abs(shift.q.w())) * kDegrees;
+  const double turn_deg =
+      2 * std::atan2(shift.q.vec().norm(), std::abs(shift.q.w())) * kDegreesPerRadian;
   return std::to_string(to_ns(at)) + "," + body + "," + std::string(event) + "," +
          (tag_id < 0 ? "" : std::to_string(tag_id)) + "," + shortest(shift.p.norm()) + "," +
          shortest(turn_deg) + "," + text + "\n";
@@ -84,8 +84,7 @@ std::string events_csv(std::span<const RunBody> bodies, const OfflineSession& se
     lines.emplace_back(
         at, event_line(at, "", name_of(event.kind), is_about_a_tag(event.kind) ? event.tag_id : -1,
                        {}, event.text));
-  std::stable_sort(lines.begin(), lines.end(),
-                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::ranges::stable_sort(lines, [](const auto& a, const auto& b) { return a.first < b.first; });
   std::string text = "#t_ns,body,event,tag_id,shift_m,shift_deg,text\n";
   for (const auto& [at, line] : lines) text += line;
   return text;
@@ -97,9 +96,8 @@ std::string truth_tum(const std::string& recording, const OfflineResult& result)
   const auto truth = read_truth(recording);
   if (!truth || truth->empty()) return {};
   std::vector<StampedPose> poses;
-  for (const StampedPose& pose : result.trajectory) {
+  for (const StampedPose& pose : result.trajectory)
     if (const auto X_WB = truth_at(*truth, pose.at)) poses.push_back({pose.at, *X_WB});
-  }
   return to_tum(poses);
 }
 
@@ -146,9 +144,8 @@ nlohmann::ordered_json counts_of(const std::vector<BodyEvent>& events) {
   for (const auto kind : {BodyEvent::Kind::kReset, BodyEvent::Kind::kRelocalised,
                           BodyEvent::Kind::kMotionLost, BodyEvent::Kind::kImageRejected,
                           BodyEvent::Kind::kTagDropped, BodyEvent::Kind::kClockJumped})
-    counts[std::string(name_of(kind))] =
-        std::count_if(events.begin(), events.end(),
-                      [kind](const BodyEvent& event) { return event.kind == kind; });
+    counts[std::string(name_of(kind))] = std::ranges::count_if(
+        events, [kind](const BodyEvent& event) { return event.kind == kind; });
   return counts;
 }
 
@@ -258,8 +255,8 @@ TagMap run_map(std::span<const RunBody> bodies) {
     const double variance = entry.tag.covariance.diagonal().head<3>().sum();
     return std::tuple(entry.tag.tag_id, entry.state != TagState::kSurveyed, variance);
   };
-  std::stable_sort(map.tags.begin(), map.tags.end(),
-                   [&](const MapTag& a, const MapTag& b) { return order(a) < order(b); });
+  std::ranges::stable_sort(map.tags,
+                           [&](const MapTag& a, const MapTag& b) { return order(a) < order(b); });
   const auto same_id = [](const MapTag& a, const MapTag& b) {
     return a.tag.tag_id == b.tag.tag_id;
   };
@@ -279,8 +276,8 @@ std::string no_pose_text(const OfflineResult& result) {
     return images + "tags were found in " + std::to_string(s.frames_with_tags) +
            ", but none for long enough to be placed";
   return images +
-         "no tag ties the body to the workspace. Is the reference tag (map.reference_tag) "
-         "in view, or a tag of the map?";
+         "no tag ties the body to the workspace. Is the reference tag (map.reference_tag) in view, "
+         "or a tag of the map?";
 }
 
 std::string run_report(std::span<const RunBody> bodies, const OfflineSession& session) {

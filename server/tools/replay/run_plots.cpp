@@ -4,8 +4,8 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
+#include "base/numeric.hpp"
 #include "base/text.hpp"
 #include "detection/tag_geometry.hpp"
 
@@ -14,7 +14,6 @@ namespace {
 
 constexpr double kNowhere = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMmPerMetre = 1e3;
-constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
 constexpr std::size_t kMostMessages = 200;
 
@@ -149,8 +148,8 @@ PlotTable message_table(std::span<const RunBody> bodies, const OfflineSession& s
     if (event.event.kind == MapEvent::Kind::kTagQuarantined ||
         event.event.kind == MapEvent::Kind::kTagMoved)
       messages.emplace_back(event.at, event.event.text);
-  std::stable_sort(messages.begin(), messages.end(),
-                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::ranges::stable_sort(messages,
+                           [](const auto& a, const auto& b) { return a.first < b.first; });
   PlotTable table{"Messages", {}};
   for (const auto& [at, text] : messages) {
     if (table.rows.size() == kMostMessages) {

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "base/numeric.hpp"
 #include "base/pose.hpp"
 #include "base/text.hpp"
 #include "mapping/map_edit.hpp"
@@ -15,8 +16,6 @@
 
 namespace fiducap {
 namespace {
-
-constexpr double kDegreesPerRad = 180 / M_PI;
 
 int stored(const MapEditArguments& arguments, const Expected<TagMap>& map,
            const Terminal& terminal) {
@@ -53,15 +52,14 @@ int run_distance(const MapEditArguments& arguments, const Terminal& terminal) {
     terminal.out << json.dump(2) << "\n";
     return kExitOk;
   }
-  terminal.out
-      << fmt::format(
-             "tags {} and {}: tape {:.4f} m, map {:.4f} m with sigma {:.1f} mm{}; tape less "
-             "map {:+.1f} mm, {:+.2f} per mille\n",
-             first, second, tape_m, between->distance_m, 1e3 * between->sigma_m,
-             between->is_correlated ? "" : " (what the errors of both share is not known)",
-             1e3 * off_m, 1e3 * off_m / between->distance_m)
-      << "nothing was changed: a map is not scaled by a tape, its scale is that of the "
-         "printed tags; where they differ, measure the prints\n";
+  terminal.out << fmt::format(
+                      "tags {} and {}: tape {:.4f} m, map {:.4f} m with sigma {:.1f} mm{}; tape "
+                      "less map {:+.1f} mm, {:+.2f} per mille\n",
+                      first, second, tape_m, between->distance_m, 1e3 * between->sigma_m,
+                      between->is_correlated ? "" : " (what the errors of both share is not known)",
+                      1e3 * off_m, 1e3 * off_m / between->distance_m)
+               << "nothing was changed: a map is not scaled by a tape, its scale is that of the "
+                  "printed tags; where they differ, measure the prints\n";
   return kExitOk;
 }
 
@@ -94,7 +92,7 @@ void print_alignment(const MapAlignment& aligned, const Terminal& terminal) {
   const auto& [q, p] = aligned.X_RW;
   terminal.out << fmt::format(
       "the workspace lies at ({:.4f} {:.4f} {:.4f}) m in the room, turned by {:.3f} deg\n", p.x(),
-      p.y(), p.z(), kDegreesPerRad * log_so3(q).z());
+      p.y(), p.z(), kDegreesPerRadian * log_so3(q).z());
 }
 
 std::string alignment_json(const MapAlignment& aligned, const std::string& store,
@@ -106,7 +104,7 @@ std::string alignment_json(const MapAlignment& aligned, const std::string& store
         {{"id", one.tag_id}, {"off_m", {one.off_m.x(), one.off_m.y(), one.off_m.z()}}});
   const auto& [q, p] = aligned.X_RW;
   json["workspace_in_room"] = {{"position_m", {p.x(), p.y(), p.z()}},
-                               {"heading_deg", kDegreesPerRad * log_so3(q).z()}};
+                               {"heading_deg", kDegreesPerRadian * log_so3(q).z()}};
   return json.dump(2) + "\n";
 }
 

@@ -7,7 +7,6 @@
 
 #include "base/whole_file.hpp"
 #include "daemon/system.hpp"
-#include "mapping/formats/map_format.hpp"
 
 namespace fiducap {
 namespace {
@@ -65,10 +64,10 @@ Expected<std::vector<std::string>> write_map_file(const std::string& path, const
 
 Expected<MapStore> open_existing_store(const std::string& path) {
   if (!std::filesystem::exists(path))
-    return fail(ErrorCode::kNotFound,
-                "no such map store; fiducapd makes it at map.store, or fill one with "
-                "fiducap map import",
-                path);
+    return fail(
+        ErrorCode::kNotFound,
+        "no such map store; fiducapd makes it at map.store, or fill one with fiducap map import",
+        path);
   return MapStore::open_to_read(path);
 }
 

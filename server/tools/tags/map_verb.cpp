@@ -2,12 +2,12 @@
 #include <cmath>
 #include <ctime>
 #include <filesystem>
-#include <numbers>
 #include <optional>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "base/numeric.hpp"
 #include "daemon/system.hpp"
 #include "detection/tag_family.hpp"
 #include "mapping/store/map_repair.hpp"
@@ -18,8 +18,6 @@
 
 namespace fiducap {
 namespace {
-
-constexpr double kDegrees = 180 / std::numbers::pi;
 
 std::string utc_text(std::int64_t utc_ns) {
   const std::time_t seconds = utc_ns / 1'000'000'000;
@@ -84,7 +82,7 @@ void print_map(std::ostream& out, const TagMap& map) {
         "{:5} {:7.4f} {:8.4f} {:8.4f} {:8.4f} {:7.4f} {:7.4f} {:7.4f} {:7.4f} {:6.2f} {:6.3f} "
         "{:<11} {:9}\n",
         entry.tag.tag_id, entry.tag.edge_m, p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z(),
-        1000 * position, kDegrees * rotation, name_of(entry.state), entry.sightings);
+        1000 * position, kDegreesPerRadian * rotation, name_of(entry.state), entry.sightings);
   }
 }
 
@@ -105,13 +103,12 @@ class MapVerbs final {
   MapVerbs(CLI::App& map, ChosenVerb& chosen) : map_(map), chosen_(chosen) {}
 
   void add_export() {
-    CLI::App& verb = add("export",
-                         "Write one version to a file: ours (.yaml, complete), or another "
-                         "program's",
-                         "export --store hall.map hall.yaml\n"
-                         "  fiducap map export --store hall.map tagslam.yaml --format tagslam\n"
-                         "  fiducap map export --store hall.map field.json --field 16.54 8.21",
-                         run_map_export);
+    CLI::App& verb =
+        add("export", "Write one version to a file: ours (.yaml, complete), or another program's",
+            "export --store hall.map hall.yaml\n"
+            "  fiducap map export --store hall.map tagslam.yaml --format tagslam\n"
+            "  fiducap map export --store hall.map field.json --field 16.54 8.21",
+            run_map_export);
     verb.add_option("FILE", arguments_->file, "Where to")->required();
     add_format(verb,
                "What to write; when not given, by the end of the name: .yaml and .csv are ours, "
@@ -253,10 +250,9 @@ int run_map_log(const MapArguments& arguments, const Terminal& terminal) {
     return kExitOk;
   }
   terminal.out << "version parent tags created              hash         comment\n";
-  for (const MapVersionInfo& v : *log) {
+  for (const MapVersionInfo& v : *log)
     terminal.out << fmt::format("{:7} {:6} {:4} {:<20} {:<12.12} {}\n", v.version, v.parent, v.tags,
                                 utc_text(v.created_utc_ns), v.hash, v.comment);
-  }
   return kExitOk;
 }
 
@@ -283,12 +279,11 @@ int run_map_diff(const MapArguments& arguments, const Terminal& terminal) {
                << (changes.empty() ? "no tag differs"
                                    : std::to_string(changes.size()) + " tags differ")
                << "\n";
-  for (const TagChange& c : changes) {
+  for (const TagChange& c : changes)
     terminal.out << (c.kind == TagChange::Kind::kMoved
                          ? fmt::format("{:5} moved   {:9.3f} mm {:8.4f} deg\n", c.tag_id,
                                        c.distance_mm, c.angle_deg)
                          : fmt::format("{:5} {}\n", c.tag_id, name_of(c.kind)));
-  }
   return kExitOk;
 }
 

@@ -20,10 +20,10 @@ Expected<void> may_write(const std::string& out, const std::string& stub) {
   if (!std::filesystem::exists(stub, ignored)) return {};
   const auto before = read_whole_file(stub);
   if (before && before->starts_with(kTagSheetHeading)) return {};
-  return fail(ErrorCode::kInvalid,
-              "is there already and is not of a sheet: it would be written over; give --out "
-              "another name",
-              stub);
+  return fail(
+      ErrorCode::kInvalid,
+      "is there already and is not of a sheet: it would be written over; give --out another name",
+      stub);
 }
 
 }  // namespace

@@ -1,18 +1,17 @@
-// fiducap_loop_bench [--quick]: control loops whose only feedback is our stream, over real sockets,
-// in real time. The paper's experiment "Estimation in Closed Loop Control": a robot on a treadmill;
-// and a quadrotor that hovers.
+// fiducap_bench loop: control loops whose only feedback is our stream, over real sockets, in real
+// time. The paper's experiment "Estimation in Closed Loop Control": a robot on a treadmill; and a
+// quadrotor that hovers.
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <memory>
 #include <thread>
 #include <vector>
 
 #include "base/log.hpp"
-#include "closed_loop/cascade.hpp"
-#include "closed_loop/feedback.hpp"
-#include "closed_loop/natnet_feed.hpp"
+#include "bench.hpp"
+#include "closed_loop/feeds.hpp"
 #include "closed_loop/plant.hpp"
 #include "daemon/server.hpp"
 #include "daemon/system.hpp"
@@ -25,11 +24,45 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr double kSettle_s = 8.0;  // after the first pose: the map grows, the loop finds its place
+constexpr double kSettle_s = 8.0;  // after the first pose: the loop reaches its target
 constexpr double kOtherDelay_s = 0.05;
 constexpr double kRoom_m = 4.0;  // from the middle to the nearest wall
 constexpr std::uint16_t kPort = 42618;
 constexpr std::uint16_t kNatNetPort = 42619;
+
+struct Gains {
+  double position_1_s;
+  double velocity_1_s;
+  double integral_1_s2;
+  double max_speed_m_s{1.0};
+  double max_integral_m_s2{2.0};
+};
+/// Stable with a late velocity; stable with a prompt one only.
+constexpr Gains kSoft{2.0, 5.0, 3.0};
+constexpr Gains kStiff{2.5, 9.0, 9.0};
+
+/// The controller of the paper's closed loop: an outer position loop gives a velocity, an inner
+/// velocity loop with an integrator gives an acceleration.
+class Cascade final {
+ public:
+  Cascade(const Gains& gains, const Eigen::Vector3d& target) : gains_(gains), target_(target) {}
+
+  /// @return acceleration command, m/s²
+  [[nodiscard]] Eigen::Vector3d update(const Eigen::Vector3d& p, const Eigen::Vector3d& v,
+                                       double dt) {
+    Eigen::Vector3d v_wanted = gains_.position_1_s * (target_ - p);
+    if (v_wanted.norm() > gains_.max_speed_m_s) v_wanted *= gains_.max_speed_m_s / v_wanted.norm();
+    const Eigen::Vector3d error = v_wanted - v;
+    integral_ += gains_.integral_1_s2 * dt * error;
+    integral_ = integral_.cwiseMax(-gains_.max_integral_m_s2).cwiseMin(gains_.max_integral_m_s2);
+    return gains_.velocity_1_s * error + integral_;
+  }
+
+ private:
+  Gains gains_;
+  Eigen::Vector3d target_;
+  Eigen::Vector3d integral_{Eigen::Vector3d::Zero()};
+};
 
 /// The demo's hall, corners instead of images so that four robots fit on two cores.
 constexpr const char* kBody = R"(
@@ -42,17 +75,8 @@ constexpr const char* kBody = R"(
 
 enum class Feed { kSdk, kNatNet, kOther };
 
-constexpr const char* text_of(Feed feed) {
-  switch (feed) {
-    case Feed::kSdk:
-      return "our stream, 200 Hz, SDK";
-    case Feed::kNatNet:
-      return "our stream, 200 Hz, NatNet 4.1";
-    case Feed::kOther:
-      return "50 ms late, velocity differenced";
-  }
-  return "";
-}
+constexpr const char* kFeedNames[] = {"our stream, 200 Hz, SDK", "our stream, 200 Hz, NatNet 4.1",
+                                      "50 ms late, velocity differenced"};
 
 struct Robot {
   const char* name;
@@ -77,7 +101,7 @@ std::vector<Robot> robots() {
           {"quadrotor-stiff-other", true, Feed::kOther, true, {0, 0, 1.4}}};
 }
 
-/// A surveyed, frozen map: how a control loop should be run.
+/// A surveyed, frozen map, as control loops need.
 std::string config_text(const std::vector<Robot>& all, const std::string& map_file) {
   std::string text =
       "tags: {size_m: 0.4}\nsimulation: {preset: hall}\nmap: {mode: frozen, file: " + map_file +
@@ -104,7 +128,7 @@ std::string survey() {
   return map_to_yaml(map);
 }
 
-/// What comes by the SDK about one robot.
+/// One robot by the SDK.
 class SdkFeed final {
  public:
   SdkFeed(const Client& client, const char* name) : client_(client), name_(name) {}
@@ -127,19 +151,18 @@ class SdkFeed final {
   Frame frame_;
 };
 
-/// How far the robot is from where it should be, and the stream from the robot, now that both have
-/// settled.
-void judge(Robot& robot, const Sensed& sensed, double now_s, double start_s) {
+/// Errors of the robot against its target and of the stream against the robot, after settling.
+void score(Robot& robot, const Sensed& sensed, double now_s, double start_s) {
   if (robot.plant->free_for() < kSettle_s) return;
   Eigen::Vector3d error = robot.plant->at(now_s).X_WB.p - robot.target;
-  if (!robot.flies) error.z() = 0;  // the gait's, nobody controls it
+  if (!robot.flies) error.z() = 0;  // the gait's, not controlled
   robot.squares += error.squaredNorm();
   robot.worst_m = std::max(robot.worst_m, error.norm());
   robot.sensed_squares += (robot.plant->at(sensed.at_s - start_s).X_WB.p - sensed.p).squaredNorm();
   ++robot.samples;
 }
 
-/// One controller: follows its feed until it is told to stop.
+/// One controller.
 template <typename AnyFeed>
 void control(Robot& robot, AnyFeed feed, Instant start, const Clock& clock, std::stop_token stop) {
   Cascade cascade(robot.stiff ? kStiff : kSoft, robot.target);
@@ -148,7 +171,7 @@ void control(Robot& robot, AnyFeed feed, Instant start, const Clock& clock, std:
   while (!stop.stop_requested()) {
     auto sensed = feed->next();
     if (!sensed) continue;
-    judge(robot, *sensed, to_seconds(clock.now() - start),
+    score(robot, *sensed, to_seconds(clock.now() - start),
           1e-9 * static_cast<double>(to_ns(start)));
     if (robot.feed == Feed::kOther) sensed = other.pass(*sensed);
     if (!sensed) continue;
@@ -167,7 +190,7 @@ void print(const std::vector<Robot>& all) {
               "worst [mm]", "estimate RMS [mm]");
   for (const Robot& robot : all) {
     std::printf("%-12s %-8s %-34s ", robot.flies ? "quadrotor" : "treadmill",
-                robot.stiff ? "stiff" : "soft", text_of(robot.feed));
+                robot.stiff ? "stiff" : "soft", kFeedNames[static_cast<int>(robot.feed)]);
     if (robot.worst_m > kRoom_m) {
       std::printf("%16s\n", "unstable: left the room");
       continue;
@@ -190,8 +213,8 @@ int run(double seconds) {
   options.motion = [&](const std::string& name) -> std::unique_ptr<simulation::Trajectory> {
     for (Robot& robot : all) {
       if (robot.name != name) continue;
-      auto plant = robot.flies ? make_quadrotor(seed)
-                               : make_walker(seed);  // the same gusts for both of a kind
+      // The same gusts for all of a kind.
+      auto plant = robot.flies ? make_quadrotor(seed) : make_walker(seed);
       robot.plant = plant.get();
       return plant;
     }
@@ -233,12 +256,13 @@ int run(double seconds) {
 }  // namespace
 }  // namespace fiducap::loop
 
-int main(int argc, char** argv) {
-  fiducap::log::set_level(fiducap::log::Level::kWarning);
-  const bool quick = argc == 2 && std::strcmp(argv[1], "--quick") == 0;
-  if (argc > 1 && !quick) {
-    std::fprintf(stderr, "usage: fiducap_loop_bench [--quick]\n");
-    return 2;
-  }
-  return fiducap::loop::run(quick ? 15.0 : 60.0);
+namespace fiducap::bench {
+
+Bench add_loop(CLI::App&, const bool& quick) {
+  return [&quick] {
+    log::set_level(log::Level::kWarning);
+    return loop::run(quick ? 15.0 : 60.0);
+  };
 }
+
+}  // namespace fiducap::bench

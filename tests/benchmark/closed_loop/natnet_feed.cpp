@@ -1,25 +1,18 @@
-#include "closed_loop/natnet_feed.hpp"
-
-#include <arpa/inet.h>
 #include <poll.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include <array>
 #include <chrono>
-#include <cmath>
-#include <cstring>
 #include <vector>
 
 #include "base/bytes.hpp"
+#include "closed_loop/feeds.hpp"
+#include "support/loopback_socket.hpp"
+#include "unit/streaming/natnet/messages.hpp"
 
 namespace fiducap::loop {
 
 namespace {
 
-constexpr std::uint16_t kFrame = 7;
-constexpr std::uint16_t kKeepAlive = 10;
-constexpr int kConnectSize = 269;
 constexpr double kLowPass_s = 0.03;
 constexpr double kTicks_1_s = 1e7;
 
@@ -27,28 +20,11 @@ std::int64_t steady_ns() {
   return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-std::vector<std::byte> message(std::uint16_t id, std::uint16_t size) {
-  std::vector<std::byte> bytes(4 + std::size_t{size});
-  std::memcpy(bytes.data(), &id, 2);
-  std::memcpy(bytes.data() + 2, &size, 2);
-  return bytes;
-}
-
 }  // namespace
 
 NatNetFeed::NatNetFeed(std::uint16_t port, std::int32_t body_id)
-    : socket_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)), body_id_(body_id), port_(port) {
-  auto connect = message(0, kConnectSize);
-  std::memcpy(connect.data() + 4, "closed_loop", 11);
-  const std::array<unsigned char, 9> versions{4, 1, 0, 0, 0,
-                                              4, 1, 0, 0};  // NatNet, subscription, bitstream
-  std::memcpy(connect.data() + 4 + 256 + 4, versions.data(), versions.size());
-  sockaddr_in server{};
-  server.sin_family = AF_INET;
-  server.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  server.sin_port = htons(port_);
-  ::sendto(socket_, connect.data(), connect.size(), 0, reinterpret_cast<const sockaddr*>(&server),
-           sizeof server);
+    : socket_(bound_socket(SOCK_DGRAM)), body_id_(body_id), port_(port) {
+  send_datagram(socket_, natnet::connect({4, 1}, {4, 1}), port_);
   keep_alive();
 }
 
@@ -56,15 +32,9 @@ NatNetFeed::~NatNetFeed() { ::close(socket_); }
 
 void NatNetFeed::keep_alive() {
   const std::int64_t now = steady_ns();
-  if (now - spoke_ns_ < 1'000'000'000) return;
-  spoke_ns_ = now;
-  const auto alive = message(kKeepAlive, 0);
-  sockaddr_in server{};
-  server.sin_family = AF_INET;
-  server.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  server.sin_port = htons(port_);
-  ::sendto(socket_, alive.data(), alive.size(), 0, reinterpret_cast<const sockaddr*>(&server),
-           sizeof server);
+  if (now - sent_ns_ < 1'000'000'000) return;
+  sent_ns_ = now;
+  send_datagram(socket_, natnet::message(natnet::Message::kKeepAlive), port_);
 }
 
 std::optional<Sensed> NatNetFeed::next() {
@@ -75,17 +45,17 @@ std::optional<Sensed> NatNetFeed::next() {
   const ssize_t size = ::recv(socket_, buffer.data(), buffer.size(), 0);
   if (size < 4) return std::nullopt;
   LittleEndianReader in(std::span<const std::byte>(buffer).first(static_cast<std::size_t>(size)));
-  if (in.u16() != kFrame) return std::nullopt;
+  if (in.u16() != static_cast<std::uint16_t>(natnet::Message::kFrame)) return std::nullopt;
   in.bytes(2 + 4 + 16);  // size, number, two empty sections
   const int bodies = in.i32();
   in.i32();
   std::optional<Eigen::Vector3d> p;
   for (int i = 0; i < bodies && !in.failed(); ++i) {
-    const bool mine = in.i32() == body_id_;
+    const bool own = in.i32() == body_id_;
     const double x = in.f32(), y = in.f32(), z = in.f32();
     in.bytes(16 + 4);
     const bool tracked = (in.i16() & 1) != 0;
-    if (mine && tracked) p = Eigen::Vector3d(x, y, z);
+    if (own && tracked) p = Eigen::Vector3d(x, y, z);
   }
   in.bytes(5 * 8 + 8 + 8);  // five empty sections, timecode, seconds since the server's start
   const double at_s = static_cast<double>(in.i64()) / kTicks_1_s;

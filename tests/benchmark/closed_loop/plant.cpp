@@ -24,6 +24,11 @@ struct Attitude {
   }
 };
 
+Plant::Point at_rest(double height_m) {
+  const Eigen::Vector3d zero = Eigen::Vector3d::Zero();
+  return {{Attitude{}.q_WB(), {0, 0, height_m}}, zero, zero, zero};
+}
+
 /// Value and two derivatives of amplitude · sin(2π f t + phase).
 struct Swing {
   double value, rate, acceleration;
@@ -42,12 +47,7 @@ class Walker final : public Plant {
  private:
   static constexpr double kHeight_m = 0.9;
 
-  [[nodiscard]] Point held() const override {
-    return {{Attitude{}.q_WB(), {0, 0, kHeight_m}},
-            Eigen::Vector3d::Zero(),
-            Eigen::Vector3d::Zero(),
-            Eigen::Vector3d::Zero()};
-  }
+  [[nodiscard]] Point held() const override { return at_rest(kHeight_m); }
 
   Point step(double t_s, const Eigen::Vector3d& command) override {
     constexpr double kLegs_s = 0.08;
@@ -58,8 +58,8 @@ class Walker final : public Plant {
     wanted.z() = 0;
     if (wanted.norm() > kMostLegs_m_s2) wanted *= kMostLegs_m_s2 / wanted.norm();
     legs_ += (wanted - legs_) * kStep_s / kLegs_s;
-    // What the belt does to the robot's speed over ground: slow swings and a jolt now and then,
-    // along its heading.
+    // The belt changes the robot's speed over ground: slow swings and sometimes a jolt, along its
+    // heading.
     const double belt =
         0.6 * std::sin(2 * M_PI * t_s / 7) + 1.5 * std::pow(std::sin(2 * M_PI * t_s / 11), 21);
     const Eigen::Vector3d push = pushes_.next(kStep_s);
@@ -88,12 +88,7 @@ class Quadrotor final : public Plant {
   explicit Quadrotor(std::uint64_t seed) : gusts_(0.4, 1.0, seed) {}
 
  private:
-  [[nodiscard]] Point held() const override {
-    return {{Attitude{}.q_WB(), {0, 0, 1.4}},
-            Eigen::Vector3d::Zero(),
-            Eigen::Vector3d::Zero(),
-            Eigen::Vector3d::Zero()};
-  }
+  [[nodiscard]] Point held() const override { return at_rest(1.4); }
 
   Point step(double, const Eigen::Vector3d& command) override {
     constexpr double kTilt_rad_s = 12.0;
@@ -132,7 +127,7 @@ class Quadrotor final : public Plant {
 
 simulation::Trajectory::Point Plant::at(double t_s) const {
   const std::lock_guard lock(mutex_);
-  auto& self = const_cast<Plant&>(*this);  // time goes on when somebody looks
+  auto& self = const_cast<Plant&>(*this);  // a query advances the time
   if (past_.empty()) past_.push_back(held());
   const double place = std::max(t_s, 0.0) / kStep_s;
   while (static_cast<double>(steps_) < place) {
@@ -141,7 +136,7 @@ simulation::Trajectory::Point Plant::at(double t_s) const {
     ++steps_;
     if (past_.size() > kMemory) past_.pop_front();
   }
-  // Between two steps the quantities go straight, velocity into position.
+  // Linear between two steps; the position by the velocity.
   const double back = static_cast<double>(steps_) - place;
   const auto last = static_cast<double>(past_.size() - 1);
   const double where = std::clamp(last - back, 0.0, last);

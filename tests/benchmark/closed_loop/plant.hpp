@@ -10,24 +10,23 @@
 
 namespace fiducap::loop {
 
-/// A robot that answers to commands, for a simulated body: the motion is made as time goes on.
+/// A simulated body that follows commands.
 ///
-/// `at` integrates up to the time asked for with the newest command, in steps of 1 ms, and
-/// remembers four seconds. The robot is held still until its first command. Thread-safe: the
-/// sensors ask, the controller commands, the judge asks for the truth.
+/// `at` integrates up to its argument with the newest command, in steps of 1 ms, and keeps four
+/// seconds. The robot is held still until its first command. Thread-safe.
 class Plant : public simulation::Trajectory {
  public:
   [[nodiscard]] Point at(double t_s) const final;
   /// Since the first command, s.
   [[nodiscard]] double free_for() const;
-  /// The acceleration that the controller wants, W axes, m/s².
+  /// Acceleration command, W axes, m/s².
   void command(const Eigen::Vector3d& a_W);
 
  protected:
   static constexpr double kStep_s = 0.001;
-  /// Where it stands at first.
+  /// The initial state.
   [[nodiscard]] virtual Point held() const = 0;
-  /// One step of kStep_s, `t_s` after it was let go. @return the state after it
+  /// One step of kStep_s, `t_s` after its release. @return the state after it
   virtual Point step(double t_s, const Eigen::Vector3d& command) = 0;
 
  private:
@@ -54,8 +53,8 @@ class Gusts final {
   Eigen::Vector3d value_{Eigen::Vector3d::Zero()};
 };
 
-/// Walks on a treadmill whose belt changes its speed: the legs give accelerations with a lag of 80
-/// ms, the gait shakes the body in height, roll and pitch, somebody pushes it. Height is not
+/// Walks on a treadmill with a belt of varying speed: the legs give accelerations with a lag of 80
+/// ms, the gait shakes the body in height, roll and pitch, and it is pushed. Height is not
 /// controlled.
 [[nodiscard]] std::unique_ptr<Plant> make_walker(std::uint64_t seed);
 /// A quadrotor in gusts: tilt follows with 12 rad/s, thrust with 50 ms.

@@ -1,12 +1,10 @@
-#include "detection/corner_calibration.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <functional>
 
 #include "detection/corner_sigma.hpp"
 #include "detection/observe.hpp"
+#include "detection/runs.hpp"
 #include "detection/tag_search.hpp"
 #include "support/corner_scenes.hpp"
 
@@ -23,7 +21,7 @@ struct Seen {
   double chi_square;   ///< per coordinate
 };
 
-/// One side: what it was off across itself, in sigmas, squared.
+/// One side: its squared error across itself, in sigmas.
 struct SeenSide {
   double sharpness, least_sharpness, module_px;
   double shift, turn;
@@ -72,43 +70,46 @@ Seen measure(const CornerScene& scene, std::size_t t, const CornerFrame& frame,
   return seen;
 }
 
-void print_bins(const char* what, const std::vector<Seen>& all, const std::vector<double>& edges,
-                const std::function<double(const Seen&)>& key) {
+/// Calls `print(low, high, members)` for each bin with at least `least` members.
+template <typename Item, typename Key, typename Print>
+void print_bins(const char* what, const std::vector<Item>& all, const std::vector<double>& edges,
+                std::size_t least, Key key, Print print) {
   std::printf("%s\n", what);
   for (std::size_t b = 0; b + 1 < edges.size(); ++b) {
-    int count = 0;
-    double squares = 0;
-    double chi = 0;
-    for (const Seen& seen : all) {
-      if (key(seen) < edges[b] || key(seen) >= edges[b + 1]) continue;
-      ++count;
-      squares += seen.mean_square;
-      chi += seen.chi_square;
-    }
-    if (count < 10) continue;
-    std::printf("  %6.2f to %6.2f  %5d tags  rms %.3f px  chi-square %.2f\n", edges[b],
-                edges[b + 1], count, std::sqrt(squares / count), chi / count);
+    std::vector<Item> members;
+    for (const Item& one : all)
+      if (key(one) >= edges[b] && key(one) < edges[b + 1]) members.push_back(one);
+    if (members.size() >= least) print(edges[b], edges[b + 1], members);
   }
 }
 
+template <typename Item>
+double mean(const std::vector<Item>& all, double Item::*figure) {
+  double sum = 0;
+  for (const Item& one : all) sum += one.*figure;
+  return sum / static_cast<double>(all.size());
+}
+
+void print_tag_bins(const char* what, const std::vector<Seen>& all,
+                    const std::vector<double>& edges, double Seen::*key) {
+  print_bins(
+      what, all, edges, 10, [key](const Seen& seen) { return seen.*key; },
+      [](double low, double high, const std::vector<Seen>& tags) {
+        std::printf("  %6.2f to %6.2f  %5zu tags  rms %.3f px  chi-square %.2f\n", low, high,
+                    tags.size(), std::sqrt(mean(tags, &Seen::mean_square)),
+                    mean(tags, &Seen::chi_square));
+      });
+}
+
+template <typename Key>
 void print_side_bins(const char* what, const std::vector<SeenSide>& all,
-                     const std::vector<double>& edges,
-                     const std::function<double(const SeenSide&)>& key) {
-  std::printf("%s\n", what);
-  for (std::size_t b = 0; b + 1 < edges.size(); ++b) {
-    int count = 0;
-    double shift = 0;
-    double turn = 0;
-    for (const SeenSide& seen : all) {
-      if (key(seen) < edges[b] || key(seen) >= edges[b + 1]) continue;
-      ++count;
-      shift += seen.shift;
-      turn += seen.turn;
-    }
-    if (count < 20) continue;
-    std::printf("  %6.2f to %6.2f  %5d sides  chi-square of shift %.2f, of turn %.2f\n", edges[b],
-                edges[b + 1], count, shift / count, turn / count);
-  }
+                     const std::vector<double>& edges, Key key) {
+  print_bins(what, all, edges, 20, key,
+             [](double low, double high, const std::vector<SeenSide>& sides) {
+               std::printf("  %6.2f to %6.2f  %5zu sides  chi-square of shift %.2f, of turn %.2f\n",
+                           low, high, sides.size(), mean(sides, &SeenSide::shift),
+                           mean(sides, &SeenSide::turn));
+             });
 }
 
 void print_sides(const std::vector<SeenSide>& sides) {
@@ -151,19 +152,17 @@ void print_corner_calibration(int scenes) {
   std::printf(
       "\ncorner errors of %zu rendered tags, besides %d that were off by more than a pixel\n",
       all.size(), gross_tags);
-  print_bins("all", all, {0, 1e9}, [](const Seen& s) { return s.width_px; });
-  print_bins("width, px", all, {8, 10, 12, 15, 18, 22, 27, 33, 40, 55, 80, 120, 300},
-             [](const Seen& s) { return s.width_px; });
-  print_bins("longest side / width", all, {1, 1.2, 1.5, 2, 2.5, 3, 4, 6, 9},
-             [](const Seen& s) { return s.aspect; });
-  print_bins("sharpness", all, {0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.01},
-             [](const Seen& s) { return s.sharpness; });
-  print_bins("motion blur, px", all, {0, 0.01, 0.5, 1, 2, 3, 4, 6, 10},
-             [](const Seen& s) { return s.blur_px; });
-  print_bins("noise / decision margin", all, {0, 0.01, 0.02, 0.03, 0.04, 0.06, 0.08, 0.12, 0.3},
-             [](const Seen& s) { return s.noise_share; });
-  print_bins("cosine of the view angle", all, {0, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9, 1.01},
-             [](const Seen& s) { return s.cos_tilt; });
+  const std::vector<double> sharpness{0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.01};
+  print_tag_bins("all", all, {0, 1e9}, &Seen::width_px);
+  print_tag_bins("width, px", all, {8, 10, 12, 15, 18, 22, 27, 33, 40, 55, 80, 120, 300},
+                 &Seen::width_px);
+  print_tag_bins("longest side / width", all, {1, 1.2, 1.5, 2, 2.5, 3, 4, 6, 9}, &Seen::aspect);
+  print_tag_bins("sharpness", all, sharpness, &Seen::sharpness);
+  print_tag_bins("motion blur, px", all, {0, 0.01, 0.5, 1, 2, 3, 4, 6, 10}, &Seen::blur_px);
+  print_tag_bins("noise / decision margin", all, {0, 0.01, 0.02, 0.03, 0.04, 0.06, 0.08, 0.12, 0.3},
+                 &Seen::noise_share);
+  print_tag_bins("cosine of the view angle", all, {0, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9, 1.01},
+                 &Seen::cos_tilt);
   print_sides(sides);
 }
 

@@ -1,10 +1,8 @@
-#include "detection/point_run.hpp"
-
 #include <cmath>
 #include <map>
 
 #include "base/process.hpp"
-#include "detection/barrel_camera.hpp"
+#include "detection/runs.hpp"
 #include "simulation/room_shape.hpp"
 #include "simulation/simulation.hpp"
 
@@ -12,7 +10,7 @@ namespace fiducap::bench {
 
 namespace {
 
-/// Where a ray from inside a room meets its walls.
+/// Intersection of a ray from inside a room with its walls.
 Eigen::Vector3d on_wall(const simulation::RoomBox& box, const Eigen::Vector3d& from,
                         const Eigen::Vector3d& ray) {
   double along = 1e9;
@@ -44,15 +42,14 @@ std::vector<TagSighting> sighted(const std::vector<RecordedTag>& tags, const Cam
   return out;
 }
 
-/// The place on the wall that a track showed first, and how far off it was at its last report.
+/// The place on the wall that a track showed first, and its error at the last report.
 struct Anchor {
   Eigen::Vector3d p_W;
   Eigen::Vector2d error_px{Eigen::Vector2d::Zero()};
   bool bad{false};
 };
 
-/// Compares every report of a point with where the place on the wall, that it showed first, truly
-/// is.
+/// Compares every report of a point with the true image of the place that it showed first.
 class AnchorCheck {
  public:
   AnchorCheck(const simulation::RoomConfig& room, const CameraModel& model)

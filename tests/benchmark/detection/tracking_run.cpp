@@ -1,14 +1,12 @@
-#include "detection/tracking_run.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <random>
 
 #include "base/pose.hpp"
 #include "base/process.hpp"
-#include "detection/barrel_camera.hpp"
 #include "detection/image_measures.hpp"
 #include "detection/observe.hpp"
+#include "detection/runs.hpp"
 #include "pipeline/body_pipeline.hpp"
 #include "simulation/room_shape.hpp"
 #include "simulation/simulation.hpp"
@@ -43,7 +41,7 @@ class TrackingRun final {
               {"libapriltag, decimate 2"},
               {"ours, truth of last image"},
               {"ours, world filter"}},
-        detector_({}, as_it_comes()),
+        detector_({}, with_defaults()),
         search_({}, {}),
         random_(static_cast<unsigned>(setup.seed)) {
     sensors_.cameras = {mount_};
@@ -79,7 +77,7 @@ class TrackingRun final {
   }
 
  private:
-  static DetectorConfig as_it_comes() {
+  static DetectorConfig with_defaults() {
     DetectorConfig config;
     config.fit_sides = false;
     return config;
@@ -98,9 +96,9 @@ class TrackingRun final {
         search_before_ = search_.statistics();
         guided_before_ = pipeline_->statistics().search;
       }
-      look_for_truth(source.truth(image.exposed_at).X_WB, in_view_);
-      look_everywhere(image);
-      look_where_truth_says(image, source);
+      find_truth(source.truth(image.exposed_at).X_WB, in_view_);
+      search_everywhere(image);
+      search_where_predicted(image, source);
     }
     const Duration before = pipeline_->statistics().detect_cpu;
     const BodyUpdate* update = pipeline_->take(empty_);
@@ -108,16 +106,16 @@ class TrackingRun final {
     score(arms_[4], 1e6 * to_seconds(pipeline_->statistics().detect_cpu - before), update->corners);
   }
 
-  template <typename Look>
-  void measure(std::size_t arm, Look&& look) {
+  template <typename Search>
+  void measure(std::size_t arm, Search&& search) {
     const Duration begin = thread_cpu_time();
-    const CornerFrame& found = look();
+    const CornerFrame& found = search();
     const double us = 1e6 * to_seconds(thread_cpu_time() - begin);
     if (counting_) score(arms_[arm], us, found);
     if (arm == 0) reference_ = found;
   }
 
-  void look_everywhere(const CameraFrame& image) {
+  void search_everywhere(const CameraFrame& image) {
     const auto pass = [&](double decimate, bool adapt) -> const CornerFrame& {
       found_.tags.clear();
       const int contrast = adapt ? contrast_above(pixel_noise(*image.image).value_or(0), {}) : 5;
@@ -129,7 +127,7 @@ class TrackingRun final {
     measure(2, [&]() -> const CornerFrame& { return pass(2, false); });
   }
 
-  void look_where_truth_says(const CameraFrame& image, const simulation::SimulatedSource& source) {
+  void search_where_predicted(const CameraFrame& image, const simulation::SimulatedSource& source) {
     std::vector<ExpectedTag> expected;
     if (last_at_) {
       constexpr Duration kStep = std::chrono::milliseconds(1);
@@ -140,15 +138,15 @@ class TrackingRun final {
       const double dt = to_seconds(image.exposed_at - *last_at_);
       Pose X_WB{(now.X_WB.q * exp_so3(rate * dt + off(kPredictedOff_rad))).normalized(),
                 now.X_WB.p + now.v_WB * dt + off(kPredictedOff_m)};
-      look_for_truth(X_WB, expected);
+      find_truth(X_WB, expected);
     }
     last_at_ = image.exposed_at;
     measure(3, [&]() -> const CornerFrame& { return search_.search(image, expected); });
   }
 
-  /// The tags whose bits are at least a pixel, well inside and not seen from more than 80°; as
-  /// ExpectedTag with the uncertainty of the prediction.
-  void look_for_truth(const Pose& X_WB, std::vector<ExpectedTag>& out) const {
+  /// Tags with bits of at least a pixel, well inside and seen from at most 80°, with the
+  /// uncertainty of the prediction.
+  void find_truth(const Pose& X_WB, std::vector<ExpectedTag>& out) const {
     out.clear();
     const Pose X_VW = (X_WB * mount_.X_BV).inverse();
     for (const RecordedTag& tag : tags_) {

@@ -1,12 +1,11 @@
-// Bodies without IMU whose tags are small: four corners allow two poses, and until more is seen
-// nothing tells which. What is given out of a wrong one, for how long, and what waiting costs.
+// Bodies without IMU and with small tags: four corners allow two poses, which cannot be
+// distinguished at first. Published poses of the wrong one, for how long, and the cost of waiting.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
 #include "base/numeric.hpp"
 #include "estimation/options.hpp"
-#include "estimation/parallel.hpp"
 
 namespace fiducap::bench {
 
@@ -14,8 +13,8 @@ namespace {
 
 using At = FilterRun::At;
 
-// A pose further off than this was no pose to be given out; further off than that, it was another
-// planar pose of a tag.
+// Poses with larger errors must not be published; with gross errors they are another planar pose of
+// a tag.
 constexpr double kWrong_m = 0.1;
 constexpr double kWrong_rad = 5 / kDegrees;
 constexpr double kGross_m = 0.5;
@@ -34,8 +33,8 @@ struct Score {
   int resets{};
 };
 
-/// Tags of 10 to 25 px, 2 to 4 m away: a walk through a hall of small prints, by a lens that is a
-/// little off.
+/// Tags of 10 to 25 px, 2 to 4 m away: a walk through a hall of small prints, with errors of the
+/// lens.
 SimulatedDataSetup setup_of(const std::string& name, double seconds, std::uint64_t seed) {
   SimulatedDataSetup setup;
   setup.world = "hall";
@@ -76,11 +75,10 @@ Score score_of(const FilterRun& run, std::uint64_t seed) {
   return score;
 }
 
-std::vector<double> each(const std::vector<Score>& scores, double Score::*figure) {
+std::vector<double> known(const std::vector<Score>& scores, double Score::*figure) {
   std::vector<double> values;
-  for (const Score& score : scores) {
+  for (const Score& score : scores)
     if (!std::isnan(score.*figure)) values.push_back(score.*figure);
-  }
   return values;
 }
 
@@ -95,21 +93,18 @@ std::vector<Cell> row_of(const std::string& name, const std::vector<Score>& scor
     return std::to_string(std::count_if(scores.begin(), scores.end(), rule));
   };
   const double shown = sum(scores, &Score::shown);
-  const std::vector<double> first = each(scores, &Score::first_shown_s);
-  const std::vector<double> longest = each(scores, &Score::longest_gross_s);
-  return {
-      name,
-      Figure{100 * sum(scores, &Score::wrong) / shown, 2},
-      Figure{100 * sum(scores, &Score::sure) / shown, 2},
-      Figure{100 * sum(scores, &Score::gross) / shown, 2},
-      count([](const Score& s) { return s.gross > 0; }),
-      Figure{longest.empty() ? Nees::kNone : *std::max_element(longest.begin(), longest.end()), 1},
-      Figure{100 * shown / sum(scores, &Score::images), 1},
-      count([](const Score& s) { return s.shown == 0; }),
-      Figure{first.empty() ? Nees::kNone : quantile(first, 0.5), 2},
-      Figure{first.empty() ? Nees::kNone : *std::max_element(first.begin(), first.end()), 1},
-      Figure{kMm * quantile(each(scores, &Score::median_m), 0.5), 1},
-      std::to_string(static_cast<int>(sum(scores, &Score::resets)))};
+  const std::vector<double> first = known(scores, &Score::first_shown_s);
+  return cells(name, Figure{100 * sum(scores, &Score::wrong) / shown, 2},
+               Figure{100 * sum(scores, &Score::sure) / shown, 2},
+               Figure{100 * sum(scores, &Score::gross) / shown, 2},
+               count([](const Score& s) { return s.gross > 0; }),
+               Figure{largest(known(scores, &Score::longest_gross_s)), 1},
+               Figure{100 * shown / sum(scores, &Score::images), 1},
+               count([](const Score& s) { return s.shown == 0; }),
+               Figure{first.empty() ? Nees::kNone : quantile(first, 0.5), 2},
+               Figure{largest(first), 1},
+               Figure{kMm * quantile(known(scores, &Score::median_m), 0.5), 1},
+               static_cast<int>(sum(scores, &Score::resets)));
 }
 
 void print_each(const std::string& name, const std::vector<Score>& scores) {
@@ -128,27 +123,23 @@ void print_each(const std::string& name, const std::vector<Score>& scores) {
 
 std::vector<Table> bench_branches(const EstimationOptions& options) {
   Table table{
-      "Simulated bodies without IMU, tags of 10 to 25 px: poses that may be shown, against "
-      "the truth",
-      {"class", "wrong %", "wrong and > 3 sigma %", "gross %", "runs with gross", "longest gross s",
-       "shown %", "runs without", "first shown s", "latest s", "median mm", "resets"}};
+      "Simulated bodies without IMU, tags of 10 to 25 px: poses that may be shown, against the "
+      "truth",
+      split("class|wrong %|wrong and > 3 sigma %|gross %|runs with gross|longest gross s|shown %|"
+            "runs without|first shown s|latest s|median mm|resets")};
   for (const std::string& name : options.classes) {
-    std::vector<Score> scores(static_cast<std::size_t>(options.seeds));
-    in_parallel(options.seeds, options.threads, [&](int i) {
-      const std::uint64_t seed = options.first_seed + static_cast<std::uint64_t>(i);
+    const auto scores = for_seeds(options, [&](std::uint64_t seed) {
       const double seconds = options.seconds > 0 ? options.seconds : kSeconds;
-      const EstimationData data = simulate(setup_of(name, seconds, seed));
       FilterChoice choice = choice_of(options, "world", options.cases.front());
       choice.live = true;
-      scores[static_cast<std::size_t>(i)] = score_of(run_filter(data, choice), seed);
+      return score_of(run_filter(simulate(setup_of(name, seconds, seed)), choice), seed);
     });
     if (options.each) print_each(name, scores);
     table.rows.push_back(row_of(name, scores));
   }
   table.remarks.emplace_back(
       "Shares of the poses that may be shown. wrong: more than 5 deg or 10 cm off; gross: more "
-      "than "
-      "20 deg or 50 cm. first shown: median over runs.");
+      "than 20 deg or 50 cm. first shown: median over runs.");
   return {table};
 }
 

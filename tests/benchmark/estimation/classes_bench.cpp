@@ -1,9 +1,7 @@
-// The simulator's classes beside the open recordings: what the camera sees and what can be known
-// from it.
+// The simulator's classes beside the open recordings: tags in the images, and the bounds.
 #include <algorithm>
 
 #include "estimation/options.hpp"
-#include "estimation/parallel.hpp"
 
 namespace fiducap::bench {
 
@@ -23,16 +21,14 @@ Likeness likeness_of(const EstimationData& data, const std::string& cases) {
   int empty = 0;
   std::size_t tags = 0;
   Instant seen = first;
-  for (const SensorSample& sample : data.samples) {
-    const auto* image = std::get_if<CornerFrame>(&sample);
-    if (image == nullptr) continue;
+  for_each_image(data, [&](const CornerFrame& image) {
     ++images;
-    tags += image->tags.size();
-    empty += image->tags.empty() ? 1 : 0;
-    if (image->tags.empty()) continue;
-    out.longest_gap_s = std::max(out.longest_gap_s, to_seconds(image->exposed_at - seen));
-    seen = image->exposed_at;
-  }
+    tags += image.tags.size();
+    empty += image.tags.empty() ? 1 : 0;
+    if (image.tags.empty()) return;
+    out.longest_gap_s = std::max(out.longest_gap_s, to_seconds(image.exposed_at - seen));
+    seen = image.exposed_at;
+  });
   out.seconds = to_seconds(last - first);
   out.path_m = data.path_m(last);
   out.tags_per_image = static_cast<double>(tags) / images;
@@ -61,9 +57,9 @@ Likeness mean_of(const std::vector<Likeness>& all) {
 
 void add_row(Table& table, const std::string& world, const std::string& source,
              const Likeness& one) {
-  table.rows.push_back({world, source, Figure{one.seconds, 0}, Figure{one.path_m, 1},
-                        Figure{one.tags_per_image, 2}, Figure{one.empty_percent, 1},
-                        Figure{one.longest_gap_s, 2}});
+  table.rows.push_back(cells(world, source, Figure{one.seconds, 0}, Figure{one.path_m, 1},
+                             Figure{one.tags_per_image, 2}, Figure{one.empty_percent, 1},
+                             Figure{one.longest_gap_s, 2}));
   for (const double square : one.bound2)
     table.rows.back().push_back(Figure{kMm * std::sqrt(square), 2});
 }
@@ -77,17 +73,15 @@ std::vector<Table> bench_classes(const EstimationOptions& options) {
       {"class", "source", "s", "path m", "tags/image", "empty %", "longest gap s"}};
   for (const char letter : options.cases) table.columns.push_back(std::string("bound ") + letter);
   for (const std::string& world : options.classes) {
-    if (const auto open = load_estimation_data(options.data + "/sim_" + world)) {
+    if (const auto open = load_estimation_data(options.data + "/sim_" + world))
       add_row(table, world, "recording", likeness_of(*open, options.cases));
-    }
-    std::vector<Likeness> seeds(static_cast<std::size_t>(options.seeds));
-    in_parallel(options.seeds, options.threads, [&](int i) {
-      const auto seed = options.first_seed + static_cast<std::uint64_t>(i);
-      const EstimationData data =
-          simulate({.world = world, .seconds = seconds_of(options, world), .seed = seed});
-      seeds[static_cast<std::size_t>(i)] = likeness_of(data, options.cases);
-    });
-    add_row(table, world, std::to_string(options.seeds) + " seeds", mean_of(seeds));
+    const auto of_seed = [&](std::uint64_t seed) {
+      const double seconds = seconds_of(options, world);
+      return likeness_of(simulate({.world = world, .seconds = seconds, .seed = seed}),
+                         options.cases);
+    };
+    add_row(table, world, std::to_string(options.seeds) + " seeds",
+            mean_of(for_seeds(options, of_seed)));
   }
   return {table};
 }

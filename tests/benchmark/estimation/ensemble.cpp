@@ -4,45 +4,63 @@
 #include <map>
 
 #include "estimation/filter/chi_square.hpp"
-#include "estimation/parallel.hpp"
 
 namespace fiducap::bench {
+
+void LiveScore::add(const FilterRun& run) {
+  position.add(run.position_rmse_m());
+  const double own = run.mean([](const auto& at) { return at.nees.pose; }) / 6;
+  if (!std::isnan(own)) {
+    pose_nees += own;
+    worst_nees = std::max(worst_nees, own);
+    ++known;
+  }
+  with_pose += run.frames_with_pose;
+  with_tags += run.frames_with_tags;
+  resets += run.resets;
+}
+
+void LiveScore::add(const TogetherRun& run) {
+  for (const FilterRun& body : run.bodies) add(body);
+  if (run.map.tags.empty()) return;
+  map.add(run.map_position_m);
+  map_nees += run.map_nees;
+  ++maps;
+}
 
 std::vector<SeedRuns> run_seeds(const EstimationOptions& options, char letter,
                                 const std::function<EstimationData(std::uint64_t)>& data_of,
                                 const std::function<EstimationData(std::uint64_t)>& bound_data_of) {
-  std::vector<SeedRuns> all(static_cast<std::size_t>(options.seeds));
-  in_parallel(options.seeds, options.threads, [&](int i) {
-    SeedRuns& one = all[static_cast<std::size_t>(i)];
-    one.seed = options.first_seed + static_cast<std::uint64_t>(i);
-    const EstimationData data = data_of(one.seed);
+  return for_seeds(options, [&](std::uint64_t seed) {
+    SeedRuns one;
+    one.seed = seed;
+    const EstimationData data = data_of(seed);
     one.first = time_of(data.samples.front());
-    one.bound = run_bound(bound_data_of ? bound_data_of(one.seed) : data, {letter});
-    for (const std::string& filter : options.filters) {
+    one.bound = run_bound(bound_data_of ? bound_data_of(seed) : data, {letter});
+    for (const std::string& filter : options.filters)
       one.runs.push_back(
           run_filter(data, choice_of(options, filter, letter)).scored_after(kSettled_s));
-    }
+    return one;
   });
-  return all;
+}
+
+double ensemble_rms(const std::vector<SeedRuns>& seeds,
+                    const std::function<double(const SeedRuns&)>& of) {
+  MeanSquare sum;
+  for (const SeedRuns& seed : seeds) sum.add(of(seed));
+  return sum.rms();
 }
 
 double ensemble_rms(const std::vector<SeedRuns>& seeds, std::size_t filter,
                     double FilterRun::At::*figure) {
-  double sum = 0;
-  for (const SeedRuns& seed : seeds) {
-    const double one = seed.runs[filter].rms([&](const auto& at) { return at.*figure; });
-    sum += one * one;
-  }
-  return std::sqrt(sum / static_cast<double>(seeds.size()));
+  return ensemble_rms(seeds, [&](const SeedRuns& seed) {
+    return seed.runs[filter].rms([&](const auto& at) { return at.*figure; });
+  });
 }
 
 double ensemble_rms(const std::vector<SeedRuns>& seeds, double bound::BoundAt::*figure) {
-  double sum = 0;
-  for (const SeedRuns& seed : seeds) {
-    const double one = rms(seed.bound, seed.first, figure);
-    sum += one * one;
-  }
-  return std::sqrt(sum / static_cast<double>(seeds.size()));
+  return ensemble_rms(seeds,
+                      [&](const SeedRuns& seed) { return rms(seed.bound, seed.first, figure); });
 }
 
 namespace {
@@ -71,8 +89,9 @@ Worst worst(const std::vector<SeedRuns>& seeds, std::size_t filter) {
   return out;
 }
 
-Honesty honesty(const std::vector<SeedRuns>& seeds, std::size_t filter, int degrees,
-                const std::function<double(const FilterRun::At&)>& of, double from_s, double to_s) {
+Consistency consistency(const std::vector<SeedRuns>& seeds, std::size_t filter, int degrees,
+                        const std::function<double(const FilterRun::At&)>& of, double from_s,
+                        double to_s) {
   struct Sum {
     double value{};
     int count{};

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cmath>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -8,7 +9,7 @@
 
 namespace fiducap::bench {
 
-/// Root of the mean square of what was added; NaN when nothing was.
+/// Root of the mean square of the added values; NaN without any.
 struct MeanSquare {
   double square{};
   int count{};
@@ -17,6 +18,28 @@ struct MeanSquare {
     ++count;
   }
   [[nodiscard]] double rms() const { return count == 0 ? Nees::kNone : std::sqrt(square / count); }
+};
+
+/// Poses, in level axes, and maps of several live runs.
+struct LiveScore {
+  MeanSquare position, map;
+  double pose_nees{}, worst_nees{},
+      map_nees{};  ///< Sums per degree of freedom; the worst of a body.
+  double with_pose{}, with_tags{};
+  int known{}, maps{}, resets{};
+
+  void add(const FilterRun& run);
+  /// All bodies and the map.
+  void add(const TogetherRun& run);
+  [[nodiscard]] Figure position_mm() const { return {kMm * position.rms(), 2}; }
+  [[nodiscard]] Figure nees() const { return {pose_nees / std::max(1, known), 2}; }
+  [[nodiscard]] Figure pose_percent() const {
+    return {100 * with_pose / std::max(1.0, with_tags), 1};
+  }
+  [[nodiscard]] Figure map_mm() const { return {kMm * map.rms(), 2}; }
+  [[nodiscard]] Figure nees_of_maps() const {
+    return {maps == 0 ? Nees::kNone : map_nees / maps, 2};
+  }
 };
 
 /// One seed: the bound and one run per filter over the same data.
@@ -28,14 +51,16 @@ struct SeedRuns {
 };
 
 /// Simulates each seed once and runs bound and filters over it.
-/// @param data_of  seed → data; bound_data_of: what the bound is computed along (e.g. without the
-/// fault), or the same
+/// @param bound_data_of  data of the bound, e.g. without the fault; nullptr: the same
 [[nodiscard]] std::vector<SeedRuns> run_seeds(
     const EstimationOptions& options, char letter,
     const std::function<EstimationData(std::uint64_t)>& data_of,
     const std::function<EstimationData(std::uint64_t)>& bound_data_of = nullptr);
 
-/// Root of the mean square over seeds of one figure of one filter; of the bound.
+/// Root of the mean square over seeds: of any figure, of one of a filter's run, of one of the
+/// bound.
+[[nodiscard]] double ensemble_rms(const std::vector<SeedRuns>& seeds,
+                                  const std::function<double(const SeedRuns&)>& of);
 [[nodiscard]] double ensemble_rms(const std::vector<SeedRuns>& seeds, std::size_t filter,
                                   double FilterRun::At::*figure);
 [[nodiscard]] double ensemble_rms(const std::vector<SeedRuns>& seeds,
@@ -52,18 +77,19 @@ struct Worst {
 };
 [[nodiscard]] Worst worst(const std::vector<SeedRuns>& seeds, std::size_t filter);
 
-/// Mean of a normalised squared error per degree of freedom, and how often the mean over seeds lies
+/// Mean of a normalised squared error per degree of freedom, and how often the mean over seeds is
 /// in its band.
-struct Honesty {
+struct Consistency {
   double mean{};
   double inside{};  ///< Share of the instants.
 };
 /// @param of    figure of one image, NaN where unknown
 /// @param from, to  seconds since the first sample
-[[nodiscard]] Honesty honesty(const std::vector<SeedRuns>& seeds, std::size_t filter, int degrees,
-                              const std::function<double(const FilterRun::At&)>& of, double from_s,
-                              double to_s);
-/// 95 % band per degree of freedom of the mean of so many independent chi-square variables.
+[[nodiscard]] Consistency consistency(const std::vector<SeedRuns>& seeds, std::size_t filter,
+                                      int degrees,
+                                      const std::function<double(const FilterRun::At&)>& of,
+                                      double from_s, double to_s);
+/// 95 % band per degree of freedom of a chi-square variable.
 struct Band {
   double low, high;
 };

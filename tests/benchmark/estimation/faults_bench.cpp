@@ -1,4 +1,4 @@
-// What goes wrong in practice, one fault at a time: errors with and without it over the same seeds.
+// Faults of practice, one at a time: errors with and without it over the same seeds.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,37 +14,33 @@ using At = FilterRun::At;
 
 struct Fault {
   std::string name;
-  std::function<void(SimulatedDataSetup&, const EstimationData& clean)> put;
+  std::function<void(SimulatedDataSetup&, const EstimationData& clean)> insert;
 };
 
 std::vector<Fault> faults() {
   return {
-      {"none", [](SimulatedDataSetup&, const EstimationData&) {}},
-      {"1 % wrong ids",
-       [](SimulatedDataSetup& s, const EstimationData&) { s.faults.wrong_id = 0.01; }},
-      {"10 % corners covered",
-       [](SimulatedDataSetup& s, const EstimationData&) { s.faults.occlude_corner = 0.1; }},
+      {"none", [](auto&, const auto&) {}},
+      {"1 % wrong ids", [](auto& s, const auto&) { s.faults.wrong_id = 0.01; }},
+      {"10 % corners covered", [](auto& s, const auto&) { s.faults.occlude_corner = 0.1; }},
       {"tag moved 0.3 m",
-       [](SimulatedDataSetup& s, const EstimationData& clean) {
+       [](auto& s, const auto& clean) {
          s.faults.moved_tag = most_seen_tag(clean);
          s.faults.moved_at_s = 0.5 * s.seconds;
          s.faults.moved_by_m = {0.2, 0.2, 0.1};
        }},
-      {"images stamped +50 ms",
-       [](SimulatedDataSetup& s, const EstimationData&) { s.faults.image_stamp_error_s = 0.05; }},
-      {"images stamped -50 ms",
-       [](SimulatedDataSetup& s, const EstimationData&) { s.faults.image_stamp_error_s = -0.05; }},
+      {"images stamped +50 ms", [](auto& s, const auto&) { s.faults.image_stamp_error_s = 0.05; }},
+      {"images stamped -50 ms", [](auto& s, const auto&) { s.faults.image_stamp_error_s = -0.05; }},
       {"5 % IMU lost, 2 ms jitter",
-       [](SimulatedDataSetup& s, const EstimationData&) {
+       [](auto& s, const auto&) {
          s.faults.drop_imu = 0.05;
          s.faults.imu_stamp_jitter_s = 0.002;
        }},
       {"extrinsics 5 deg, 5 cm off",
-       [](SimulatedDataSetup& s, const EstimationData&) {
+       [](auto& s, const auto&) {
          s.extrinsics_sigma_m = 0.05 / std::sqrt(3.0);
          s.extrinsics_sigma_rad = 5 / kDegrees / std::sqrt(3.0);
        }},
-      {"IMU saturated for 3 s", [](SimulatedDataSetup& s, const EstimationData&) {
+      {"IMU saturated for 3 s", [](auto& s, const auto&) {
          s.faults.saturation_at_s = 0.5 * s.seconds;
          s.faults.saturation_s = 3.0;
        }}};
@@ -52,11 +48,8 @@ std::vector<Fault> faults() {
 
 double median_position(const std::vector<SeedRuns>& seeds, std::size_t filter) {
   std::vector<double> all;
-  for (const SeedRuns& seed : seeds)
-    all.push_back(seed.runs[filter].rms([](const At& at) { return at.level_position_m; }));
-  std::nth_element(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2),
-                   all.end());
-  return all[all.size() / 2];
+  for (const SeedRuns& seed : seeds) all.push_back(seed.runs[filter].position_rmse_m());
+  return median(all);
 }
 
 struct Totals {
@@ -83,18 +76,14 @@ Totals totals_of(const std::vector<SeedRuns>& seeds, std::size_t filter) {
 std::vector<Cell> figures(const std::vector<SeedRuns>& seeds, std::size_t f, double without) {
   const double position = ensemble_rms(seeds, f, &At::level_position_m);
   const Totals all = totals_of(seeds, f);
-  return {Figure{kMm * position, 2},
-          Figure{kMm * without, 2},
-          Figure{position / without, 2},
-          Figure{position / ensemble_rms(seeds, &bound::BoundAt::level_position_m), 2},
-          Figure{kMm * median_position(seeds, f), 2},
-          Figure{kDegrees * ensemble_rms(seeds, f, &At::level_rotation_rad), 3},
-          Figure{kMm * ensemble_rms(seeds, f, &At::velocity_m_s), 1},
-          Figure{all.nees, 2},
-          Figure{100 * all.with_pose / all.with_tags, 1},
-          Figure{100 * all.rejected / (all.used + all.rejected), 2},
-          Figure{all.tags_dropped, 1},
-          std::to_string(all.lost)};
+  return cells(Figure{kMm * position, 2}, Figure{kMm * without, 2}, Figure{position / without, 2},
+               Figure{position / ensemble_rms(seeds, &bound::BoundAt::level_position_m), 2},
+               Figure{kMm * median_position(seeds, f), 2},
+               Figure{kDegrees * ensemble_rms(seeds, f, &At::level_rotation_rad), 3},
+               Figure{kMm * ensemble_rms(seeds, f, &At::velocity_m_s), 1}, Figure{all.nees, 2},
+               Figure{100 * all.with_pose / all.with_tags, 1},
+               Figure{100 * all.rejected / (all.used + all.rejected), 2},
+               Figure{all.tags_dropped, 1}, all.lost);
 }
 
 }  // namespace
@@ -102,8 +91,9 @@ std::vector<Cell> figures(const std::vector<SeedRuns>& seeds, std::size_t f, dou
 std::vector<Table> bench_faults(const EstimationOptions& options) {
   Table table{
       fmt::format("Faults, {} seeds: RMSE over seeds in level axes (mm, deg, mm/s)", options.seeds),
-      {"class", "case", "fault", "filter", "pos", "without", "with/without", "/bound", "median",
-       "ori", "vel", "pose NEES", "pose %", "rejected %", "dropped", "diverged"}};
+      split(
+          "class|case|fault|filter|pos|without|with/without|/bound|median|ori|vel|pose NEES|pose %|"
+          "rejected %|dropped|diverged")};
   for (const std::string& world : options.classes) {
     for (const char letter : options.cases) {
       std::vector<double> without(options.filters.size());
@@ -114,7 +104,7 @@ std::vector<Table> bench_faults(const EstimationOptions& options) {
         const auto broken = [&](std::uint64_t seed) {
           SimulatedDataSetup setup{
               .world = world, .seconds = seconds_of(options, world), .seed = seed};
-          fault.put(setup, clean(seed));
+          fault.insert(setup, clean(seed));
           return simulate(setup);
         };
         const auto seeds = run_seeds(options, letter, broken, clean);
@@ -129,7 +119,7 @@ std::vector<Table> bench_faults(const EstimationOptions& options) {
   }
   table.remarks.emplace_back(
       "bound: of the same seeds without the fault. median: over seeds. rejected: of the tags "
-      "offered. dropped: tags thrown out, per seed.");
+      "offered. dropped: tags removed, per seed.");
   table.remarks.emplace_back(
       "Saturated: 0.4 rad/s and 9.5 m/s2 per axis. Extrinsics: drawn, 5 deg and 5 cm in total, "
       "prior as wide. Pose at the images' own stamps.");

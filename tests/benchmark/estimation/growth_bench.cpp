@@ -1,5 +1,5 @@
-// What a growing map costs: a ring with so many robots, a tag every 0.92 m, and the time that each
-// solution of the map graph takes while they walk.
+// Costs of a growing map: a ring with several robots, a tag every 0.92 m, and the time of each
+// solution of the map graph while they walk.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -14,15 +14,14 @@ namespace fiducap::bench {
 
 namespace {
 
-constexpr std::uint64_t kSeedsApart = 10'000;
 constexpr double kSeconds = 360;
-constexpr double kLiveRefine_s = 10;  // of the map that the robots have: it costs as much again
+constexpr double kLiveRefine_s = 10;  // of the robots' map, which costs as much again
 constexpr double kSolve_s = 2;
 constexpr double kRow_s = 30;
 constexpr double kMetresPerTag = 0.92;
 constexpr double kMiB = 1024.0 * 1024.0;
 
-/// 36h11 has 587 ids, tagStandard41h12, as hard to mistake, 2115.
+/// 36h11 has 587 ids; tagStandard41h12, with as few mistakes, 2115.
 int tags_of(int robots) {
   if (robots <= 3) return 100;
   return robots <= 8 ? 300 : 1000;
@@ -36,24 +35,21 @@ double resident_mib() {
   return static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE)) / kMiB;
 }
 
-std::vector<EstimationData> robots_of(const EstimationOptions& options, int robots) {
-  std::vector<EstimationData> data;
-  for (int k = 0; k < robots; ++k) {
+std::vector<EstimationData> robots_on_ring(const EstimationOptions& options, int robots) {
+  return robots_of(robots, options.first_seed, [&](int k, std::uint64_t seed) {
     SimulatedDataSetup setup;
     setup.world = "ring";
     setup.seconds = options.seconds > 0 ? options.seconds : kSeconds;
-    setup.seed = options.first_seed + kSeedsApart * static_cast<std::uint64_t>(k);
+    setup.seed = seed;
     const int tags = tags_of(robots);
     setup.ring = {kMetresPerTag * tags, tags};
     setup.from = static_cast<double>(k) / robots;
     setup.share = 1.35 / robots;
-    data.push_back(simulate(setup));
-  }
-  for (EstimationData& one : data) one.reference_tag = data.front().reference_tag;
-  return data;
+    return simulate(setup);
+  });
 }
 
-/// Solutions of a while.
+/// Solutions between two rows.
 struct Window {
   std::vector<double> seconds;
   int condensed{};
@@ -79,9 +75,7 @@ class Growth final {
       numbers_ += graph_.add(std::move(segment)) ? 1 : 0;
     }
     const double t_s = to_seconds(update.seen.exposed_at - first_);
-    if (t_s >= next_solve_s_) {
-      next_solve_s_ = t_s + std::max(kSolve_s, solve());
-    }
+    if (t_s >= next_solve_s_) next_solve_s_ = t_s + std::max(kSolve_s, solve());
     if (t_s >= next_row_s_) {
       end_row(next_row_s_);
       next_row_s_ += kRow_s;
@@ -89,7 +83,7 @@ class Growth final {
   }
 
  private:
-  /// @return s; a server would not begin the next one before
+  /// @return seconds; a server begins the next one later
   double solve() {
     const auto begin = std::chrono::steady_clock::now();
     const auto solution = graph_.solve();
@@ -104,11 +98,10 @@ class Growth final {
     std::sort(window_.seconds.begin(), window_.seconds.end());
     const double median = window_.seconds[window_.seconds.size() / 2];
     const auto& state = graph_.state();
-    table_.rows.push_back(
-        {std::to_string(robots_), fmt::format("{:.0f}", t_s), std::to_string(state.tags.size()),
-         std::to_string(numbers_), std::to_string(state.segments.size()), Figure{median, 3},
-         Figure{window_.seconds.back(), 3}, std::to_string(window_.condensed),
-         std::to_string(window_.failed), Figure{resident_mib() - before_mib_, 0}});
+    table_.rows.push_back(cells(robots_, fmt::format("{:.0f}", t_s), state.tags.size(), numbers_,
+                                state.segments.size(), Figure{median, 3},
+                                Figure{window_.seconds.back(), 3}, window_.condensed,
+                                window_.failed, Figure{resident_mib() - before_mib_, 0}));
     window_ = {};
   }
 
@@ -126,12 +119,12 @@ class Growth final {
 }  // namespace
 
 std::vector<Table> bench_growth(const EstimationOptions& options) {
-  Table table{fmt::format("What a growing map costs, seed {}", options.first_seed),
-              {"robots", "after s", "tags", "segments so far", "in the graph", "solve s", "largest",
-               "linearised anew", "not at rest", "MiB"}};
+  Table table{fmt::format("Costs of a growing map, seed {}", options.first_seed),
+              split("robots|after s|tags|segments so far|in the graph|solve s|largest|"
+                    "linearised again|not at rest|MiB")};
   for (const std::string& name : options.classes) {
     const int robots = std::stoi(name);
-    const std::vector<EstimationData> data = robots_of(options, robots);
+    const std::vector<EstimationData> data = robots_on_ring(options, robots);
     FilterChoice choice = choice_of(options, "world", 'A');
     choice.live = true;
     choice.refine_period_s = kLiveRefine_s;
@@ -142,11 +135,10 @@ std::vector<Table> bench_growth(const EstimationOptions& options) {
     (void)run_together(data, choice);
   }
   table.remarks.emplace_back(
-      "A segment is about a second of one robot. `solve s`: median of the solutions, one every 2 s "
-      "of data, or when the one before would be done, of the last 30 s, on one core. `in the "
-      "graph`: of the others a prior was made. "
-      "`MiB`: of the process, beyond the sensors' data; it holds two such graphs, of which one is "
-      "what the robots get their map from, and all filters.");
+      "A segment is about a second of one robot. `solve s`: median of the solutions of the last 30 "
+      "s, one every 2 s of data or when the one before would be done, on one core. `in the graph`: "
+      "the others are in a prior. `MiB`: of the process, beyond the sensors' data; it holds two "
+      "such graphs, one of them for the robots' map, and all filters.");
   return {table};
 }
 

@@ -1,5 +1,5 @@
-// Rooms with and without texture, tags gone for a while: what followed image points are worth, and
-// what they cost.
+// Rooms with and without texture and with gaps without tags: benefit and cost of followed image
+// points.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,7 +8,6 @@
 #include "estimation/ensemble.hpp"
 #include "estimation/filter/chi_square.hpp"
 #include "estimation/options.hpp"
-#include "estimation/parallel.hpp"
 
 namespace fiducap::bench {
 
@@ -29,13 +28,12 @@ struct Gaps {
 };
 
 /// Without the tags of the images inside gaps. The points stay: they were followed with the tags in
-/// view, and beside them.
+/// view.
 EstimationData blinded(EstimationData data, const Gaps& gaps) {
   const Instant first = time_of(data.samples.front());
-  for (SensorSample& sample : data.samples) {
-    auto* image = std::get_if<CornerFrame>(&sample);
-    if (image != nullptr && gaps.inside(to_seconds(image->exposed_at - first))) image->tags.clear();
-  }
+  for_each_image(data, [&](CornerFrame& image) {
+    if (gaps.inside(to_seconds(image.exposed_at - first))) image.tags.clear();
+  });
   return data;
 }
 
@@ -97,60 +95,48 @@ void print(Table& table, const std::string& world, const std::string& texture, c
   for (const Arm* arm : {&cell.without, &cell.with}) {
     const bool with = arm == &cell.with;
     const double ends = arm->end_m.count == 0 ? Nees::kNone : arm->end_m.count;
-    table.rows.push_back(
-        {world,
-         texture,
-         Figure{gaps.length_s, 0},
-         with ? "with" : "without",
-         std::to_string(arm->end_m.count),
-         Figure{kMm * arm->end_m.rms(), 1},
-         Figure{kMm * arm->sigma.rms(), 1},
-         Figure{100 * arm->covered / ends, 0},
-         Figure{arm->nees / ends / 6, 2},
-         Figure{kDegrees * arm->end_rad.rms(), 3},
-         Figure{kMm * arm->end_m_s.rms(), 1},
-         Figure{kMm * arm->all_m.rms(), 2},
-         Figure{kDegrees * arm->all_rad.rms(), 3},
-         Figure{arm->nees_all / arm->images / 6, 2},
-         with ? Figure{cell.with.all_m.rms() / cell.without.all_m.rms(), 3} : Figure{1, 3},
-         with ? Figure{worst, 3} : Figure{1, 3},
-         Figure{static_cast<double>(arm->used) / arm->seconds, 1},
-         Figure{static_cast<double>(arm->rejected) / arm->seconds, 1},
-         Figure{arm->nis_dof == 0 ? Nees::kNone : arm->nis / static_cast<double>(arm->nis_dof), 2},
-         Figure{arm->cpu_s / arm->seconds, 4}});
+    table.rows.push_back(cells(
+        world, texture, Figure{gaps.length_s, 0}, with ? "with" : "without", arm->end_m.count,
+        Figure{kMm * arm->end_m.rms(), 1}, Figure{kMm * arm->sigma.rms(), 1},
+        Figure{100 * arm->covered / ends, 0}, Figure{arm->nees / ends / 6, 2},
+        Figure{kDegrees * arm->end_rad.rms(), 3}, Figure{kMm * arm->end_m_s.rms(), 1},
+        Figure{kMm * arm->all_m.rms(), 2}, Figure{kDegrees * arm->all_rad.rms(), 3},
+        Figure{arm->nees_all / arm->images / 6, 2},
+        with ? Figure{cell.with.all_m.rms() / cell.without.all_m.rms(), 3} : Figure{1, 3},
+        with ? Figure{worst, 3} : Figure{1, 3},
+        Figure{static_cast<double>(arm->used) / arm->seconds, 1},
+        Figure{static_cast<double>(arm->rejected) / arm->seconds, 1},
+        Figure{arm->nis_dof == 0 ? Nees::kNone : arm->nis / static_cast<double>(arm->nis_dof), 2},
+        Figure{arm->cpu_s / arm->seconds, 4}));
   }
 }
 
 }  // namespace
 
 std::vector<Table> bench_landmarks(const EstimationOptions& options) {
-  Table table{fmt::format("Followed image points, {} seeds of rendered images; gap: tags taken "
-                          "away every so often; at its last image and "
-                          "over all (mm, deg, mm/s)",
-                          options.seeds),
-              {"class",     "texture",   "gap s",  "points",  "gaps",    "pos",     "sigma",
-               "covered %", "NEES/6",    "ori",    "vel",     "all pos", "all ori", "all NEES/6",
-               "all ratio", "worst run", "used/s", "gated/s", "NIS/dof", "CPU s/s"}};
+  Table table{
+      fmt::format("Followed image points, {} seeds of rendered images; at the last image of "
+                  "each gap without tags and over all (mm, deg, mm/s)",
+                  options.seeds),
+      split("class|texture|gap s|points|gaps|pos|sigma|covered %|NEES/6|ori|vel|all pos|all ori|"
+            "all NEES/6|all ratio|worst run|used/s|gated/s|NIS/dof|CPU s/s")};
   const std::vector<double> lengths =
       options.quick ? std::vector{2.0} : std::vector{0.0, 1.0, 2.0, 5.0, 10.0};
   for (const std::string& world : options.classes) {
     for (const std::string& texture : options.textures) {
       const double seconds = options.seconds > 0 ? options.seconds : options.quick ? 20 : 60;
-      std::vector<std::vector<std::pair<FilterRun, FilterRun>>> runs(
-          static_cast<std::size_t>(options.seeds));
-      in_parallel(options.seeds, options.threads, [&](int i) {
+      const auto runs = for_seeds(options, [&](std::uint64_t seed) {
+        std::vector<std::pair<FilterRun, FilterRun>> pairs;
         const EstimationData data =
-            simulate({.world = world,
-                      .seconds = seconds,
-                      .seed = options.first_seed + static_cast<std::uint64_t>(i),
-                      .texture = texture});
+            simulate({.world = world, .seconds = seconds, .seed = seed, .texture = texture});
         for (const double length_s : lengths) {
           const EstimationData seen = blinded(data, {length_s, seconds});
           FilterChoice choice = choice_of(options, "world", options.cases.front());
           const FilterRun without = run_filter(seen, choice);
           choice.estimator.landmarks = true;
-          runs[static_cast<std::size_t>(i)].emplace_back(without, run_filter(seen, choice));
+          pairs.emplace_back(without, run_filter(seen, choice));
         }
+        return pairs;
       });
       for (std::size_t k = 0; k < lengths.size(); ++k) {
         Pair cell;

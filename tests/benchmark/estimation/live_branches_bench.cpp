@@ -1,5 +1,5 @@
-// Bodies without IMU, real recordings: what was given out live beside what is known after the last
-// image. Nothing is fitted: both stand in the workspace as the product defines it.
+// Bodies without IMU, real recordings: published live poses beside the settled ones after the last
+// image. Nothing is fitted: both are in the workspace as the product defines it.
 #include <Eigen/LU>
 #include <Eigen/SVD>
 #include <algorithm>
@@ -10,8 +10,6 @@
 #include "base/numeric.hpp"
 #include "base/pose.hpp"
 #include "estimation/options.hpp"
-#include "estimation/parallel.hpp"
-#include "pipeline/body_tracker.hpp"
 #include "pipeline/replay/offline_run.hpp"
 #include "support/fake_clock.hpp"
 
@@ -19,16 +17,14 @@ namespace fiducap::bench {
 
 namespace {
 
-// A live pose further off than this was no pose to be given out.
+// Poses with larger errors must not be published.
 constexpr double kWrong_m = 0.1;
 constexpr double kWrong_rad = 5 / kDegrees;
-// Further off than this it was another planar pose of a tag, and not a map that still improved.
+// Gross errors are another planar pose of a tag, not a map that still improves.
 constexpr double kGross_m = 0.5;
 constexpr double kGross_rad = 20 / kDegrees;
-// Three sigmas of six numbers together: chi-square that 99.73 % stay below.
-constexpr double kThreeSigmas = 20.06;
-// Wrong poses with a pause of this length between them are two stretches.
-constexpr Duration kPause = std::chrono::seconds(2);
+constexpr double kThreeSigmas = 20.06;  // chi-square of six numbers with a probability of 99.73 %
+constexpr Duration kPause = std::chrono::seconds(2);  // between two stretches of wrong poses
 
 struct Stretch {
   Instant begin{};
@@ -44,14 +40,14 @@ struct Differences {
   int shown_gross{0};
   int wrong{0};
   int gross{0};
-  int beyond_sigma{0};        ///< Further off than three of the sigmas that were stated …
+  int beyond_sigma{0};        ///< Errors above three stated sigmas …
   int wrong_beyond_sigma{0};  ///< … and wrong.
   int wrong_shape{0};         ///< Wrong also when all live poses are moved together.
   Instant worst_at{};
   Stretch longest;
 };
 
-/// A live pose, how sure it was, and the settled one of the same image.
+/// A live pose with its covariance, and the settled one of the same image.
 struct Pair {
   Instant at{};
   Pose live;
@@ -59,7 +55,7 @@ struct Pair {
   Matrix6d covariance;
 };
 
-/// Only what was given out: before it stood in the workspace a body had no pose to show.
+/// Published poses only: those of an anchored body.
 std::vector<Pair> pairs_of(const OfflineResult& run) {
   std::vector<Pair> pairs;
   const auto anchored =
@@ -82,19 +78,9 @@ bool is_wrong(const Pose& live, const Pose& settled) {
   return (live.p - settled.p).norm() > kWrong_m || angle_between(live.q, settled.q) > kWrong_rad;
 }
 
-/// As BodyTracker decides it.
-bool may_be_shown(const Matrix6d& P) {
-  const BodyLimits limits;
-  const auto variances = P.diagonal();
-  return std::sqrt(variances.head<3>().maxCoeff()) <= limits.max_position_sigma_m &&
-         std::sqrt(variances.tail<3>().maxCoeff()) <= limits.max_rotation_sigma_rad;
-}
-
 bool is_beyond_sigma(const Pair& pair) {
-  Eigen::Matrix<double, 6, 1> e;
-  e << pair.settled.p - pair.live.p, log_so3(pair.settled.q * pair.live.q.conjugate());
   const Matrix6d P = pair.covariance + 1e-12 * Matrix6d::Identity();
-  return !(e.dot(P.ldlt().solve(e)) < kThreeSigmas);
+  return !(normalised(pose_error(pair.settled, pair.live), P) < kThreeSigmas);
 }
 
 /// The shift of all live poses together that brings most of them to the settled ones.
@@ -153,70 +139,45 @@ Differences compare(const OfflineResult& run) {
 struct Job {
   std::string folder;
   std::string name;
-  std::string error;
-  OfflineResult result;
-  Instant first{};
+  Expected<OfflineResult> result{};
 };
 
-void run_one(Job& job, const EstimationOptions& options) {
-  const auto info = read_recording_info(job.folder);
-  if (!info) {
-    job.error = info.error().text();
-    return;
-  }
+Expected<OfflineResult> run_one(const std::string& folder, const EstimationOptions& options) {
+  const auto info = read_recording_info(folder);
+  if (!info) return tl::unexpected(info.error());
   const FakeClock clock;
   auto source = open_recording(*info, {}, clock);
-  if (!source) {
-    job.error = source.error().text();
-    return;
-  }
+  if (!source) return tl::unexpected(source.error());
   OfflineSetup setup = offline_setup(*info);
   setup.estimator = options.estimator;
-  auto result = run_offline(setup, **source);
-  if (!result) {
-    job.error = result.error().text();
-    return;
-  }
-  job.result = std::move(*result);
-  if (!job.result.trajectory.empty()) job.first = job.result.trajectory.front().at;
+  return run_offline(setup, **source);
 }
 
 std::vector<Cell> row_of(const Job& job) {
-  const OfflineResult& run = job.result;
+  const OfflineResult& run = *job.result;
   const Differences d = compare(run);
+  const Instant first = run.trajectory.empty() ? Instant{} : run.trajectory.front().at;
   const auto count = [](std::size_t n) { return Figure{static_cast<double>(n), 0}; };
   const auto compared = static_cast<double>(d.apart_m.size());
   const auto resets = std::count_if(run.events.begin(), run.events.end(), [](const auto& event) {
     return event.kind == BodyEvent::Kind::kReset;
   });
-  const auto since = [&](Instant at) { return to_seconds(at - job.first); };
+  const auto since = [&](Instant at) { return to_seconds(at - first); };
   const bool any = !d.apart_m.empty();
-  return {
-      job.name,
-      count(run.trajectory.size()),
-      count(run.live.size()),
-      count(d.apart_m.size()),
-      Figure{100 * d.wrong / compared, 2},
-      Figure{100 * d.shown / compared, 1},
+  return cells(
+      job.name, count(run.trajectory.size()), count(run.live.size()), count(d.apart_m.size()),
+      Figure{100 * d.wrong / compared, 2}, Figure{100 * d.shown / compared, 1},
       Figure{100 * d.shown_wrong / std::max(1.0, static_cast<double>(d.shown)), 2},
       Figure{100 * d.shown_gross / std::max(1.0, static_cast<double>(d.shown)), 2},
-      Figure{100 * d.wrong_shape / compared, 2},
-      Figure{100 * d.beyond_sigma / compared, 2},
-      Figure{100 * d.wrong_beyond_sigma / compared, 2},
-      Figure{100 * d.gross / compared, 2},
-      Figure{kMm * quantile(d.apart_m, 0.5), 1},
-      Figure{kDegrees * quantile(d.apart_rad, 0.5), 2},
-      Figure{kMm * quantile(d.apart_m, 0.95), 1},
-      Figure{any ? kMm * *std::max_element(d.apart_m.begin(), d.apart_m.end()) : Nees::kNone, 0},
-      Figure{
-          any ? kDegrees * *std::max_element(d.apart_rad.begin(), d.apart_rad.end()) : Nees::kNone,
-          1},
-      Figure{any ? since(d.worst_at) : Nees::kNone, 1},
+      Figure{100 * d.wrong_shape / compared, 2}, Figure{100 * d.beyond_sigma / compared, 2},
+      Figure{100 * d.wrong_beyond_sigma / compared, 2}, Figure{100 * d.gross / compared, 2},
+      Figure{kMm * quantile(d.apart_m, 0.5), 1}, Figure{kDegrees * quantile(d.apart_rad, 0.5), 2},
+      Figure{kMm * quantile(d.apart_m, 0.95), 1}, Figure{kMm * largest(d.apart_m), 0},
+      Figure{kDegrees * largest(d.apart_rad), 1}, Figure{any ? since(d.worst_at) : Nees::kNone, 1},
       Figure{d.wrong > 0 ? d.longest.seconds() : 0.0, 1},
       Figure{d.wrong > 0 ? since(d.longest.begin) : Nees::kNone, 1},
-      count(static_cast<std::size_t>(resets)),
-      count(run.tags.size()),
-      Figure{run.statistics.update_cpu_s, 2}};
+      count(static_cast<std::size_t>(resets)), count(run.tags.size()),
+      Figure{run.statistics.update_cpu_s, 2});
 }
 
 }  // namespace
@@ -224,29 +185,10 @@ std::vector<Cell> row_of(const Job& job) {
 std::vector<Table> bench_live_branches(const EstimationOptions& options) {
   namespace fs = std::filesystem;
   Table table{"Real recordings without IMU: live poses against the settled ones at the same image",
-              {"recording",
-               "images settled",
-               "live poses",
-               "compared",
-               "wrong %",
-               "valid %",
-               "wrong of valid %",
-               "gross of valid %",
-               "wrong shape %",
-               "> 3 sigma %",
-               "wrong and > 3 sigma %",
-               "gross %",
-               "median mm",
-               "median deg",
-               "95 % mm",
-               "worst mm",
-               "worst deg",
-               "worst at s",
-               "longest wrong s",
-               "from s",
-               "resets",
-               "tags",
-               "update cpu s"}};
+              split("recording|images settled|live poses|compared|wrong %|valid %|wrong of valid %|"
+                    "gross of valid %|wrong shape %|> 3 sigma %|wrong and > 3 sigma %|gross %|"
+                    "median mm|median deg|95 % mm|worst mm|worst deg|worst at s|longest wrong s|"
+                    "from s|resets|tags|update cpu s")};
   std::vector<Job> jobs;
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(options.data, error)) {
@@ -255,26 +197,27 @@ std::vector<Table> bench_live_branches(const EstimationOptions& options) {
     const bool is_wanted =
         options.classes.empty() ||
         std::find(options.classes.begin(), options.classes.end(), name) != options.classes.end();
-    if (is_wanted) jobs.push_back({entry.path().string(), name, {}, {}, {}});
+    if (is_wanted) jobs.push_back({entry.path().string(), name});
   }
   if (jobs.empty()) table.remarks.emplace_back("NOT RUN: no tagslam_* in " + options.data);
   std::sort(jobs.begin(), jobs.end(), [](const Job& a, const Job& b) {
     return std::pair(a.name.size(), a.name) < std::pair(b.name.size(), b.name);
   });
-  in_parallel(static_cast<int>(jobs.size()), options.threads,
-              [&](int i) { run_one(jobs[static_cast<std::size_t>(i)], options); });
+  in_parallel(static_cast<int>(jobs.size()), options.threads, [&](int i) {
+    Job& job = jobs[static_cast<std::size_t>(i)];
+    job.result = run_one(job.folder, options);
+  });
   for (const Job& job : jobs) {
-    if (job.error.empty()) {
+    if (job.result) {
       table.rows.push_back(row_of(job));
     } else {
-      table.remarks.emplace_back("NOT RUN: " + job.name + ": " + job.error);
+      table.remarks.emplace_back("NOT RUN: " + job.name + ": " + job.result.error().text());
     }
   }
   table.remarks.emplace_back(
       "wrong: more than 5 deg or 10 cm off; gross: more than 20 deg or 50 cm. Nothing is fitted; "
-      "seconds from the first settled "
-      "image on. Wrong shape: also after all live poses were moved together. > 3 sigma: of those "
-      "stated, against the settled pose.");
+      "seconds from the first settled image on. Wrong shape: also after all live poses were moved "
+      "together. > 3 sigma: of those stated, against the settled pose.");
   return {table};
 }
 

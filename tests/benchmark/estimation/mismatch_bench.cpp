@@ -1,5 +1,5 @@
-// A world that is not as the configuration says, one mismatch at a time: what it costs against the
-// same seeds in a world that is, whether the sigma covers it, and what is said.
+// A world that differs from the configuration, one mismatch at a time: errors against the same
+// seeds without it, whether the sigma covers them, and the reports.
 #include "simulation/mismatch_worlds.hpp"
 
 #include <fmt/format.h>
@@ -11,7 +11,6 @@
 
 #include "estimation/filter/chi_square.hpp"
 #include "estimation/options.hpp"
-#include "estimation/parallel.hpp"
 
 namespace fiducap::bench {
 
@@ -19,12 +18,12 @@ namespace {
 
 using At = FilterRun::At;
 
-constexpr double kElsewhere_m = 1.0;  // a valid pose so far off is of another place
-constexpr double kWrong_m = 0.1;      // so far off, and so many sigmas, is wrong and sure
-constexpr double kSure = 5.0;
-constexpr double kTableSeconds = 30.0;  // its camera sees all there is within two
-constexpr std::size_t kSentence = 100;  // letters of what was said
-constexpr std::size_t kSentences = 3;   // of a row
+constexpr double kElsewhere_m = 1.0;  // valid poses with larger errors are of another place
+constexpr double kWrong_m = 0.1;      // above this and kCertain sigmas a pose is falsely certain
+constexpr double kCertain = 5.0;
+constexpr double kTableSeconds = 30.0;  // its camera sees all tags within two
+constexpr std::size_t kLetters = 100;   // of a report
+constexpr std::size_t kReports = 3;     // of a row
 
 struct Score {
   std::uint64_t seed{};
@@ -36,22 +35,6 @@ struct Score {
   bool elsewhere{}, silent{};
   std::vector<std::string> said;
 };
-
-double median(std::vector<double> values) {
-  std::erase_if(values, [](double x) { return std::isnan(x); });
-  if (values.empty()) return Nees::kNone;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-double largest(const std::vector<double>& values) {
-  double most = Nees::kNone;
-  for (const double x : values) {
-    if (!(x <= most) && !std::isnan(x)) most = x;
-  }
-  return most;
-}
 
 Score score_of(FilterRun run, std::uint64_t seed) {
   static const double kInside = chi_square_quantile(6, 0.95);
@@ -66,7 +49,7 @@ Score score_of(FilterRun run, std::uint64_t seed) {
     const double error_m = at.level_position_m;
     score.largest_m = std::max(score.largest_m, error_m);
     score.elsewhere |= error_m > kElsewhere_m;
-    score.silent |= error_m > kWrong_m && error_m > kSure * at.sigma_m && run.said.empty();
+    score.silent |= error_m > kWrong_m && error_m > kCertain * at.sigma_m && run.said.empty();
   }
   const FilterRun settled = run.scored_after(kSettled_s);
   std::vector<double> errors;
@@ -98,7 +81,7 @@ double median_ratio(const std::vector<Score>& scores, const std::vector<Score>& 
   return median(ratios);
 }
 
-/// Numbers differ from run to run, sentences do not.
+/// Only numbers differ from run to run.
 std::string without_numbers(const std::string& text) {
   std::string out;
   for (const char c : text) {
@@ -112,32 +95,32 @@ std::string shortened(const std::string& text) {
   std::size_t letters = 0;
   for (std::size_t i = 0; i < text.size(); ++i) {
     const bool begins = (static_cast<unsigned char>(text[i]) & 0xC0) != 0x80;
-    if (begins && ++letters > kSentence) return text.substr(0, i) + "…";
+    if (begins && ++letters > kLetters) return text.substr(0, i) + "…";
   }
   return text;
 }
 
-struct Sentence {
-  std::string text;  ///< As the first run has it.
+struct Report {
+  std::string text;  ///< Of the first run.
   int runs{};
 };
 
-/// What most runs say first.
-std::vector<Sentence> sentences(const std::vector<Score>& scores) {
-  std::map<std::string, Sentence> by_words;
+/// The most frequent reports.
+std::vector<Report> frequent_reports(const std::vector<Score>& scores) {
+  std::map<std::string, Report> by_words;
   for (const Score& score : scores) {
     std::map<std::string, std::string> of_run;
     for (const std::string& text : score.said) of_run.try_emplace(without_numbers(text), text);
     for (const auto& [words, text] : of_run) {
-      Sentence& one = by_words.try_emplace(words, Sentence{text, 0}).first->second;
+      Report& one = by_words.try_emplace(words, Report{text, 0}).first->second;
       ++one.runs;
     }
   }
-  std::vector<Sentence> all;
-  for (const auto& [words, sentence] : by_words) all.push_back(sentence);
+  std::vector<Report> all;
+  for (const auto& [words, report] : by_words) all.push_back(report);
   std::stable_sort(all.begin(), all.end(),
-                   [](const Sentence& a, const Sentence& b) { return a.runs > b.runs; });
-  all.resize(std::min(all.size(), kSentences));
+                   [](const Report& a, const Report& b) { return a.runs > b.runs; });
+  all.resize(std::min(all.size(), kReports));
   return all;
 }
 
@@ -160,7 +143,7 @@ class Rows {
   Rows(const EstimationOptions& options, std::string world, std::string filter)
       : options_(options), world_(std::move(world)), filter_(std::move(filter)) {}
 
-  void add(const Mismatch& mismatch, Table& figures, Table& said) {
+  void add(const Mismatch& mismatch, Table& figures, Table& reports) {
     const std::vector<Score>& unmodified = unmodified_of(mismatch);
     const bool is_unmodified = !mismatch.faults && !mismatch.data;
     const std::vector<Score> scores =
@@ -168,26 +151,23 @@ class Rows {
                       : run([&](const auto& setup) { return mismatched_world(setup, mismatch); });
     if (options_.each) print_each(world_ + " " + filter_ + " " + mismatch.name, scores);
     figures.rows.push_back(row(mismatch.name, scores, unmodified));
-    for (const Sentence& sentence : sentences(scores))
-      said.rows.push_back({world_, filter_, mismatch.name, std::to_string(sentence.runs),
-                           shortened(sentence.text)});
+    for (const Report& report : frequent_reports(scores))
+      reports.rows.push_back(
+          {world_, filter_, mismatch.name, std::to_string(report.runs), shortened(report.text)});
     if (mismatch.name == "outages") figures.remarks.push_back(summary(scores));
   }
 
  private:
   std::vector<Score> run(
       const std::function<EstimationData(const SimulatedDataSetup&)>& data_of) const {
-    std::vector<Score> scores(static_cast<std::size_t>(options_.seeds));
     FilterChoice choice = choice_of(options_, filter_, options_.cases.front());
     choice.live = true;
     choice.refine_period_s = options_.graph ? kRefinePeriod_s : 0;
-    in_parallel(options_.seeds, options_.threads, [&](int i) {
-      const std::uint64_t seed = options_.first_seed + static_cast<std::uint64_t>(i);
+    return for_seeds(options_, [&](std::uint64_t seed) {
       const EstimationData data = data_of(
           {.world = world_, .seconds = seconds(), .seed = seed, .has_imu = !options_.without_imu});
-      scores[static_cast<std::size_t>(i)] = score_of(run_filter(data, choice), seed);
+      return score_of(run_filter(data, choice), seed);
     });
-    return scores;
   }
 
   const std::vector<Score>& unmodified_of(const Mismatch& mismatch) {
@@ -207,24 +187,17 @@ class Rows {
     const auto worst =
         std::max_element(scores.begin(), scores.end(),
                          [](const Score& a, const Score& b) { return a.largest_m < b.largest_m; });
-    int speaking = 0;
-    for (const Score& score : scores) speaking += score.said.empty() ? 0 : 1;
-    return {world_,
-            filter_,
-            name,
-            Figure{kMm * median(each(scores, &Score::median_m)), 2},
-            Figure{median_ratio(scores, unmodified), 2},
-            Figure{kMm * largest(each(scores, &Score::median_m)), 1},
-            Figure{worst->largest_m, 3},
-            std::to_string(worst->seed),
-            Figure{median(each(scores, &Score::nees)), 2},
-            Figure{100 * median(each(scores, &Score::inside)), 1},
-            Figure{100 * median(each(scores, &Score::with_pose)), 1},
-            std::to_string(sum(scores, &Score::resets)),
-            std::to_string(sum(scores, &Score::dropped)),
-            std::to_string(sum(scores, &Score::elsewhere)),
-            std::to_string(sum(scores, &Score::silent)),
-            std::to_string(speaking)};
+    int reporting = 0;
+    for (const Score& score : scores) reporting += score.said.empty() ? 0 : 1;
+    return cells(world_, filter_, name, Figure{kMm * median(each(scores, &Score::median_m)), 2},
+                 Figure{median_ratio(scores, unmodified), 2},
+                 Figure{kMm * largest(each(scores, &Score::median_m)), 1},
+                 Figure{worst->largest_m, 3}, worst->seed,
+                 Figure{median(each(scores, &Score::nees)), 2},
+                 Figure{100 * median(each(scores, &Score::inside)), 1},
+                 Figure{100 * median(each(scores, &Score::with_pose)), 1},
+                 sum(scores, &Score::resets), sum(scores, &Score::dropped),
+                 sum(scores, &Score::elsewhere), sum(scores, &Score::silent), reporting);
   }
 
   [[nodiscard]] std::string summary(const std::vector<Score>& scores) const {
@@ -242,14 +215,12 @@ class Rows {
   const EstimationOptions& options_;
   std::string world_;
   std::string filter_;
-  std::map<std::string, std::vector<Score>> unmodified_;  ///< By what they have in common.
+  std::map<std::string, std::vector<Score>> unmodified_;  ///< By Mismatch::base.
 };
 
-bool is_wanted(const EstimationOptions& options, const std::string& name) {
+bool is_requested(const EstimationOptions& options, const std::string& name) {
   if (options.quick) return name == "nothing" || name == "stamps 3 ms";
-  const auto begins = [&](const std::string& start) { return name.starts_with(start); };
-  return options.only.empty() || name == "nothing" ||
-         std::any_of(options.only.begin(), options.only.end(), begins);
+  return name == "nothing" || options.includes(name);
 }
 
 }  // namespace
@@ -258,15 +229,14 @@ std::vector<Table> bench_mismatch(const EstimationOptions& options) {
   Table figures{
       fmt::format("Mismatches, {} seeds from {}: the live path, valid poses in level axes",
                   options.seeds, options.first_seed),
-      {"class", "filter", "wrong", "median mm", "x", "worst mm", "largest m", "of seed",
-       "pose NEES", "inside %", "with pose %", "resets", "dropped", "> 1 m", "silent", "speak"}};
-  Table said{"What was said, and in how many runs",
-             {"class", "filter", "wrong", "runs", "sentence"}};
+      split("class|filter|wrong|median mm|x|worst mm|largest m|of seed|pose NEES|inside %|"
+            "with pose %|resets|dropped|> 1 m|silent|reporting")};
+  Table reports{"Reports, and in how many runs", {"class", "filter", "wrong", "runs", "report"}};
   for (const std::string& world : options.classes) {
     for (const std::string& filter : options.filters) {
       Rows rows(options, world, filter);
       for (const Mismatch& mismatch : mismatches()) {
-        if (is_wanted(options, mismatch.name)) rows.add(mismatch, figures, said);
+        if (is_requested(options, mismatch.name)) rows.add(mismatch, figures, reports);
       }
     }
   }
@@ -274,9 +244,9 @@ std::vector<Table> bench_mismatch(const EstimationOptions& options) {
       "median, NEES, inside: medians over runs, after 5 s. x: median over seeds of median error / "
       "that without the mismatch. largest, > 1 m: from the first pose on.");
   figures.remarks.emplace_back(
-      "inside: the pose's 95 % ellipsoid. > 1 m, silent, speak: runs. silent: more than 0.1 m and "
-      "5 sigma off, and not a word in the whole run.");
-  return {figures, said};
+      "inside: the pose's 95 % ellipsoid. > 1 m, silent, reporting: runs. silent: more than 0.1 m "
+      "and 5 sigma off, without any report in the whole run.");
+  return {figures, reports};
 }
 
 }  // namespace fiducap::bench

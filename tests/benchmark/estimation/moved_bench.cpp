@@ -1,6 +1,6 @@
-// Tags that do not stay where the map has them, are there twice or printed wrongly: whether it is
-// noticed, when, in which words, what is published meanwhile, and how the map heals. Three robots
-// with the map graph; nothing false may be said.
+// Tags that move, exist twice or are printed wrongly: whether and when it is reported, the
+// published poses until then, and the repair of the map. Three robots with the map graph; no report
+// may be false.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,20 +8,18 @@
 
 #include "base/pose.hpp"
 #include "estimation/moved_case.hpp"
-#include "estimation/parallel.hpp"
-#include "pipeline/body_tracker.hpp"
 
 namespace fiducap::bench {
 
 namespace {
 
-// After a tag was found again, so long its robots are looked at.
+// Poses are scored until this time after the repair.
 constexpr double kAfterwards_s = 5;
 constexpr double kMostSigmas = 3;
 
-/// Wrong words of a run, by what they are about.
-struct FalseWords {
-  int moved{};  ///< Quarantined, moved, disputed: of the map.
+/// False reports of a run, by subject.
+struct FalseReports {
+  int moved{};  ///< Of the map: quarantined, moved, inconsistent.
   int given_up{};
   int lens{};
   int size{};
@@ -30,24 +28,24 @@ struct FalseWords {
 };
 
 struct MovedRun {
-  double sighted_s{Nees::kNone};  ///< The tag was first seen as it is wrong.
+  double sighted_s{Nees::kNone};  ///< The fault of the tag was first seen.
   double verdict_s{Nees::kNone};
-  double healed_s{Nees::kNone};  ///< Found in its new place, or given up for good.
-  double worst_before{};         ///< Of poses, error over 1-sigma, while all was well …
-  double worst{};                ///< … and from the first sight on …
-  double worst_m{};              ///< … then.
+  double repaired_s{Nees::kNone};  ///< Found in its new place, or given up finally.
+  double worst_before{};           ///< Of poses, error over 1-sigma, without the fault …
+  double worst{};                  ///< … and since it was seen …
+  double worst_m{};                ///< … with this error.
   double worst_s{};
-  int poses{};                  ///< From the first sight on …
-  int beyond{};                 ///< … further off than three sigmas.
+  int poses{};                  ///< Since the fault was seen …
+  int beyond{};                 ///< … with errors above three sigmas.
   double place_m{Nees::kNone};  ///< Of the tag at the end …
   double place_sigmas{};        ///< … root of its NEES per degree of freedom.
   double others_m{};            ///< RMS of all others.
-  FalseWords wrong;
+  FalseReports wrong;
   double robot_hours{};
-  std::vector<std::string> said;
+  std::vector<std::string> reports;
 };
 
-/// One run of a case, as it is listened to.
+/// One run of a case.
 class MovedWatch final {
  public:
   MovedWatch(const MovedCase& one, MovedRun& out)
@@ -63,13 +61,10 @@ class MovedWatch final {
     for (const BodyEvent& event : update.events) hear(body, event, t_s);
     if (!update.is_placed() || t_s < kSettled_s) return;
     const BodyEstimate& estimate = *update.estimate;
-    const auto sigmas = estimate.covariance.diagonal().head<6>().cwiseSqrt();
-    const BodyLimits limits;
-    if (sigmas.head<3>().maxCoeff() > limits.max_position_sigma_m ||
-        sigmas.tail<3>().maxCoeff() > limits.max_rotation_sigma_rad)
-      return;
+    if (!may_be_shown(estimate.covariance)) return;
     const Pose truth = X_WR_ * one_.data[body].truth_near(estimate.at).X_WB;
-    score((estimate.X_WB.p - truth.p).norm(), sigmas.head<3>().norm(), t_s);
+    score((estimate.X_WB.p - truth.p).norm(),
+          std::sqrt(estimate.covariance.diagonal().head<3>().sum()), t_s);
   }
 
   void hear(const MapEvent& event, Instant at) {
@@ -79,15 +74,15 @@ class MovedWatch final {
     const bool is_disputed = event.kind == MapEvent::Kind::kTagDisputed;
     if (!is_gone && !is_back && !is_disputed) return;
     const bool is_last = event.text.find("not used any more") != std::string::npos;
-    out_.said.push_back(fmt::format("{:.1f} s, map: {}", t_s, event.text));
+    out_.reports.push_back(fmt::format("{:.1f} s, map: {}", t_s, event.text));
     if (event.tag_id != one_.tag_id || t_s < one_.at_s) {
       ++(is_last ? out_.wrong.given_up : out_.wrong.moved);
       return;
     }
     if (std::isnan(out_.verdict_s)) out_.verdict_s = t_s;
-    if (std::isnan(out_.healed_s) && (is_back || is_last)) out_.healed_s = t_s;
-    // Found once more, it was not the end of it.
-    if (is_gone && !is_last) out_.healed_s = Nees::kNone;
+    if (std::isnan(out_.repaired_s) && (is_back || is_last)) out_.repaired_s = t_s;
+    // Quarantined again.
+    if (is_gone && !is_last) out_.repaired_s = Nees::kNone;
   }
 
  private:
@@ -117,7 +112,7 @@ class MovedWatch final {
       default:
         return;
     }
-    out_.said.push_back(
+    out_.reports.push_back(
         fmt::format("{:.1f} s, robot {}: {}: {}", t_s, body + 1, name_of(event.kind), event.text));
     const std::string it = "tag " + std::to_string(one_.tag_id) + " ";
     const bool is_of_it = one_.tag_id >= 0 && event.text.find(it) != std::string::npos;
@@ -138,7 +133,7 @@ class MovedWatch final {
       out_.worst_before = std::max(out_.worst_before, ratio);
       return;
     }
-    if (t_s >= out_.healed_s + kAfterwards_s) return;
+    if (t_s >= out_.repaired_s + kAfterwards_s) return;
     ++out_.poses;
     out_.beyond += ratio > kMostSigmas ? 1 : 0;
     if (ratio <= out_.worst) return;
@@ -151,18 +146,15 @@ class MovedWatch final {
   MovedRun& out_;
   Pose X_WR_;
   Instant first_;
-  bool knows_of_it_;         ///< Somebody has seen the tag as it should be, if that matters.
-  bool has_seen_it_{false};  ///< … as it is wrong.
+  bool knows_of_it_;         ///< A robot has seen the tag in its place, if that matters.
+  bool has_seen_it_{false};  ///< … elsewhere.
 };
 
-/// A tag that is there twice, or swings, is right where it is nearest.
+/// A tag with several places, or on a door, is compared with the nearest.
 void score_tags(const TagMap& map, const MovedCase& one, MovedRun& out) {
   const Pose X_WR = workspace_of(one.data.front());
   const auto error = [&](const MapTag& tag, const Pose& X_RT) {
-    const Pose truth = X_WR * X_RT;
-    Vector6d e;
-    e << tag.tag.X_WT.p - truth.p, log_so3(tag.tag.X_WT.q * truth.q.conjugate());
-    return e;
+    return pose_error(tag.tag.X_WT, X_WR * X_RT);
   };
   double square = 0;
   for (const MapTag& tag : map.tags) {
@@ -176,7 +168,7 @@ void score_tags(const TagMap& map, const MovedCase& one, MovedRun& out) {
       const Vector6d e = error(tag, X_RT);
       if (!std::isnan(out.place_m) && e.head<3>().norm() > out.place_m) continue;
       out.place_m = e.head<3>().norm();
-      out.place_sigmas = std::sqrt(e.dot(tag.tag.covariance.ldlt().solve(e)) / 6);
+      out.place_sigmas = std::sqrt(normalised(e, tag.tag.covariance) / 6);
     }
   }
   out.others_m = std::sqrt(square);
@@ -201,66 +193,49 @@ MovedRun run_one(const EstimationOptions& options, const std::string& name, std:
   return out;
 }
 
-std::string text_of(const FalseWords& wrong) {
+std::string text_of(const FalseReports& wrong) {
+  const std::pair<const char*, int> counts[] = {
+      {"moved", wrong.moved}, {"given up", wrong.given_up}, {"lens", wrong.lens},
+      {"size", wrong.size},   {"imu", wrong.imu},           {"other", wrong.other}};
   std::string out;
-  const auto add = [&](const char* what, int count) {
+  for (const auto& [what, count] : counts)
     if (count > 0) out += fmt::format("{}{} {}", out.empty() ? "" : ", ", count, what);
-  };
-  add("moved", wrong.moved);
-  add("given up", wrong.given_up);
-  add("lens", wrong.lens);
-  add("size", wrong.size);
-  add("imu", wrong.imu);
-  add("other", wrong.other);
   return out.empty() ? "0" : out;
 }
 
 std::vector<Cell> row_of(const std::string& name, std::uint64_t seed, const MovedRun& run) {
-  return {name,
-          std::to_string(seed),
-          Figure{run.sighted_s, 1},
-          Figure{run.verdict_s - run.sighted_s, 2},
-          Figure{run.healed_s - run.sighted_s, 2},
-          Figure{run.worst, 2},
-          Figure{kMm * run.worst_m, 1},
-          Figure{run.worst_s, 1},
-          fmt::format("{}/{}", run.beyond, run.poses),
-          Figure{run.worst_before, 2},
-          Figure{kMm * run.place_m, 1},
-          Figure{run.place_sigmas, 2},
-          Figure{kMm * run.others_m, 2},
-          text_of(run.wrong),
-          Figure{run.robot_hours, 3}};
+  return cells(name, seed, Figure{run.sighted_s, 1}, Figure{run.verdict_s - run.sighted_s, 2},
+               Figure{run.repaired_s - run.sighted_s, 2}, Figure{run.worst, 2},
+               Figure{kMm * run.worst_m, 1}, Figure{run.worst_s, 1},
+               fmt::format("{}/{}", run.beyond, run.poses), Figure{run.worst_before, 2},
+               Figure{kMm * run.place_m, 1}, Figure{run.place_sigmas, 2},
+               Figure{kMm * run.others_m, 2}, text_of(run.wrong), Figure{run.robot_hours, 3});
 }
 
 }  // namespace
 
 std::vector<Table> bench_moved(const EstimationOptions& options) {
   Table table{
-      fmt::format("Tags that do not stay, seeds {} to {}", options.first_seed,
-                  options.first_seed + static_cast<std::uint64_t>(options.seeds) - 1),
-      {"case", "seed", "seen at s", "verdict after s", "healed after s", "worst sigmas", "/mm",
-       "/at s", "beyond 3", "before", "tag mm", "/sigmas", "others mm", "false", "robot hours"}};
+      fmt::format("Moved tags, seeds {} to {}", options.first_seed, options.last_seed()),
+      split("case|seed|seen at s|verdict after s|repaired after s|worst sigmas|/mm|/at s|beyond 3|"
+            "before|tag mm|/sigmas|others mm|false|robot hours")};
   for (const std::string& name : options.classes) {
-    std::vector<MovedRun> runs(static_cast<std::size_t>(options.seeds));
-    in_parallel(options.seeds, options.threads, [&](int i) {
-      runs[static_cast<std::size_t>(i)] =
-          run_one(options, name, options.first_seed + static_cast<std::uint64_t>(i));
-    });
+    const auto runs =
+        for_seeds(options, [&](std::uint64_t seed) { return run_one(options, name, seed); });
     for (std::size_t i = 0; i < runs.size(); ++i) {
       table.rows.push_back(row_of(name, options.first_seed + i, runs[i]));
-      for (const std::string& text : runs[i].said)
+      for (const std::string& text : runs[i].reports)
         table.remarks.push_back(fmt::format("{} {}: {}", name, options.first_seed + i, text));
     }
   }
   table.remarks.emplace_back(
-      "`seen`: the first image of a placed robot that shows the tag elsewhere or, when it is there "
-      "twice, its other print. `verdict`: the first word about this tag, by map or robot; "
-      "`healed`: it is used where it is now, or given up for good. `worst`: a pose's error over "
-      "its 1-sigma (both of three axes together), from then until 5 s after healing; `beyond 3`: "
-      "of how many poses; `before`: the worst until then, in a clean run of all. `tag`: at the "
-      "end; `sigmas`: root of its NEES per degree of freedom. `false`: words about other tags or "
-      "numbers, or too early.");
+      "`seen`: the first image of a placed robot that shows the tag elsewhere or, when it exists "
+      "twice, its other print. `verdict`: the first report of this tag, by map or robot; "
+      "`repaired`: it is used in its present place, or given up finally. `worst`: error of a pose "
+      "over its 1-sigma (both of three axes together), from then until 5 s after the repair; "
+      "`beyond 3`: of how many poses; `before`: the worst until then, in a clean run of all. "
+      "`tag`: at the end; `sigmas`: root of its NEES per degree of freedom. `false`: reports of "
+      "other tags or numbers, or too early.");
   return {table};
 }
 

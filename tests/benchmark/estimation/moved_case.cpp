@@ -11,15 +11,14 @@ namespace fiducap::bench {
 
 namespace {
 
-constexpr std::uint64_t kNextRobot = 10'000;
 constexpr std::uint64_t kDayBefore = 500'000;
 constexpr std::uint64_t kCarried = 9'101;  // key of its noise
 constexpr double kSeconds = 100;
 constexpr int kRobots = 3;
 constexpr double kShare = 0.45;  // of the ring, that each robot walks
 constexpr double kPrintLarger = 1.05;
-// A door stands still, swings, stands still.
-constexpr double kDoorStands_s = 7;
+// A door rests, swings, rests.
+constexpr double kDoorRests_s = 7;
 constexpr double kDoorSwings_s = 1;
 // The second print hangs so far above another tag, and so far from the first.
 constexpr double kAbove_m = 0.5;
@@ -37,14 +36,10 @@ Words words_of(const std::string& name) {
   for (std::size_t from = 0; from <= name.size();) {
     const std::size_t to = std::min(name.find('-', from), name.size());
     const std::string word = name.substr(from, to - from);
-    if (from == 0)
-      out.what = word;
-    else if (word == "frozen")
-      out.is_frozen = true;
-    else if (word == "near")
-      out.is_near = true;
-    else
-      out.world = word;
+    if (from == 0) out.what = word;
+    if (from > 0 && word != "frozen" && word != "near") out.world = word;
+    out.is_frozen |= word == "frozen";
+    out.is_near |= word == "near";
     from = to + 1;
   }
   return out;
@@ -59,31 +54,20 @@ Eigen::Vector3d direction(std::uint64_t seed) {
 }
 
 std::vector<EstimationData> robots(const std::string& world, double seconds, std::uint64_t seed) {
-  std::vector<EstimationData> out;
-  for (int k = 0; k < kRobots; ++k) {
-    SimulatedDataSetup setup;
-    setup.world = world;
-    setup.seconds = seconds;
-    setup.seed = seed + kNextRobot * static_cast<std::uint64_t>(k);
+  return robots_of(kRobots, seed, [&](int k, std::uint64_t own) {
+    SimulatedDataSetup setup{.world = world, .seconds = seconds, .seed = own};
     setup.from = static_cast<double>(k) / kRobots;
     setup.share = kShare;
-    out.push_back(simulate(setup));
-  }
-  for (EstimationData& one : out) one.reference_tag = out.front().reference_tag;
-  return out;
+    return simulate(setup);
+  });
 }
 
 /// @param t_s  since the door was opened first   @return 0: closed … 1: open
 double door_at(double t_s) {
-  const double half = kDoorStands_s + kDoorSwings_s;
+  const double half = kDoorRests_s + kDoorSwings_s;
   const double in_half = std::fmod(t_s, half);
   const double swung = std::min(1.0, in_half / kDoorSwings_s);
   return std::fmod(t_s, 2 * half) < half ? swung : 1 - swung;
-}
-
-bool shows(const CornerFrame& image, int tag_id) {
-  return std::any_of(image.tags.begin(), image.tags.end(),
-                     [&](const TagSighting& t) { return t.tag_id == tag_id; });
 }
 
 std::set<Instant> images_with(EstimationData& data, int tag_id, double from_s = 0) {
@@ -94,7 +78,7 @@ std::set<Instant> images_with(EstimationData& data, int tag_id, double from_s = 
   return out;
 }
 
-/// How many images of the robots show both.
+/// Images of the robots that show both tags.
 std::size_t together(std::vector<EstimationData>& data, int a, int b) {
   std::size_t count = 0;
   for (EstimationData& one : data) {
@@ -104,8 +88,8 @@ std::size_t together(std::vector<EstimationData>& data, int a, int b) {
   return count;
 }
 
-/// Above another tag that the first robot often sees, and sees beside the first print or never
-/// does.
+/// Above another tag that the first robot often sees, with the first print in the same images or
+/// never.
 RecordedTag second_print(std::vector<EstimationData>& data, int tag_id, bool is_near) {
   RecordedTag print = *data.front().tag(tag_id);
   const Eigen::Vector3d p = print.X_WT.p;
@@ -150,7 +134,7 @@ void carry(MovedCase& out, const std::function<Pose(double t_s)>& X_WT, std::uin
   }
 }
 
-void spoil(const Words& words, std::uint64_t seed, MovedCase& out) {
+void insert_fault(const Words& words, std::uint64_t seed, MovedCase& out) {
   const Pose before = out.places.front();
   if (words.what == "duplicate") {
     print_twice(out, words.is_near, seed);
@@ -174,7 +158,7 @@ void spoil(const Words& words, std::uint64_t seed, MovedCase& out) {
   }
 }
 
-/// What the day before made of the room. A print of another size hung there as well.
+/// The map of the day before, with a print of another size if today has one.
 TagMap map_of_before(const EstimationOptions& options, const Words& words, double seconds,
                      std::uint64_t seed, const MovedCase& today) {
   auto data = robots(words.world, seconds, seed + kDayBefore);
@@ -197,7 +181,7 @@ MovedCase make_moved_case(const EstimationOptions& options, const std::string& n
   if (words.what != "clean") {
     out.tag_id = most_seen_tag(out.data.front());
     out.places.push_back(out.data.front().tag(out.tag_id)->X_WT);
-    spoil(words, seed, out);
+    insert_fault(words, seed, out);
   }
   if (words.is_frozen) {
     out.start = map_of_before(options, words, seconds, seed, out);

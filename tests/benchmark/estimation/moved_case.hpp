@@ -9,16 +9,16 @@
 
 namespace fiducap::bench {
 
-/// Three robots in a room one of whose tags does not stay, is there twice, or is printed wrongly.
+/// Three robots in a room with one tag that moves, exists twice, or is printed wrongly.
 struct MovedCase {
   std::vector<EstimationData> data;
-  std::optional<TagMap> start;  ///< Of the day before, when all was well; frozen since.
+  std::optional<TagMap> start;  ///< Of the day before, without the fault; frozen since.
   int tag_id{-1};               ///< -1: nothing is wrong.
   double at_s{};                ///< … from then on.
-  std::vector<Pose> places;     ///< Of the tag, room axes, the one of before first.
-  /// Of each robot: images that show the tag otherwise than it was before, or is configured.
+  std::vector<Pose> places;     ///< Of the tag, room axes, the first one without the fault.
+  /// Of each robot: images that show the tag with the fault.
   std::vector<std::set<Instant>> elsewhere;
-  /// It is there twice from the start: whoever has seen one print only knows of nothing.
+  /// It exists twice from the start: one print alone shows no fault.
   bool is_twice{false};
 };
 

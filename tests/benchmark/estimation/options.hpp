@@ -1,21 +1,25 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <vector>
 
+#include "estimation/parallel.hpp"
 #include "estimation/table.hpp"
+#include "pipeline/body_tracker.hpp"
 #include "simulation/filter_run.hpp"
 
 namespace fiducap::bench {
 
-/// What was asked for on the command line.
+/// Options of the command line.
 struct EstimationOptions {
   std::vector<std::string> filters;
-  std::vector<std::string>
-      classes;  ///< Simulated: table sparse loop hall big. Recordings: sim_table …
+  std::vector<std::string> classes;  ///< Simulated: table sparse loop … Recordings: sim_table …
   std::string cases{"A"};
   std::vector<std::string> textures{"sharp"};  ///< Of the walls, where images are rendered.
   int seeds{10};
@@ -29,13 +33,22 @@ struct EstimationOptions {
   bool graph{false};              ///< … also this: the map is refined.
   std::vector<std::string> only;  ///< Rows whose names begin like that; empty: all.
   EstimatorConfig estimator{};
+
+  [[nodiscard]] bool includes(const std::string& row) const {
+    return only.empty() || std::any_of(only.begin(), only.end(), [&](const std::string& begin) {
+             return row.starts_with(begin);
+           });
+  }
+  [[nodiscard]] std::uint64_t last_seed() const {
+    return first_seed + static_cast<std::uint64_t>(seeds) - 1;
+  }
 };
 
 inline constexpr double kSettled_s = 5.0;  ///< Figures start here.
 inline constexpr double kMm = 1e3;
 inline constexpr double kDegrees = 180 / std::numbers::pi;
 
-/// Seconds of data that a class is judged by.
+/// Seconds of data of a class.
 [[nodiscard]] inline double seconds_of(const EstimationOptions& options, const std::string& world) {
   if (options.seconds > 0) return options.seconds;
   if (world == "loop") return 124;
@@ -62,6 +75,55 @@ inline constexpr double kDegrees = 180 / std::numbers::pi;
     ++count;
   }
   return count == 0 ? Nees::kNone : std::sqrt(sum / count);
+}
+
+/// Calls run(seed) for every seed, some at once. @return the results, by seed
+template <typename Run>
+[[nodiscard]] auto for_seeds(const EstimationOptions& options, Run&& run) {
+  std::vector<std::invoke_result_t<Run&, std::uint64_t>> results(
+      static_cast<std::size_t>(options.seeds));
+  in_parallel(options.seeds, options.threads, [&](int i) {
+    const auto k = static_cast<std::size_t>(i);
+    results[k] = run(options.first_seed + k);
+  });
+  return results;
+}
+
+/// Robots in one room: motion and noise differ, the reference tag is the same.
+[[nodiscard]] inline std::vector<EstimationData> robots_of(
+    int count, std::uint64_t seed,
+    const std::function<EstimationData(int robot, std::uint64_t seed)>& data_of) {
+  constexpr std::uint64_t kApart = 10'000;
+  std::vector<EstimationData> robots;
+  for (int k = 0; k < count; ++k)
+    robots.push_back(data_of(k, seed + kApart * static_cast<std::uint64_t>(k)));
+  for (EstimationData& robot : robots) robot.reference_tag = robots.front().reference_tag;
+  return robots;
+}
+
+/// The middle of the known values, the upper one of two; NaN without any.
+[[nodiscard]] inline double median(std::vector<double> values) {
+  std::erase_if(values, [](double x) { return std::isnan(x); });
+  if (values.empty()) return Nees::kNone;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// The largest of the known values; NaN without any.
+[[nodiscard]] inline double largest(const std::vector<double>& values) {
+  double most = Nees::kNone;
+  for (const double x : values)
+    if (!std::isnan(x) && !(x <= most)) most = x;
+  return most;
+}
+
+/// As BodyTracker decides it. @param P  of position and rotation first
+template <typename Covariance>
+[[nodiscard]] bool may_be_shown(const Covariance& P, const BodyLimits& limits = {}) {
+  const Vector6d sigmas = P.diagonal().template head<6>().cwiseSqrt();
+  return sigmas.head<3>().maxCoeff() <= limits.max_position_sigma_m &&
+         sigmas.tail<3>().maxCoeff() <= limits.max_rotation_sigma_rad;
 }
 
 // One file each.

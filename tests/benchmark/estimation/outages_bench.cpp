@@ -1,5 +1,4 @@
-// Images without tags for a while: how far the pose drifts, whether the filter says so, and how
-// soon it is good again.
+// Images without tags for some seconds: drift of the pose, its sigma, and the time of recovery.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,6 +7,7 @@
 #include "estimation/ensemble.hpp"
 #include "estimation/filter/chi_square.hpp"
 #include "estimation/options.hpp"
+#include "simulation/mismatch_changes.hpp"
 
 namespace fiducap::bench {
 
@@ -17,22 +17,10 @@ using At = FilterRun::At;
 
 constexpr double kEvery_s = 12.0;    // an outage begins at each multiple
 constexpr double kBefore_s = 2.0;    // what the error is compared with
-constexpr double kRecovery_s = 5.0;  // watched so long
+constexpr double kRecovery_s = 5.0;  // observed time
 constexpr double kRecovered = 1.25;  // RMS over outages, of what it was before
 
-/// Empties the images of [k · kEvery_s, k · kEvery_s + length).
-EstimationData blinded(EstimationData data, double length_s) {
-  const Instant first = time_of(data.samples.front());
-  for (SensorSample& sample : data.samples) {
-    auto* image = std::get_if<CornerFrame>(&sample);
-    if (image == nullptr) continue;
-    const double t_s = to_seconds(image->exposed_at - first);
-    if (t_s >= kEvery_s && std::fmod(t_s, kEvery_s) < length_s) image->tags.clear();
-  }
-  return data;
-}
-
-/// What all outages of all seeds show together.
+/// All outages of all seeds.
 struct Outages {
   MeanSquare position, rotation, velocity, sigma, bound, before;
   int covered{};
@@ -93,26 +81,28 @@ std::vector<Table> bench_outages(const EstimationOptions& options) {
   Table table{fmt::format("Outages every {:.0f} s, {} seeds: at the last image without tags (mm, "
                           "deg, mm/s), RMS over outages",
                           kEvery_s, options.seeds),
-              {"class", "case", "filter", "length s", "outages", "pos", "bound", "/bound", "sigma",
-               "covered %", "ori", "vel", "before", "recovery s"}};
+              split("class|case|filter|length s|outages|pos|bound|/bound|sigma|covered %|ori|vel|"
+                    "before|recovery s")};
   const std::vector<double> lengths = options.quick ? std::vector{2.0} : std::vector{1.0, 2.0, 5.0};
   for (const std::string& world : options.classes) {
     const double seconds = seconds_of(options, world);
     for (const char letter : options.cases) {
       for (const double length_s : lengths) {
         const auto seeds = run_seeds(options, letter, [&](std::uint64_t seed) {
-          return blinded(simulate({.world = world, .seconds = seconds, .seed = seed}), length_s);
+          EstimationData data = simulate({.world = world, .seconds = seconds, .seed = seed});
+          mismatch::blind(data, kEvery_s, length_s);
+          return data;
         });
         for (std::size_t f = 0; f < options.filters.size(); ++f) {
           const Outages all = gather(seeds, f, seconds, length_s);
           const double ends = std::max(1, all.position.count);
-          table.rows.push_back(
-              {world, std::string(1, letter), options.filters[f], Figure{length_s, 0},
-               std::to_string(all.position.count), Figure{kMm * all.position.rms(), 1},
-               Figure{kMm * all.bound.rms(), 1}, Figure{all.position.rms() / all.bound.rms(), 2},
-               Figure{kMm * all.sigma.rms(), 1}, Figure{100 * all.covered / ends, 1},
-               Figure{kDegrees * all.rotation.rms(), 3}, Figure{kMm * all.velocity.rms(), 1},
-               Figure{kMm * all.before.rms(), 2}, Figure{all.recovery_s(), 2}});
+          table.rows.push_back(cells(
+              world, std::string(1, letter), options.filters[f], Figure{length_s, 0},
+              all.position.count, Figure{kMm * all.position.rms(), 1},
+              Figure{kMm * all.bound.rms(), 1}, Figure{all.position.rms() / all.bound.rms(), 2},
+              Figure{kMm * all.sigma.rms(), 1}, Figure{100 * all.covered / ends, 1},
+              Figure{kDegrees * all.rotation.rms(), 3}, Figure{kMm * all.velocity.rms(), 1},
+              Figure{kMm * all.before.rms(), 2}, Figure{all.recovery_s(), 2}));
         }
       }
     }

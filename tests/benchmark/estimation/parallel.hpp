@@ -7,8 +7,8 @@
 
 namespace fiducap::bench {
 
-/// Calls work(0) … work(count − 1), each once, on so many threads. Each call writes to a place of
-/// its own.
+/// Calls work(0) … work(count − 1), each once, on several threads. Calls must not write to the same
+/// data.
 inline void in_parallel(int count, int threads, const std::function<void(int)>& work) {
   std::atomic<int> next{0};
   const auto take = [&] {

@@ -46,7 +46,7 @@ void PublishedSteps::publish_until(Instant now) {
   }
 }
 
-/// In body axes: where W is does not matter.
+/// In body axes, independent of W.
 void PublishedSteps::compare(const BodyPose& pose, Instant at) {
   const Pose X_RB = data_.truth_near(at).X_WB;
   if (pose.valid && X_WB_) {

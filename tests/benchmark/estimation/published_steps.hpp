@@ -6,8 +6,8 @@
 
 namespace fiducap::bench {
 
-/// By how much published poses moved from frame to frame beyond the true motion, in published
-/// sigmas (those of the worst axis), at most and while valid; and what that costs.
+/// Largest steps of valid published poses from frame to frame beyond the true motion, in published
+/// sigmas (those of the worst axis), and the sum of those sigmas.
 struct StepFigures {
   double position{};
   double attitude{};
@@ -19,8 +19,8 @@ struct StepFigures {
   void add(const StepFigures& other);
 };
 
-/// A BodyTracker fed as the live server does it, and asked at 100 Hz: readings as they come, images
-/// when they have been worked on.
+/// A BodyTracker with the inputs of the live server, sampled at 100 Hz: IMU samples at once, images
+/// after their processing time.
 class PublishedSteps final {
  public:
   PublishedSteps(const EstimationData& data, const BodySensors& sensors,
@@ -38,7 +38,7 @@ class PublishedSteps final {
   std::size_t next_sample_{0};
   Instant next_frame_;
   std::optional<Pose> X_WB_;  ///< Of the frame before, if it was valid.
-  Pose X_RB_;                 ///< The truth of then.
+  Pose X_RB_;                 ///< Its truth.
   StepFigures figures_;
 };
 

@@ -1,9 +1,7 @@
-// The open recordings: one run of each filter in each case, next to the bound and to the authors'
-// code.
+// The open recordings: one run of each filter in each case, beside the bound and the authors' code.
 #include <map>
 
 #include "estimation/options.hpp"
-#include "estimation/parallel.hpp"
 
 namespace fiducap::bench {
 
@@ -49,25 +47,19 @@ std::vector<Cell> row_of(const Job& job, const std::string& filter, const Filter
   const bool maps = job.letter < 'C';
   const bool closes = run.gap_path_m > 0 && job.bound.gap && maps;
   const auto known = [](bool is, double value) { return is ? value : Nees::kNone; };
-  return {job.data->name,
-          std::string(1, job.letter),
-          filter,
-          Figure{kMm * position, 2},
-          Figure{position / limit(&bound::BoundAt::position_m), 2},
-          Figure{kMm * level, 2},
-          Figure{level / limit(&bound::BoundAt::level_position_m), 2},
-          Figure{kDegrees * rotation, 3},
-          Figure{rotation / limit(&bound::BoundAt::rotation_rad), 2},
-          Figure{kMm * velocity, 2},
-          Figure{velocity / limit(&bound::BoundAt::velocity_m_s), 2},
-          Figure{1e3 * of(&FilterRun::At::rate_rad_s), 2},
-          Figure{known(maps, kMm * run.near_map_position_m), 3},
-          Figure{known(maps, run.near_map_position_m / job.bound.map.position_m), 2},
-          Figure{known(closes, kMm * run.gap_m), 1},
-          Figure{known(closes, 100 * run.gap_m / run.gap_path_m), 3},
-          Figure{run.mean([](const auto& at) { return at.nees.pose / 6; }), 2},
-          Figure{authors.position_mm, 1},
-          Figure{kMm * position / authors.position_mm, 3}};
+  return cells(
+      job.data->name, std::string(1, job.letter), filter, Figure{kMm * position, 2},
+      Figure{position / limit(&bound::BoundAt::position_m), 2}, Figure{kMm * level, 2},
+      Figure{level / limit(&bound::BoundAt::level_position_m), 2}, Figure{kDegrees * rotation, 3},
+      Figure{rotation / limit(&bound::BoundAt::rotation_rad), 2}, Figure{kMm * velocity, 2},
+      Figure{velocity / limit(&bound::BoundAt::velocity_m_s), 2},
+      Figure{1e3 * of(&FilterRun::At::rate_rad_s), 2},
+      Figure{known(maps, kMm * run.near_map_position_m), 3},
+      Figure{known(maps, run.near_map_position_m / job.bound.map.position_m), 2},
+      Figure{known(closes, kMm * run.gap_m), 1},
+      Figure{known(closes, 100 * run.gap_m / run.gap_path_m), 3},
+      Figure{run.mean([](const auto& at) { return at.nees.pose / 6; }), 2},
+      Figure{authors.position_mm, 1}, Figure{kMm * position / authors.position_mm, 3});
 }
 
 }  // namespace
@@ -75,8 +67,9 @@ std::vector<Cell> row_of(const Job& job, const std::string& filter, const Filter
 std::vector<Table> bench_recordings(const EstimationOptions& options) {
   Table table{
       "Open simulated recordings, nominal extrinsics, one run each (mm, deg, mm/s, mrad/s)",
-      {"recording", "case", "filter", "pos", "/bound", "level", "/bound", "ori", "/bound", "vel",
-       "/bound", "rate", "map", "/bound", "gap", "gap %", "NEES/dof", "RCARS pos", "/RCARS"}};
+      split(
+          "recording|case|filter|pos|/bound|level|/bound|ori|/bound|vel|/bound|rate|map|/bound|gap|"
+          "gap %|NEES/dof|RCARS pos|/RCARS")};
   std::vector<EstimationData> all;
   for (const std::string& name : options.classes) {
     auto data = load_estimation_data(options.data + "/sim_" + name);
@@ -93,14 +86,12 @@ std::vector<Table> bench_recordings(const EstimationOptions& options) {
   in_parallel(static_cast<int>(jobs.size()), options.threads, [&](int i) {
     Job& job = jobs[static_cast<std::size_t>(i)];
     job.bound = run_bound(*job.data, {job.letter});
-    for (const std::string& filter : options.filters) {
+    for (const std::string& filter : options.filters)
       job.runs.push_back(run_filter(*job.data, choice_of(options, filter, job.letter)));
-    }
   });
   for (const Job& job : jobs) {
-    for (std::size_t f = 0; f < options.filters.size(); ++f) {
+    for (std::size_t f = 0; f < options.filters.size(); ++f)
       table.rows.push_back(row_of(job, options.filters[f], job.runs[f]));
-    }
   }
   table.remarks.emplace_back(
       "pos, ori: in the reference tag's axes; level: gravity-levelled at that tag; vel, rate: body "

@@ -1,12 +1,11 @@
-// What is known at once and what is known in the end: map and poses of the filter, and of a
-// solution for everything, against the causal and the smoothing bound.
+// Map and poses online and after the run: of the filter, and of a joint solution of all data,
+// against the causal and the smoothing bound.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
 #include "estimation/ensemble.hpp"
-#include "estimation/parallel.hpp"
 #include "simulation/refined_run.hpp"
 
 namespace fiducap::bench {
@@ -27,7 +26,7 @@ struct Refined {
   Pair pose_online, pose_refined;
   Pair gap_before, gap_after;  ///< A loop that is closed, online; and refined at `before`.
   Pair gap_refined;
-  Pair sigma_refined;  ///< In W: what is told of refined poses, and the smoothing bound.
+  Pair sigma_refined;                     ///< In W: of refined poses, and the smoothing bound.
   double nees_of_poses{}, nees_of_map{};  ///< Refined, in W, per number.
   int online_tags{}, refined_tags{}, bound_tags{};
   bool is_at_rest{};
@@ -64,7 +63,7 @@ void compare_poses(const RefinedRun& refined, const BoundRun& bound, Instant fir
     if (at == nullptr) continue;
     if (closure && one.at == closure->before) {
       out.gap_refined = {at->position_m, one.position_m};
-      continue;  // that of the loop is not one of those spread evenly
+      continue;  // not one of the evenly spread images
     }
     error.add(at->position_m);
     limit.add(one.position_m);
@@ -87,7 +86,7 @@ Refined run_one(const EstimationOptions& options, const EstimationData& data) {
   choice.live = true;
   const FilterRun online = run_filter(data, choice).scored_after(kSettled_s);
   const RefinedRun refined = run_refined(data, choice);
-  // A tag that a map does not have is not in its bound.
+  // The bound of a map has its tags only.
   const auto of = [&](const std::vector<int>& ids) {
     return map_bound(bound.tags, data.tags, data.reference_tag, ids).position_m;
   };
@@ -164,25 +163,22 @@ std::vector<Table> bench_refined(const EstimationOptions& options) {
       table.rows.push_back(row_of(world, run_one(options, *data)));
     else
       table.remarks.emplace_back("NOT RUN: " + data.error().text());
-    std::vector<Refined> runs(static_cast<std::size_t>(options.seeds));
-    in_parallel(options.seeds, options.threads, [&](int i) {
-      runs[static_cast<std::size_t>(i)] =
-          run_one(options, simulate({.world = world,
-                                     .seconds = seconds_of(options, world),
-                                     .seed = options.first_seed + static_cast<std::uint64_t>(i)}));
+    const auto runs = for_seeds(options, [&](std::uint64_t seed) {
+      const double seconds = seconds_of(options, world);
+      return run_one(options, simulate({.world = world, .seconds = seconds, .seed = seed}));
     });
     for (const Refined& run : runs) table.rows.push_back(row_of(world, run));
     if (!runs.empty()) table.remarks.push_back(over_seeds(world, runs));
   }
-  table.remarks.emplace_back(fmt::format(
-      "`map`, `pos`: of the filter, map at the end over the bound of the tags by all data, poses "
-      "from 5 s on over the causal bound; `map refined`, `pos refined`: of `replay --resolve`, "
-      "poses at {} images over the smoothing bound there. `gap`: before the reference tag is seen "
-      "again, `after`: by that image, both over the causal bound; `gap refined`: the refined pose "
-      "before it, over the smoothing bound. `sigma refined`: what is told of those poses in W, "
-      "over the bound there. NEES per number, refined, in W. Tags: of the filter, refined, of the "
-      "bound.",
-      kSmoothed));
+  table.remarks.emplace_back(
+      fmt::format("`map`, `pos`: of the filter, map at the end over the bound of the tags by all "
+                  "data, poses from 5 s on over the causal bound; `map refined`, `pos refined`: of "
+                  "`replay --resolve`, poses at {} images over the smoothing bound there. `gap`: "
+                  "before the reference tag is seen again, `after`: by that image, both over the "
+                  "causal bound; `gap refined`: the refined pose before it, over the smoothing "
+                  "bound. `sigma refined`: of those poses in W, over the bound there. NEES per "
+                  "number, refined, in W. Tags: of the filter, refined, of the bound.",
+                  kSmoothed));
   return {table};
 }
 

@@ -1,10 +1,11 @@
-// A robot in a room that its map knows: how long until its first pose may be shown, how right it
-// is, and whether the map goes on learning.
+// A robot in a room that its map knows: the time of its first pose, its error, and changes of the
+// map.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "base/numeric.hpp"
 #include "estimation/ensemble.hpp"
 #include "estimation/options.hpp"
 
@@ -23,13 +24,7 @@ struct Start {
   double map_nees{};
 };
 
-double quantile(std::vector<double> values, double share) {
-  if (values.empty()) return Nees::kNone;
-  std::sort(values.begin(), values.end());
-  return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
-}
-
-/// Day one, and as many starts as there are seeds; each goes on with the map of the one before.
+/// Day one, and a start for each seed; each has the map of the one before.
 Table run_class(const EstimationOptions& options, const std::string& world) {
   FilterChoice choice = choice_of(options, "world", 'A');
   choice.live = true;
@@ -71,20 +66,20 @@ Table run_class(const EstimationOptions& options, const std::string& world) {
     errors.push_back(error);
     nees += start.body.mean([](const auto& at) { return at.nees.pose; }) / 6;
   }
-  Table table{fmt::format("Restart in a known room: {}, {} starts after {:.0f} s of day one", world,
-                          options.seeds, kFirst_s),
-              {"with pose", "first valid s", "95 %", "worst", "pose mm", "worst", "pose NEES",
-               "map mm day one", "NEES", "after all", "NEES", "tags"}};
-  table.rows.push_back(
-      {fmt::format("{}/{}", tracked, starts.size()), Figure{quantile(waits, 0.5), 2},
-       Figure{quantile(waits, 0.95), 2}, Figure{quantile(waits, 1), 2},
-       Figure{kMm * position.rms(), 2}, Figure{kMm * quantile(errors, 1), 2},
-       Figure{nees / std::max(1, tracked), 2}, Figure{kMm * built.map_position_m, 2},
-       Figure{built.map_nees, 2}, Figure{kMm * starts.back().map_m, 2},
-       Figure{starts.back().map_nees, 2}, std::to_string(map.tags.size())});
+  Table table{
+      fmt::format("Restart in a known room: {}, {} starts after {:.0f} s of day one", world,
+                  options.seeds, kFirst_s),
+      split("with pose|first valid s|95 %|worst|pose mm|worst|pose NEES|map mm day one|NEES|"
+            "after all|NEES|tags")};
+  table.rows.push_back(cells(
+      fmt::format("{}/{}", tracked, starts.size()), Figure{quantile(waits, 0.5), 2},
+      Figure{quantile(waits, 0.95), 2}, Figure{largest(waits), 2}, Figure{kMm * position.rms(), 2},
+      Figure{kMm * largest(errors), 2}, Figure{nees / std::max(1, tracked), 2},
+      Figure{kMm * built.map_position_m, 2}, Figure{built.map_nees, 2},
+      Figure{kMm * starts.back().map_m, 2}, Figure{starts.back().map_nees, 2}, map.tags.size()));
   table.remarks.emplace_back(
       "Seconds since the first sample, in virtual time; poses over all of each start of ten "
-      "seconds. Every start begins with the map, and its ties, that the one before has left.");
+      "seconds. Every start begins with the map, and its correlations, of the one before.");
   return table;
 }
 

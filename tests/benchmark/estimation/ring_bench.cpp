@@ -1,5 +1,5 @@
 // One map of several robots: a ring of 92 m with 100 tags, of which each robot walks its share back
-// and forth. Their filters with the live map, and the map graph over what they saw.
+// and forth. Their filters with the live map, and the map graph over their segments.
 #include <fmt/format.h>
 
 #include <chrono>
@@ -8,7 +8,6 @@
 #include "base/pose.hpp"
 #include "estimation/ensemble.hpp"
 #include "estimation/options.hpp"
-#include "estimation/parallel.hpp"
 #include "estimation/published_steps.hpp"
 #include "mapping/graph/map_graph.hpp"
 #include "mapping/tag_map.hpp"
@@ -18,22 +17,21 @@ namespace fiducap::bench {
 
 namespace {
 
-constexpr std::uint64_t kNextRobot = 10'000;
 constexpr double kSeconds = 240;
 constexpr double kRefine_s = 2;
 constexpr double kRamp_s = 2;
 constexpr double kPercent = 100;
 constexpr double kShareOfThree = 0.45;
 constexpr std::size_t kFoldedAt = 150;
-// The bound of a body with 300 tags takes longer than everything else.
+// The bound of a body with 300 tags takes longer than all the rest.
 constexpr int kMostWithBound = 3;
 
 struct MapScore {
-  double raw_m{};    ///< In W, as it is told.
-  double level_m{};  ///< Place and heading of the whole map taken out.
+  double raw_m{};    ///< In W.
+  double level_m{};  ///< Without errors of origin and heading.
   double level_rad{};
   double nees{};     ///< In W, per degree of freedom.
-  double sigma_m{};  ///< Told, RMS.
+  double sigma_m{};  ///< Of the map, RMS.
   int tags{};
   int unknown{};  ///< Of those: all but the reference tag.
 };
@@ -55,10 +53,8 @@ MapScore score(const Tags& tags, const EstimationData& data, const Entry& entry)
     out.raw_m += (X_WT.p - truth.p).squaredNorm();
     out.level_m += (X.p - truth.p).squaredNorm();
     out.level_rad += std::pow(angle_between(X.q, truth.q), 2);
-    Vector6d e;
-    e << X_WT.p - truth.p, log_so3(X_WT.q * truth.q.conjugate());
     if (tag_id != data.reference_tag) {  // its place is known
-      out.nees += e.dot(covariance.ldlt().solve(e)) / 6;
+      out.nees += normalised(pose_error(X_WT, truth), covariance) / 6;
       ++out.unknown;
     }
     out.sigma_m += covariance.diagonal().template head<3>().sum();
@@ -98,7 +94,7 @@ struct RingRun {
   MapScore graph;
   MapScore folded;
   std::vector<double> position_m;
-  std::vector<double> level_m;  ///< Place and heading of the whole map taken out.
+  std::vector<double> level_m;  ///< Without errors of origin and heading of the map.
   std::vector<double> nees;
   std::vector<double> tracks_after_s;
   StepFigures ramped;   ///< Of all robots.
@@ -115,22 +111,56 @@ std::string pair_of(double ramped, double at_once, int decimals) {
   return fmt::format("{:.{}f} {:.{}f}", ramped, decimals, at_once, decimals);
 }
 
-RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed) {
-  std::vector<EstimationData> data;
-  simulation::RingConfig ring;
-  const double share = robots == 1 ? 1.0 : 1.35 / robots;
-  if (robots > 3) ring = {276, 300};
-  for (int k = 0; k < robots; ++k) {
+std::vector<EstimationData> robots_on_ring(const EstimationOptions& options, int robots,
+                                           std::uint64_t seed) {
+  return robots_of(robots, seed, [&](int k, std::uint64_t own) {
     SimulatedDataSetup setup;
     setup.world = "ring";
     setup.seconds = options.seconds > 0 ? options.seconds : kSeconds;
-    setup.seed = seed + kNextRobot * static_cast<std::uint64_t>(k);
-    setup.ring = ring;
+    setup.seed = own;
+    if (robots > 3) setup.ring = {276, 300};
     setup.from = static_cast<double>(k) / robots;
-    setup.share = robots == 3 ? kShareOfThree : share;
-    data.push_back(simulate(setup));
+    setup.share = robots == 1 ? 1.0 : robots == 3 ? kShareOfThree : 1.35 / robots;
+    return simulate(setup);
+  });
+}
+
+/// Errors of one robot with the live map.
+struct BodyScore {
+  MeanSquare position, level;
+  double nees{};
+  int images{};
+  double tracks_after_s{Nees::kNone};
+
+  void add(const BodyEstimate& estimate, const Pose& X_WR, const EstimationData& data,
+           const TagMap& map) {
+    const Pose truth = X_WR * data.truth_near(estimate.at).X_WB;
+    const Vector6d e = pose_error(estimate.X_WB, truth);
+    std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
+    for (const MapTag& tag : map.tags)
+      points.emplace_back(tag.tag.X_WT.p, (X_WR * data.tag(tag.tag.tag_id)->X_WT).p);
+    level.add((fit_yaw_and_shift(points) * estimate.X_WB.p - truth.p).norm());
+    position.add(e.head<3>().norm());
+    nees += normalised(e, estimate.covariance.topLeftCorner<6, 6>()) / 6;
+    ++images;
   }
-  for (EstimationData& one : data) one.reference_tag = data.front().reference_tag;
+};
+
+void solve(MapGraph& graph, MapGraph& folded, const EstimationData& data, RingRun& out) {
+  const auto begin = std::chrono::steady_clock::now();
+  const auto solution = graph.solve();
+  out.solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  if (!solution) return;
+  out.nodes = graph.state().nodes.size();
+  out.iterations = solution->iterations;
+  out.condensed = solution->condensed;
+  out.chi_square = solution->cost / solution->numbers;
+  out.graph = score(*solution, data);
+  if (const auto of_folded = folded.solve()) out.folded = score(*of_folded, data);
+}
+
+RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed) {
+  const auto data = robots_on_ring(options, robots, seed);
   FilterChoice choice = choice_of(options, "world", 'A');
   choice.live = true;
   choice.refine_period_s = kRefine_s;
@@ -139,40 +169,23 @@ RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed
   MapGraph graph(nothing);
   MapGraph folded(nothing);
   RingRun out;
-  out.tracks_after_s.assign(data.size(), Nees::kNone);
   const Instant first = time_of(data.front().samples.front());
   const Pose X_WR = workspace_of(data.front());
-  std::vector<MeanSquare> position(data.size());
-  std::vector<MeanSquare> level(data.size());
-  std::vector<double> nees(data.size());
-  std::vector<int> scored(data.size());
-  std::vector<PublishedSteps> published;
-  std::vector<PublishedSteps> published_at_once;
+  std::vector<BodyScore> scores(data.size());
+  std::vector<PublishedSteps> ramped, at_once;
   for (const EstimationData& one : data) {
     const PipelineSetup setup = pipeline_of(one, choice);
-    published.emplace_back(one, setup.sensors, setup.estimator, RampConfig{.seconds = kRamp_s});
-    published_at_once.emplace_back(one, setup.sensors, setup.estimator, RampConfig{});
+    ramped.emplace_back(one, setup.sensors, setup.estimator, RampConfig{.seconds = kRamp_s});
+    at_once.emplace_back(one, setup.sensors, setup.estimator, RampConfig{});
   }
   choice.listen = [&](std::size_t body, const BodyUpdate& update, const TagMap& map) {
-    published[body].take(update);
-    published_at_once[body].take(update);
+    ramped[body].take(update);
+    at_once[body].take(update);
     const double t_s = to_seconds(update.seen.exposed_at - first);
-    if (update.is_placed() && t_s > kSettled_s && map.tags.size() > 2) {
-      const Pose truth = X_WR * data[body].truth_near(update.estimate->at).X_WB;
-      Vector6d e;
-      e << update.estimate->X_WB.p - truth.p,
-          log_so3(update.estimate->X_WB.q * truth.q.conjugate());
-      std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
-      for (const MapTag& tag : map.tags)
-        points.emplace_back(tag.tag.X_WT.p, (X_WR * data.front().tag(tag.tag.tag_id)->X_WT).p);
-      level[body].add((fit_yaw_and_shift(points) * update.estimate->X_WB.p - truth.p).norm());
-      position[body].add(e.head<3>().norm());
-      const Matrix6d P = update.estimate->covariance.topLeftCorner<6, 6>();
-      nees[body] += e.dot(P.ldlt().solve(e)) / 6;
-      ++scored[body];
-    }
-    if (update.is_placed() && std::isnan(out.tracks_after_s[body]))
-      out.tracks_after_s[body] = to_seconds(update.seen.exposed_at - first);
+    if (update.is_placed() && t_s > kSettled_s && map.tags.size() > 2)
+      scores[body].add(*update.estimate, X_WR, data[body], map);
+    if (update.is_placed() && std::isnan(scores[body].tracks_after_s))
+      scores[body].tracks_after_s = t_s;
     if (!update.segment) return;
     MotionSegment segment = *update.segment;
     segment.body_id = static_cast<int>(body) + 1;
@@ -185,23 +198,15 @@ RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed
     return std::tuple(t.tag.tag_id, t.tag.X_WT, t.tag.covariance);
   });
   if (robots <= kMostWithBound) out.bound = bound_of(data, run.map);
-  for (std::size_t k = 0; k < data.size(); ++k) {
-    out.position_m.push_back(position[k].rms());
-    out.level_m.push_back(level[k].rms());
-    out.nees.push_back(nees[k] / std::max(1, scored[k]));
+  for (const BodyScore& body : scores) {
+    out.position_m.push_back(body.position.rms());
+    out.level_m.push_back(body.level.rms());
+    out.nees.push_back(body.nees / std::max(1, body.images));
+    out.tracks_after_s.push_back(body.tracks_after_s);
   }
-  for (const PublishedSteps& one : published) out.ramped.add(one.figures());
-  for (const PublishedSteps& one : published_at_once) out.at_once.add(one.figures());
-  const auto begin = std::chrono::steady_clock::now();
-  const auto solution = graph.solve();
-  out.solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  if (!solution) return out;
-  out.nodes = graph.state().nodes.size();
-  out.iterations = solution->iterations;
-  out.condensed = solution->condensed;
-  out.chi_square = solution->cost / solution->numbers;
-  out.graph = score(*solution, data.front());
-  if (const auto of_folded = folded.solve()) out.folded = score(*of_folded, data.front());
+  for (const PublishedSteps& one : ramped) out.ramped.add(one.figures());
+  for (const PublishedSteps& one : at_once) out.at_once.add(one.figures());
+  solve(graph, folded, data.front(), out);
   return out;
 }
 
@@ -221,33 +226,20 @@ void add_bound(const RingRun& run, double bound::MapFigures::*limit, double erro
 }
 
 std::vector<Cell> row_of(const std::string& name, std::uint64_t seed, const RingRun& run) {
-  std::vector<Cell> row{name,
-                        std::to_string(seed),
-                        Figure{kMm * run.live.raw_m, 1},
-                        Figure{kMm * run.live.level_m, 2},
-                        Figure{kDegrees * run.live.level_rad, 3},
-                        Figure{kMm * run.live.sigma_m, 2},
-                        Figure{run.live.nees, 2},
-                        std::to_string(run.live.tags),
-                        list(run.position_m, kMm, 0),
-                        list(run.level_m, kMm, 1),
-                        list(run.nees, 1, 1),
-                        list(run.tracks_after_s, 1, 1),
-                        pair_of(run.ramped.position, run.at_once.position, 2),
-                        pair_of(run.ramped.attitude, run.at_once.attitude, 2),
-                        pair_of(kMm * run.ramped.sigma_m / run.ramped.valid,
-                                kMm * run.at_once.sigma_m / run.at_once.valid, 2),
-                        pair_of(kPercent * run.ramped.valid / run.ramped.frames,
-                                kPercent * run.at_once.valid / run.at_once.frames, 2),
-                        Figure{kMm * run.graph.level_m, 2},
-                        Figure{run.graph.nees, 2},
-                        Figure{kMm * run.folded.level_m, 2},
-                        Figure{run.folded.nees, 2},
-                        Figure{run.chi_square, 3},
-                        std::to_string(run.nodes),
-                        Figure{run.solve_s, 2},
-                        std::to_string(run.iterations),
-                        std::to_string(run.condensed)};
+  std::vector<Cell> row = cells(
+      name, seed, Figure{kMm * run.live.raw_m, 1}, Figure{kMm * run.live.level_m, 2},
+      Figure{kDegrees * run.live.level_rad, 3}, Figure{kMm * run.live.sigma_m, 2},
+      Figure{run.live.nees, 2}, run.live.tags, list(run.position_m, kMm, 0),
+      list(run.level_m, kMm, 1), list(run.nees, 1, 1), list(run.tracks_after_s, 1, 1),
+      pair_of(run.ramped.position, run.at_once.position, 2),
+      pair_of(run.ramped.attitude, run.at_once.attitude, 2),
+      pair_of(kMm * run.ramped.sigma_m / run.ramped.valid,
+              kMm * run.at_once.sigma_m / run.at_once.valid, 2),
+      pair_of(kPercent * run.ramped.valid / run.ramped.frames,
+              kPercent * run.at_once.valid / run.at_once.frames, 2),
+      Figure{kMm * run.graph.level_m, 2}, Figure{run.graph.nees, 2},
+      Figure{kMm * run.folded.level_m, 2}, Figure{run.folded.nees, 2}, Figure{run.chi_square, 3},
+      run.nodes, Figure{run.solve_s, 2}, run.iterations, run.condensed);
   add_bound(run, &bound::MapFigures::level_m, run.live.level_m, row);
   add_bound(run, &bound::MapFigures::raw_m, run.live.raw_m, row);
   return row;
@@ -274,35 +266,28 @@ std::string ratio_over_seeds(const std::string& robots, const std::vector<RingRu
 }  // namespace
 
 std::vector<Table> bench_ring(const EstimationOptions& options) {
-  Table table{fmt::format("One map of several robots, seeds {} to {}", options.first_seed,
-                          options.first_seed + static_cast<std::uint64_t>(options.seeds) - 1),
-              {"robots",         "seed",           "raw mm",  "level",     "deg",
-               "sigma",          "NEES",           "tags",    "bodies mm", "level",
-               "NEES of bodies", "track after s",  "step",    "turn",      "published sigma",
-               "valid %",        "solved anew mm", "/NEES",   "folded mm", "/NEES",
-               "chi2",           "nodes",          "s",       "its",       "again",
-               "bound mm",       "/bound",         "bound W", "/bound"}};
+  Table table{
+      fmt::format("One map of several robots, seeds {} to {}", options.first_seed,
+                  options.last_seed()),
+      split("robots|seed|raw mm|level|deg|sigma|NEES|tags|bodies mm|level|NEES of bodies|"
+            "track after s|step|turn|published sigma|valid %|solved again mm|/NEES|folded mm|"
+            "/NEES|chi2|nodes|s|its|again|bound mm|/bound|bound W|/bound")};
   for (const std::string& name : options.classes) {
     const int robots = std::stoi(name);
-    std::vector<RingRun> runs(static_cast<std::size_t>(options.seeds));
-    in_parallel(options.seeds, options.threads, [&](int i) {
-      runs[static_cast<std::size_t>(i)] =
-          run_one(options, robots, options.first_seed + static_cast<std::uint64_t>(i));
-    });
+    const auto runs =
+        for_seeds(options, [&](std::uint64_t seed) { return run_one(options, robots, seed); });
     for (std::size_t i = 0; i < runs.size(); ++i)
       table.rows.push_back(row_of(name, options.first_seed + i, runs[i]));
     table.remarks.push_back(ratio_over_seeds(name, runs));
   }
   table.remarks.emplace_back(
-      "Up to `track after`: the map as it is published and the poses as they are given, by the "
-      "objects of the server in virtual time; `level`: place and heading of all of it taken out. "
-      "`step` and `turn`: the largest between published frames, 100 a second, beyond the motion, "
-      "in published sigmas; those, their mean sigma and how many are valid with "
-      "map.correction_ramp_s and without. `solved anew`: a graph of the same segments, solved once "
-      "at the end; `folded`: one that makes a prior of every 150 of them; zeros when it does not "
-      "come to rest. `bound`: smoothing bound of the tags by all bodies, levelled like the map, "
-      "and "
-      "in W; none for more than three robots.");
+      "Up to `track after`: the published map and poses, by the objects of the server in virtual "
+      "time; `level`: without errors of origin and heading. `step` and `turn`: the largest between "
+      "published frames, 100 a second, beyond the motion, in published sigmas; those, their mean "
+      "sigma and the share of valid ones with map.correction_ramp_s and without. `solved again`: a "
+      "graph of the same segments, solved once at the end; `folded`: one that makes a prior of "
+      "every 150 of them; zeros when it does not converge. `bound`: smoothing bound of the tags by "
+      "all bodies, levelled like the map, and in W; none for more than three robots.");
   return {table};
 }
 

@@ -1,4 +1,4 @@
-// Many seeds of the simulator's classes: accuracy against the bound of each, honesty over time,
+// Many seeds of the simulator's classes: accuracy against the bound of each, consistency over time,
 // divergence.
 #include <fmt/format.h>
 
@@ -21,13 +21,6 @@ const Group kGroups[] = {{"pose", 6, [](const At& at) { return at.nees.pose; }},
                          {"extr", 6, [](const At& at) { return at.nees.extrinsics; }},
                          {"tags", 6, [](const At& at) { return at.nees.tags; }}};
 
-double map_rms(const std::vector<SeedRuns>& seeds,
-               const std::function<double(const SeedRuns&)>& of) {
-  double sum = 0;
-  for (const SeedRuns& seed : seeds) sum += of(seed) * of(seed);
-  return std::sqrt(sum / static_cast<double>(seeds.size()));
-}
-
 std::vector<Cell> accuracy_row(const std::vector<SeedRuns>& seeds, std::size_t f) {
   const auto pair = [&](double At::*error, double bound::BoundAt::*limit, double unit, int decimals,
                         std::vector<Cell>& row) {
@@ -42,13 +35,14 @@ std::vector<Cell> accuracy_row(const std::vector<SeedRuns>& seeds, std::size_t f
   pair(&At::velocity_m_s, &bound::BoundAt::velocity_m_s, kMm, 2, row);
   row.push_back(Figure{1e3 * ensemble_rms(seeds, f, &At::rate_rad_s), 2});
   const double map =
-      map_rms(seeds, [&](const SeedRuns& s) { return s.runs[f].near_map_position_m; });
-  const double map_limit = map_rms(seeds, [](const SeedRuns& s) { return s.bound.map.position_m; });
+      ensemble_rms(seeds, [&](const SeedRuns& s) { return s.runs[f].near_map_position_m; });
+  const double map_limit =
+      ensemble_rms(seeds, [](const SeedRuns& s) { return s.bound.map.position_m; });
   row.push_back(Figure{map_limit > 0 ? kMm * map : Nees::kNone, 3});
   row.push_back(Figure{map_limit > 0 ? map / map_limit : Nees::kNone, 2});
   const bool closes = map_limit > 0 && seeds.front().bound.gap.has_value();
   const auto gap = [&](const std::function<double(const SeedRuns&)>& of) {
-    return closes ? map_rms(seeds, of) : Nees::kNone;
+    return closes ? ensemble_rms(seeds, of) : Nees::kNone;
   };
   const double found = gap([&](const SeedRuns& s) { return s.runs[f].gap_m; });
   const double limit =
@@ -81,11 +75,11 @@ double nis_mean(const std::vector<SeedRuns>& seeds, std::size_t f, double from_s
 
 /// Over a window: mean per degree of freedom and, in brackets, the share of instants inside the
 /// band.
-std::vector<Cell> honesty_row(const std::vector<SeedRuns>& seeds, std::size_t f, double from_s,
-                              double to_s) {
+std::vector<Cell> consistency_row(const std::vector<SeedRuns>& seeds, std::size_t f, double from_s,
+                                  double to_s) {
   std::vector<Cell> row;
   for (const Group& group : kGroups) {
-    const Honesty h = honesty(seeds, f, group.degrees, group.of, from_s, to_s);
+    const Consistency h = consistency(seeds, f, group.degrees, group.of, from_s, to_s);
     row.push_back(std::isnan(h.mean) ? "-"
                                      : fmt::format("{:.2f} ({:.0f})", h.mean, 100 * h.inside));
   }
@@ -96,26 +90,21 @@ std::vector<Cell> honesty_row(const std::vector<SeedRuns>& seeds, std::size_t f,
   return row;
 }
 
-/// One seed by itself: how far one run may be off, and what went wrong in a bad one.
+/// One seed by itself.
 std::vector<Cell> seed_row(const SeedRuns& seed, std::size_t f) {
   const FilterRun& run = seed.runs[f];
   const double position = run.rms([](const At& at) { return at.position_m; });
   const double limit = rms(seed.bound, seed.first, &bound::BoundAt::position_m);
   const double level = run.rms([](const At& at) { return at.level_position_m; });
   const double level_limit = rms(seed.bound, seed.first, &bound::BoundAt::level_position_m);
-  return {std::to_string(seed.seed),
-          Figure{kMm * position, 2},
-          Figure{position / limit, 2},
-          Figure{kMm * level, 2},
-          Figure{level / level_limit, 2},
-          Figure{run.mean([](const At& at) { return at.nees.pose / 6; }), 2},
-          Figure{run.mean([](const At& at) { return at.nees.velocity / 3; }), 2},
-          Figure{run.mean([](const At& at) { return at.nees.tags / 6; }), 2},
-          Figure{run.gap_path_m > 0 ? kMm * run.gap_m : Nees::kNone, 1},
-          Figure{seed.bound.gap ? run.gap_m / seed.bound.gap->position_m : Nees::kNone, 2},
-          std::to_string(run.tags_rejected),
-          std::to_string(run.tags_dropped),
-          diverged(seed, f) ? "diverged" : ""};
+  return cells(seed.seed, Figure{kMm * position, 2}, Figure{position / limit, 2},
+               Figure{kMm * level, 2}, Figure{level / level_limit, 2},
+               Figure{run.mean([](const At& at) { return at.nees.pose / 6; }), 2},
+               Figure{run.mean([](const At& at) { return at.nees.velocity / 3; }), 2},
+               Figure{run.mean([](const At& at) { return at.nees.tags / 6; }), 2},
+               Figure{run.gap_path_m > 0 ? kMm * run.gap_m : Nees::kNone, 1},
+               Figure{seed.bound.gap ? run.gap_m / seed.bound.gap->position_m : Nees::kNone, 2},
+               run.tags_rejected, run.tags_dropped, diverged(seed, f) ? "diverged" : "");
 }
 
 void append(std::vector<Cell>& row, std::vector<Cell> more) {
@@ -129,16 +118,16 @@ std::vector<Table> bench_seeds(const EstimationOptions& options) {
       fmt::format("{} seeds of each class from seed {}: RMSE over seeds and its ratio to the bound "
                   "over seeds (mm, deg, mm/s, mrad/s)",
                   options.seeds, options.first_seed),
-      {"class", "case", "filter", "pos", "/bound", "level", "/bound", "ori", "/bound", "vel",
-       "/bound", "rate", "map", "/bound", "gap", "/bound", "gap %", "diverged", "worst seed"}};
-  Table honest{
+      split("class|case|filter|pos|/bound|level|/bound|ori|/bound|vel|/bound|rate|map|/bound|gap|/"
+            "bound|"
+            "gap %|diverged|worst seed")};
+  Table consistent{
       "NEES and NIS per degree of freedom over time: mean (per cent of instants with the mean over "
       "seeds in its 95 % band)",
-      {"class", "case", "filter", "seconds", "pose", "vel", "biases", "extr", "tags",
-       "NIS [band]"}};
+      split("class|case|filter|seconds|pose|vel|biases|extr|tags|NIS [band]")};
   Table each{"Each seed (mm)",
-             {"class", "case", "filter", "seed", "pos", "/bound", "level", "/bound", "pose NEES",
-              "vel", "tags", "gap", "/bound", "rejected", "dropped", ""}};
+             split("class|case|filter|seed|pos|/bound|level|/bound|pose NEES|vel|tags|gap|/bound|"
+                   "rejected|dropped| ")};
   for (const std::string& world : options.classes) {
     const double seconds = seconds_of(options, world);
     for (const char letter : options.cases) {
@@ -157,9 +146,9 @@ std::vector<Table> bench_seeds(const EstimationOptions& options) {
         for (int w = -1; w < 5; ++w) {
           const double from = w < 0 ? kSettled_s : kSettled_s + w * window;
           const double to = w < 0 ? seconds + 1 : from + window;
-          honest.rows.push_back(head);
-          honest.rows.back().push_back(w < 0 ? "all" : fmt::format("{:.0f}-{:.0f}", from, to));
-          append(honest.rows.back(), honesty_row(seeds, f, from, to));
+          consistent.rows.push_back(head);
+          consistent.rows.back().push_back(w < 0 ? "all" : fmt::format("{:.0f}-{:.0f}", from, to));
+          append(consistent.rows.back(), consistency_row(seeds, f, from, to));
         }
       }
     }
@@ -167,15 +156,15 @@ std::vector<Table> bench_seeds(const EstimationOptions& options) {
   accuracy.remarks.push_back(
       "Limit over seeds: 1.25. diverged: over 5 bounds, or pose at under 90 % of the images with "
       "tags, or none at the end.");
-  const auto say = [&](int degrees) {
+  const auto text = [&](int degrees) {
     const Band band = band_of(degrees * options.seeds);
     return fmt::format("{} dof [{:.2f} {:.2f}]", degrees, band.low, band.high);
   };
-  honest.remarks.push_back(
-      "95 % bands of the mean over seeds at one instant: " + say(6) + ", " + say(3) +
+  consistent.remarks.push_back(
+      "95 % bands of the mean over seeds at one instant: " + text(6) + ", " + text(3) +
       ". Tags: mean over the tags in the state, band as for one tag. NIS is gated at 99.9 %.");
-  if (options.each) return {accuracy, honest, each};
-  return {accuracy, honest};
+  if (options.each) return {accuracy, consistent, each};
+  return {accuracy, consistent};
 }
 
 }  // namespace fiducap::bench

@@ -1,11 +1,9 @@
-// Wrong tag sizes: whether the size check says so, of whom, when, and whether it keeps silent
-// otherwise.
+// Wrong tag sizes: whether the size check reports them, of which tags, when, and its false reports.
 #include <fmt/format.h>
 
 #include <algorithm>
 
 #include "estimation/options.hpp"
-#include "estimation/parallel.hpp"
 #include "simulation/size_run.hpp"
 
 namespace fiducap::bench {
@@ -18,34 +16,40 @@ using simulation::FaultConfig;
 constexpr double kMisprinted = 0.03;
 
 std::vector<Misprint> misprints(bool has_imu) {
-  std::vector<Misprint> all{{"right", 1, 1},       {"all 1.25", 1.25, 1}, {"all 1.10", 1.10, 1},
-                            {"all 0.90", 0.90, 1}, {"all 0.80", 0.8, 1},  {"one 1.25", 1, 1.25},
-                            {"one 1.10", 1, 1.10}, {"one 0.90", 1, 0.90}};
-  all.push_back({"1 % wrong ids", 1, 1, [](FaultConfig& f, int, double) { f.wrong_id = 0.01; }});
-  all.push_back(
-      {"10 % covered", 1, 1, [](FaultConfig& f, int, double) { f.occlude_corner = 0.1; }});
-  all.push_back({"tag moved 0.3 m", 1, 1, [](FaultConfig& f, int tag, double seconds) {
-                   f.moved_tag = tag;
-                   f.moved_at_s = 0.5 * seconds;
-                   f.moved_by_m = {0.2, 0.2, 0.1};
-                 }});
-  if (!has_imu) return all;
-  all.push_back(
-      {"images +50 ms", 1, 1, [](FaultConfig& f, int, double) { f.image_stamp_error_s = 0.05; }});
-  all.push_back(
-      {"images -50 ms", 1, 1, [](FaultConfig& f, int, double) { f.image_stamp_error_s = -0.05; }});
-  all.push_back({"IMU loss, jitter", 1, 1, [](FaultConfig& f, int, double) {
-                   f.drop_imu = 0.05;
-                   f.imu_stamp_jitter_s = 0.002;
-                 }});
-  all.push_back({"saturated 3 s", 1, 1, [](FaultConfig& f, int, double seconds) {
-                   f.saturation_at_s = 0.5 * seconds;
-                   f.saturation_s = 3.0;
-                 }});
+  std::vector<Misprint> all{
+      {"right", 1, 1},
+      {"all 1.25", 1.25, 1},
+      {"all 1.10", 1.10, 1},
+      {"all 0.90", 0.90, 1},
+      {"all 0.80", 0.8, 1},
+      {"one 1.25", 1, 1.25},
+      {"one 1.10", 1, 1.10},
+      {"one 0.90", 1, 0.90},
+      {"1 % wrong ids", 1, 1, [](FaultConfig& f, int, double) { f.wrong_id = 0.01; }},
+      {"10 % covered", 1, 1, [](FaultConfig& f, int, double) { f.occlude_corner = 0.1; }},
+      {"tag moved 0.3 m", 1, 1,
+       [](FaultConfig& f, int tag, double seconds) {
+         f.moved_tag = tag;
+         f.moved_at_s = 0.5 * seconds;
+         f.moved_by_m = {0.2, 0.2, 0.1};
+       }},
+      {"images +50 ms", 1, 1, [](FaultConfig& f, int, double) { f.image_stamp_error_s = 0.05; }},
+      {"images -50 ms", 1, 1, [](FaultConfig& f, int, double) { f.image_stamp_error_s = -0.05; }},
+      {"IMU loss, jitter", 1, 1,
+       [](FaultConfig& f, int, double) {
+         f.drop_imu = 0.05;
+         f.imu_stamp_jitter_s = 0.002;
+       }},
+      {"saturated 3 s", 1, 1, [](FaultConfig& f, int, double seconds) {
+         f.saturation_at_s = 0.5 * seconds;
+         f.saturation_s = 3.0;
+       }}};
+  constexpr std::size_t kNeedImu = 4;  // the last ones
+  if (!has_imu) all.resize(all.size() - kNeedImu);
   return all;
 }
 
-/// printed / told of what a finding is about
+/// printed / configured size, of the tags of a finding
 double truth_of(const SizeRun& run, const Misprint& misprint, const SizeFinding& finding) {
   if (!finding.tag_id) return misprint.all;
   return *finding.tag_id == run.tag ? misprint.all * misprint.one : misprint.all;
@@ -76,13 +80,6 @@ void count(const SizeRun& run, const Misprint& misprint, Counts& counts) {
   counts.judged += run.used + run.rejected;
 }
 
-double median(std::vector<double> values) {
-  if (values.empty()) return Nees::kNone;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 std::string text(const std::optional<LogScale>& scale) {
   return scale ? fmt::format("{:.3f} ± {:.3f}", std::exp(scale->value), scale->sigma) : "–";
 }
@@ -99,13 +96,10 @@ void print_run(const std::string& what, int seed, const SizeRun& run) {
 
 std::vector<Cell> row(const EstimationOptions& options, const std::string& world, bool has_imu,
                       const std::string& filter, const Misprint& misprint) {
-  std::vector<SizeRun> runs(static_cast<std::size_t>(options.seeds));
-  in_parallel(options.seeds, options.threads, [&](int i) {
-    const SimulatedDataSetup setup{.world = world,
-                                   .seconds = seconds_of(options, world),
-                                   .seed = options.first_seed + static_cast<std::uint64_t>(i),
-                                   .has_imu = has_imu};
-    runs[static_cast<std::size_t>(i)] = run_sizes(setup, filter, misprint);
+  const auto runs = for_seeds(options, [&](std::uint64_t seed) {
+    const double seconds = seconds_of(options, world);
+    return run_sizes({.world = world, .seconds = seconds, .seed = seed, .has_imu = has_imu}, filter,
+                     misprint);
   });
   Counts counts;
   int seed = static_cast<int>(options.first_seed);
@@ -114,29 +108,19 @@ std::vector<Cell> row(const EstimationOptions& options, const std::string& world
     if (options.each)
       print_run(world + (has_imu ? ", " : " without IMU, ") + misprint.name, seed++, run);
   }
-  return {world,
-          has_imu ? "yes" : "no",
-          filter,
-          misprint.name,
-          std::to_string(counts.right),
-          std::to_string(counts.of_all),
-          std::to_string(counts.of_one),
-          std::to_string(counts.wrong),
-          Figure{median(counts.first_s), 0},
-          Figure{median(counts.ratio), 3},
-          std::to_string(counts.rejection),
-          Figure{100 * counts.rejected / std::max(1.0, counts.judged), 1}};
+  return cells(world, has_imu ? "yes" : "no", filter, misprint.name, counts.right, counts.of_all,
+               counts.of_one, counts.wrong, Figure{median(counts.first_s), 0},
+               Figure{median(counts.ratio), 3}, counts.rejection,
+               Figure{100 * counts.rejected / std::max(1.0, counts.judged), 1});
 }
 
 }  // namespace
 
 std::vector<Table> bench_sizes(const EstimationOptions& options) {
-  Table table{
-      fmt::format(
-          "Printed against configured tag sizes, {} seeds: runs in which the server says so",
-          options.seeds),
-      {"class", "IMU", "filter", "printed/told", "rightly", "of all", "of one tag", "wrongly",
-       "first s", "ratio said", "rejections said", "rejected %"}};
+  Table table{fmt::format("Printed against configured tag sizes, {} seeds: runs with reports",
+                          options.seeds),
+              split("class|IMU|filter|printed/configured|rightly|of all|of one tag|wrongly|first s|"
+                    "reported ratio|rejections reported|rejected %")};
   for (const std::string& world : options.classes) {
     for (const bool has_imu : {true, false}) {
       for (const std::string& filter : options.filters) {
@@ -146,8 +130,8 @@ std::vector<Table> bench_sizes(const EstimationOptions& options) {
     }
   }
   table.remarks.emplace_back(
-      "rightly: at least one warning of a tag (or of all) whose print is off, to the right side. "
-      "first s, ratio said: medians of first and last such warning. one: the tag seen most.");
+      "rightly: at least one warning of a misprinted tag (or of all), with the right sign. first "
+      "s, reported ratio: medians of first and last such warning. one: the tag seen most.");
   return {table};
 }
 

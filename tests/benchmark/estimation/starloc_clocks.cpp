@@ -1,4 +1,4 @@
-#include "estimation/starloc_clocks.hpp"
+#include "estimation/starloc.hpp"
 
 #include <algorithm>
 #include <array>
@@ -9,6 +9,7 @@
 #include <Eigen/Dense>
 
 #include "base/pose.hpp"
+#include "estimation/options.hpp"
 
 namespace fiducap::bench {
 namespace {
@@ -16,13 +17,6 @@ namespace {
 constexpr double kBend_px = 5;  // Cauchy; the centres fit to some pixels only
 constexpr double kLost_px = 500;
 constexpr double kFarthest_s = 2;
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// rotation, translation (rig axes), offset, drift
 using Camera8 = Eigen::Matrix<double, 8, 1>;
@@ -118,8 +112,8 @@ class CameraFit final {
   Eigen::MatrixXd information_;
 };
 
-/// Standard deviation of the offset over windows of 10 s, each by itself with everything else as
-/// found for the whole run.
+/// Standard deviation of the offset over windows of 10 s, with all other parameters of the whole
+/// run.
 double scatter_of_windows(const StarlocRun& run, const CameraFit& fit, const Camera8& found) {
   constexpr double kWindow_s = 10, kReach_s = 0.1, kStep_s = 0.002;
   constexpr int kEnough = 25;                     // centres
@@ -162,7 +156,7 @@ void measure_images(const StarlocRun& run, CameraClock& out) {
   out.longest_gap_s = periods.empty() ? 0 : *std::max_element(periods.begin(), periods.end());
 }
 
-/// What the gyro has turned by since the first sample (each axis by itself: for short stretches).
+/// Rotation by the gyroscope since the first sample (each axis by itself: for short intervals).
 class GyroIntegral final {
  public:
   explicit GyroIntegral(const StarlocRun& run) : imu_(run.imu), sums_(imu_.size()) {
@@ -223,8 +217,7 @@ std::vector<RatePair> pair_rates(const StarlocRun& run, const GyroIntegral& gyro
   return pairs;
 }
 
-/// The rotation that turns gyro rates into rig rates, by singular values (Kabsch); biases are taken
-/// out.
+/// Rotation from gyroscope rates to rig rates, by singular values (Kabsch), without biases.
 Eigen::Quaterniond align(const std::vector<RatePair>& pairs) {
   Eigen::Vector3d mean_R = Eigen::Vector3d::Zero();
   Eigen::Vector3d mean_I = Eigen::Vector3d::Zero();
@@ -256,7 +249,7 @@ struct OffsetFound {
   Eigen::Quaterniond q_RI{Eigen::Quaterniond::Identity()};
 };
 
-/// The offset with the least misfit within ±`reach`. @param q_RI  null: found along
+/// The offset with the least misfit within ±`reach`. @param q_RI  null: estimated
 OffsetFound search_offset(const StarlocRun& run, const GyroIntegral& gyro, double reach,
                           double step, double from_s, double to_s, const Eigen::Quaterniond* q_RI) {
   constexpr std::size_t kEnough = 40;

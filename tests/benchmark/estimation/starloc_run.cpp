@@ -1,4 +1,4 @@
-#include "estimation/starloc_run.hpp"
+#include "estimation/starloc.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,10 +1,11 @@
-#include "estimation/starloc_tracking.hpp"
+#include "estimation/starloc.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 #include <Eigen/Dense>
 
+#include "base/numeric.hpp"
 #include "base/pose.hpp"
 #include "detection/tag_geometry.hpp"
 #include "estimation/body_filter.hpp"
@@ -43,14 +44,13 @@ class Tracker final {
       mount.X_BV = camera.X_RV * Pose{Eigen::Quaterniond::Identity(), {across, 0, 0}};
       sensors.cameras.push_back(mount);
     }
-    // A consumer unit whose place on the rig is not known: its lever arm is in the accelerometer's
-    // noise.
+    // A consumer unit with an unknown place: its lever arm is in the accelerometer's noise.
     if (imu_ != nullptr) sensors.imu = ImuNoise{2e-3, 5e-5, 5e-2, 1e-3, 200};
     EstimatorConfig config;
     config.corner_noise_px = 2 * choice.centre_sigma_px;
     config.estimate_extrinsics = false;
-    config.estimate_clocks = !choice.mended_clocks;
-    config.learn_corner_noise = false;  // the four equal corners of a centre teach it nothing true
+    config.estimate_clocks = !choice.corrected_clocks;
+    config.learn_corner_noise = false;  // the four corners of a centre are equal
     filter_ = make_body_filter(choice.filter, sensors, {}, config);
     for (const auto& [id, p_WT] : run.tags) known_.push_back(point_tag(id, p_WT));
     group_images();
@@ -61,7 +61,7 @@ class Tracker final {
     for (const Image& image : images_) {
       while (imu_ != nullptr && next_imu < run_.imu.size()) {
         const auto& sample = run_.imu[next_imu++];
-        const double t_s = sample.t_s + (choice_.mended_clocks ? imu_->offset_s : 0);
+        const double t_s = sample.t_s + (choice_.corrected_clocks ? imu_->offset_s : 0);
         filter_->propagate({instant_of(t_s), imu_->q_RI * sample.w_I, imu_->q_RI * sample.f_I});
         if (t_s >= image.t_s) break;
       }
@@ -84,7 +84,7 @@ class Tracker final {
       if (!run_.tags.contains(centre.tag_id)) continue;
       if (centre.t_s != last) {
         const double t_s =
-            choice_.mended_clocks ? camera_.to_vicon(centre.t_s, middle_of(run_)) : centre.t_s;
+            choice_.corrected_clocks ? camera_.to_vicon(centre.t_s, middle_of(run_)) : centre.t_s;
         images_.push_back({t_s, {}});
       }
       last = centre.t_s;
@@ -118,7 +118,7 @@ class Tracker final {
     if (alone) pnp_.push_back((alone->p - truth->p).norm());
     if (alone && !first_help_s_) first_help_s_ = image.t_s;
     const bool starting = !first_help_s_ || image.t_s - *first_help_s_ < kHelped_s;
-    const bool helped = alone && (starting || !stands_ || imu_ == nullptr);
+    const bool helped = alone && (starting || !has_pose_ || imu_ == nullptr);
     if (helped && !is_in_view(*alone)) place_square(*alone);
     result_.helped += helped ? 1 : 0;
     std::vector<KnownTag> known = known_;
@@ -134,27 +134,27 @@ class Tracker final {
       result_.used += report.tags_used;
       result_.rejected += report.tags_rejected;
     }
-    stands_ = filter_->running() && filter_->estimate().anchored;
+    has_pose_ = filter_->running() && filter_->estimate().anchored;
     if (!starting && truth) compare(image.t_s, *truth);
   }
 
-  /// Gauss–Newton over all centres of both images. The start decides no more than the valley.
+  /// Gauss–Newton over all centres of both images.
   [[nodiscard]] std::optional<Pose> least_squares(const Image& image, Pose X_WR) const {
     if (image.centres.size() < kLeastTags) return std::nullopt;
     for (int i = 0; i < 10; ++i) {
-      Eigen::Matrix<double, 6, 6> A = 1e-9 * Eigen::Matrix<double, 6, 6>::Identity();
-      Eigen::Matrix<double, 6, 1> b = Eigen::Matrix<double, 6, 1>::Zero();
+      Matrix6d A = 1e-9 * Matrix6d::Identity();
+      Vector6d b = Vector6d::Zero();
       for (const auto& c : image.centres)
         for (int camera = 0; camera < 2; ++camera) add_centre(c, camera, X_WR, A, b);
-      const Eigen::Matrix<double, 6, 1> d = A.ldlt().solve(b);
+      const Vector6d d = A.ldlt().solve(b);
       X_WR = {(exp_so3(d.tail<3>()) * X_WR.q).normalized(), X_WR.p + d.head<3>()};
       if (!X_WR.p.allFinite()) return std::nullopt;
     }
     return X_WR;
   }
 
-  void add_centre(const StarlocRun::Centre& c, int camera, const Pose& X_WR,
-                  Eigen::Matrix<double, 6, 6>& A, Eigen::Matrix<double, 6, 1>& b) const {
+  void add_centre(const StarlocRun::Centre& c, int camera, const Pose& X_WR, Matrix6d& A,
+                  Vector6d& b) const {
     const Pose X_RV =
         camera_.X_RV * Pose{Eigen::Quaterniond::Identity(), {camera * run_.baseline_m, 0, 0}};
     const Pose X_VW = (X_WR * X_RV).inverse();
@@ -167,14 +167,14 @@ class Tracker final {
         0, run_.camera.fv / p.z(), -run_.camera.fv * p.y() / (p.z() * p.z());
     Eigen::Matrix<double, 2, 6> J;
     J << -d_point * X_VW.rotation(), d_point * X_VW.rotation() * skew(p_WT - X_WR.p);
-    // Cauchy: a wrong tag must not turn the rig.
+    // Cauchy: a wrong tag must not rotate the rig.
     const double weight =
         1 / (1 + y.squaredNorm() / (9 * choice_.centre_sigma_px * choice_.centre_sigma_px));
     A += weight * J.transpose() * J;
     b += weight * J.transpose() * y;
   }
 
-  /// Without IMU a few points do not hold a pose: there only the square is used.
+  /// Without IMU a few points do not determine a pose: only the square is used.
   [[nodiscard]] const std::vector<StarlocRun::Centre>& points_of(const Image& image) const {
     static const std::vector<StarlocRun::Centre> kNone;
     return imu_ == nullptr ? kNone : image.centres;
@@ -214,7 +214,7 @@ class Tracker final {
 
   void compare(double t_s, const Pose& truth) {
     ++result_.images;
-    if (!stands_) return;
+    if (!has_pose_) return;
     const BodyEstimate e = filter_->estimate();
     ++result_.with_pose;
     const double error = (e.X_WB.p - truth.p).norm();
@@ -235,12 +235,6 @@ class Tracker final {
     for (const double v : values) sum += v * v;
     return values.empty() ? 0 : std::sqrt(sum / static_cast<double>(values.size()));
   }
-  static double quantile(std::vector<double> values, double share) {
-    if (values.empty()) return 0;
-    std::sort(values.begin(), values.end());
-    return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
-  }
-
   StarlocTracking summary() {
     result_.median_m = quantile(errors_, 0.5);
     result_.p95_m = quantile(errors_, 0.95);
@@ -261,7 +255,7 @@ class Tracker final {
   std::vector<Image> images_;
   KnownTag square_;
   std::optional<double> first_help_s_;
-  bool stands_{false};  ///< The filter had a pose after the last image.
+  bool has_pose_{false};  ///< After the last image.
   StarlocTracking result_;
   std::vector<double> errors_, turns_, pnp_;
   int covered_{0};

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 namespace fiducap::bench {
 
@@ -42,6 +43,13 @@ std::string key_of(const Table& table, std::size_t column) {
 }
 
 }  // namespace
+
+std::vector<std::string> split(const std::string& names) {
+  std::vector<std::string> out;
+  std::istringstream stream(names);
+  for (std::string name; std::getline(stream, name, '|');) out.push_back(name);
+  return out;
+}
 
 std::string to_text(const Table& table) {
   std::vector<std::size_t> widths;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <type_traits>
 #include <variant>
 #include <vector>
 
@@ -13,7 +14,7 @@ struct Figure {
 };
 using Cell = std::variant<std::string, Figure>;
 
-/// What the bench says: for people as text, for scripts as JSON.
+/// Printed as text or, for scripts, as JSON.
 struct Table {
   std::string title;
   std::vector<std::string> columns;
@@ -21,6 +22,21 @@ struct Table {
   std::vector<std::string> remarks{};
 };
 
+/// A row; integers become text.
+template <typename... Values>
+[[nodiscard]] std::vector<Cell> cells(const Values&... values) {
+  const auto cell = []<typename Value>(const Value& value) -> Cell {
+    if constexpr (std::is_integral_v<Value>) {
+      return std::to_string(value);
+    } else {
+      return value;
+    }
+  };
+  return {cell(values)...};
+}
+
+/// Names between `|`.
+[[nodiscard]] std::vector<std::string> split(const std::string& names);
 /// @return aligned text, a blank line after it
 [[nodiscard]] std::string to_text(const Table& table);
 /// @return one JSON array: {title, rows: [{column: value}], remarks}; a column "/x" is named after

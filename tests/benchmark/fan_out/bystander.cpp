@@ -1,14 +1,9 @@
-#include "fan_out/bystander.hpp"
-
-#include <arpa/inet.h>
-#include <sys/socket.h>
-#include <unistd.h>
-
 #include <array>
-#include <cstring>
 
-#include "fan_out/raw_socket.hpp"
+#include "fan_out/sink.hpp"
 #include "src/codec.hpp"
+#include "support/loopback_socket.hpp"
+#include "support/results.hpp"
 
 namespace fiducap::fan_out {
 
@@ -18,15 +13,15 @@ namespace {
 class NativeBystander final : public Sink {
  public:
   NativeBystander(const Load& load, const Shared& shared)
-      : Sink(open_socket(SOCK_DGRAM, 0), load, shared, "native", "udp"),
-        server_(loopback(shared.ports[Shared::kNative])) {
-    request_.nonce = local_port(fd());
+      : Sink(open_datagrams(), load, shared, "native", "udp"),
+        server_(shared.ports[Shared::kNative]) {
+    request_.nonce = port_of(fd());
     request_.client_name = "bystander";
     keep_alive();
   }
   void keep_alive() override {
     const auto bytes = sdk::encode(request_);
-    send_to(fd(), server_, std::as_bytes(std::span(bytes)));
+    send_datagram(fd(), std::as_bytes(std::span(bytes)), server_);
   }
 
  private:
@@ -41,7 +36,7 @@ class NativeBystander final : public Sink {
     return bytes.size();
   }
 
-  sockaddr_in server_;
+  std::uint16_t server_;
   sdk::SubscribeRequest request_;
   sdk::Decoder decoder_;
 };
@@ -50,8 +45,8 @@ class NativeBystander final : public Sink {
 class VrpnUdpBystander final : public Sink {
  public:
   VrpnUdpBystander(const Load& load, const Shared& shared)
-      : Sink(open_socket(SOCK_DGRAM, 0), load, shared, "vrpn", "udp"),
-        tcp_(open_socket(SOCK_STREAM, shared.ports[Shared::kVrpn])) {
+      : Sink(open_datagrams(), load, shared, "vrpn", "udp"),
+        tcp_(open_stream(shared.ports[Shared::kVrpn])) {
     constexpr std::size_t kCookie = 24;
     constexpr std::uint32_t kUdpDescription = static_cast<std::uint32_t>(-3);
     const std::string address = "127.0.0.1";
@@ -59,7 +54,7 @@ class VrpnUdpBystander final : public Sink {
     hello.resize(kCookie, '\0');
     const auto padded = static_cast<std::uint32_t>((address.size() + 1 + 7) / 8 * 8);
     for (const std::uint32_t word : {std::uint32_t(24 + address.size() + 1), 0U, 0U,
-                                     std::uint32_t{local_port(fd())}, kUdpDescription, 0U}) {
+                                     std::uint32_t{port_of(fd())}, kUdpDescription, 0U}) {
       const std::uint32_t big = htonl(word);
       hello.append(reinterpret_cast<const char*>(&big), sizeof big);
     }
@@ -82,12 +77,11 @@ class VrpnUdpBystander final : public Sink {
   int tcp_;
 };
 
-/// A page in a browser: asks for the live socket, says nothing more.
+/// A page in a browser: requests the live socket, nothing more.
 class PageBystander final : public Sink {
  public:
   PageBystander(const Load& load, const Shared& shared)
-      : Sink(open_socket(SOCK_STREAM, shared.ports[Shared::kWeb]), load, shared, "web",
-             "live page") {
+      : Sink(open_stream(shared.ports[Shared::kWeb]), load, shared, "web", "live page") {
     const std::string host = "127.0.0.1:" + std::to_string(shared.ports[Shared::kWeb]);
     send_all(
         fd(),
@@ -105,13 +99,9 @@ class PageBystander final : public Sink {
 }  // namespace
 
 std::vector<std::unique_ptr<Sink>> make_bystanders(const Load& load, const Shared& shared) {
-  std::vector<std::unique_ptr<Sink>> all;
+  auto all = make_sinks(load, shared);
   all.push_back(std::make_unique<NativeBystander>(load, shared));
-  all.push_back(make_natnet_sink(load, shared));
   all.push_back(std::make_unique<VrpnUdpBystander>(load, shared));
-  all.push_back(make_vrpn_sink(load, shared));
-  all.push_back(make_vicon_sink(load, shared));
-  all.push_back(make_qualisys_sink(load, shared));
   all.push_back(std::make_unique<PageBystander>(load, shared));
   return all;
 }

@@ -1,24 +1,22 @@
-// fiducap_fanout_bench [--quick] [--bodies N] [--rate HZ] [--seconds S] [--repeat N]: one scene to
-// twenty clients of mixed protocols, server and clients in two processes; then the same with one
-// more client of every protocol and transport, once reading and once not: what somebody who stopped
-// reading costs the others. Medians of the repetitions, taken in turn.
+// fiducap_bench fanout: one scene to twenty clients of mixed protocols, server and clients in two
+// processes; then the same with one more client of every protocol and transport, once reading and
+// once not, and the cost of those for the others. Medians of the repetitions, taken in turn.
 #include <poll.h>
 #include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
-#include <functional>
 #include <map>
 #include <optional>
 #include <thread>
 
 #include "base/log.hpp"
-#include "fan_out/bystander.hpp"
+#include "bench.hpp"
 #include "fan_out/sink.hpp"
 #include "fan_out/stage.hpp"
 #include "fiducap/client.hpp"
@@ -102,7 +100,7 @@ void poll_all(std::vector<std::unique_ptr<Sink>>& sinks, const Shared& shared,
     spoke = steady_ns();
     for (const auto& sink : sinks) sink->keep_alive();
   }
-  // What is still under way: at its own time, or the last frame would be as late as we look.
+  // The frames that are still under way, at their own times.
   for (const std::int64_t end = steady_ns() + 100'000'000; steady_ns() < end;) {
     ::poll(waiting.data(), waiting.size(), 5);
     for (const auto& sink : sinks) sink->pump(steady_ns());
@@ -111,17 +109,8 @@ void poll_all(std::vector<std::unique_ptr<Sink>>& sinks, const Shared& shared,
 
 enum class Bystanders { kNone, kReading, kStalled };
 
-const char* title_of(Bystanders bystanders) {
-  switch (bystanders) {
-    case Bystanders::kNone:
-      return "twenty clients";
-    case Bystanders::kReading:
-      return "and one more of each kind, reading";
-    case Bystanders::kStalled:
-      return "and one more of each kind that never reads";
-  }
-  return "";
-}
+constexpr const char* kTitles[] = {"twenty clients", "and one more of each kind, reading",
+                                   "and one more of each kind that never reads"};
 
 struct Outcome {
   std::map<std::string, Sample> by_client;
@@ -136,17 +125,14 @@ struct Audience {
   std::vector<std::unique_ptr<SdkClient>> sdk;
 
   Audience(const Load& load, const Shared& shared, Bystanders bystanders) {
-    for (int i = 0; i < kRawClients; ++i) {
-      for (const auto make :
-           {make_vrpn_sink, make_natnet_sink, make_vicon_sink, make_qualisys_sink})
-        sinks.push_back(make(load, shared));
-    }
+    for (int i = 0; i < kRawClients; ++i)
+      for (auto& one : make_sinks(load, shared)) sinks.push_back(std::move(one));
     measured = sinks.size();
     for (int i = 0; i < kSdkClients; ++i) sdk.push_back(std::make_unique<SdkClient>(load, shared));
     if (bystanders == Bystanders::kNone) return;
     for (auto& one : make_bystanders(load, shared)) sinks.push_back(std::move(one));
   }
-  /// Handshakes are over.
+  /// Waits for the handshakes.
   void settle(Bystanders bystanders) {
     for (int i = 0; i < 30; ++i) {
       std::this_thread::sleep_for(10ms);
@@ -201,7 +187,8 @@ double median(const std::vector<Outcome>& runs, Get get) {
 }
 
 void print(const std::vector<Outcome>& runs, Bystanders bystanders) {
-  std::printf("%s: server %.1f %% of a core, resident memory %+.0f kB\n", title_of(bystanders),
+  std::printf("%s: server %.1f %% of a core, resident memory %+.0f kB\n",
+              kTitles[static_cast<int>(bystanders)],
               100 * median(runs, [](const Outcome& o) { return o.cpu_share; }),
               median(runs, [](const Outcome& o) { return o.memory_kB; }));
   std::printf("  %-24s %8s %10s %8s %10s %10s %10s\n", "client", "clients", "frames", "missing",
@@ -248,27 +235,20 @@ int run_all(const Load& load, int repetitions) {
 }  // namespace
 }  // namespace fiducap::fan_out
 
-int main(int argc, char** argv) {
-  using namespace fiducap::fan_out;
-  fiducap::log::set_level(fiducap::log::Level::kError);
-  Load load;
-  int repetitions = 1;
-  const std::map<std::string, std::function<void(const char*)>> keys{
-      {"--bodies", [&](const char* v) { load.bodies = std::atoi(v); }},
-      {"--rate", [&](const char* v) { load.rate_hz = std::atof(v); }},
-      {"--seconds", [&](const char* v) { load.seconds = std::atof(v); }},
-      {"--repeat", [&](const char* v) { repetitions = std::max(1, std::atoi(v)); }}};
-  for (int i = 1; i < argc; ++i) {
-    if (std::strcmp(argv[i], "--quick") == 0) {
-      load.seconds = 3;
-    } else if (const auto key = keys.find(argv[i]); key != keys.end() && i + 1 < argc) {
-      key->second(argv[++i]);
-    } else {
-      std::fprintf(stderr,
-                   "usage: fiducap_fanout_bench [--quick] [--bodies N] [--rate HZ] [--seconds S] "
-                   "[--repeat N]\n");
-      return 2;
-    }
-  }
-  return run_all(load, repetitions);
+namespace fiducap::bench {
+
+Bench add_fanout(CLI::App& verb, const bool& quick) {
+  const auto load = std::make_shared<fan_out::Load>();
+  const auto repetitions = std::make_shared<int>(1);
+  verb.add_option("--bodies", load->bodies, "in the scene");
+  verb.add_option("--rate", load->rate_hz, "of the frames, Hz");
+  verb.add_option("--seconds", load->seconds, "of each run");
+  verb.add_option("--repeat", *repetitions, "runs")->check(CLI::Range(1, 1000));
+  return [=, &quick] {
+    log::set_level(log::Level::kError);
+    if (quick) load->seconds = 3;
+    return fan_out::run_all(*load, *repetitions);
+  };
 }
+
+}  // namespace fiducap::bench

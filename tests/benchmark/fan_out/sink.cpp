@@ -1,15 +1,15 @@
 #include "fan_out/sink.hpp"
 
-#include <arpa/inet.h>
-#include <sys/socket.h>
-#include <unistd.h>
-
 #include <array>
 #include <chrono>
 #include <cmath>
 #include <cstring>
+#include <stdexcept>
 
-#include "fan_out/raw_socket.hpp"
+#include "base/bytes.hpp"
+#include "support/loopback_socket.hpp"
+#include "support/results.hpp"
+#include "unit/streaming/natnet/messages.hpp"
 
 namespace fiducap::fan_out {
 
@@ -25,11 +25,17 @@ std::uint32_t big(std::span<const std::byte> bytes, std::size_t at) {
   return ntohl(little<std::uint32_t>(bytes, at));
 }
 
+int with_buffer(int fd) {
+  constexpr int kReceiveBuffer = 8 << 20;
+  ::setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &kReceiveBuffer, sizeof kReceiveBuffer);
+  return fd;
+}
+
 /// Counts pose reports of `body1`; names and types are learned from the descriptions.
 class VrpnSink final : public Sink {
  public:
   VrpnSink(const Load& load, const Shared& shared)
-      : Sink(open_socket(SOCK_STREAM, shared.ports[Shared::kVrpn]), load, shared, "vrpn", "tcp") {
+      : Sink(open_stream(shared.ports[Shared::kVrpn]), load, shared, "vrpn", "tcp") {
     std::string cookie = "vrpn: ver. 07.35  0";
     cookie.resize(kCookie, '\0');
     send_all(fd(), bytes_of(cookie));
@@ -80,63 +86,49 @@ class VrpnSink final : public Sink {
 class NatNetSink final : public Sink {
  public:
   NatNetSink(const Load& load, const Shared& shared)
-      : Sink(open_socket(SOCK_DGRAM, 0), load, shared, "natnet", "4.1 unicast"),
-        server_(loopback(shared.ports[Shared::kNatNet])) {
-    std::vector<std::byte> request;
-    put16(request, 0);
-    put16(request, 269);
-    request.resize(4 + 11 + 245 + 4);
-    std::memcpy(request.data() + 4, "fan_out", 7);
-    for (const int byte : {4, 1, 0, 0, 0, 4, 1, 0, 0})
-      request.push_back(static_cast<std::byte>(byte));
-    request.resize(4 + 269);
-    say(request);
+      : Sink(open_datagrams(), load, shared, "natnet", "4.1 unicast"),
+        port_(shared.ports[Shared::kNatNet]) {
+    send_datagram(fd(), natnet::connect({4, 1}, {4, 1}), port_);
     keep_alive();
   }
   void keep_alive() override {
-    std::vector<std::byte> alive;
-    put16(alive, 10);
-    put16(alive, 0);
-    say(alive);
+    send_datagram(fd(), natnet::message(natnet::Message::kKeepAlive), port_);
   }
 
  private:
   std::size_t parse(std::span<const std::byte> bytes, std::int64_t now_ns) override {
-    constexpr std::uint16_t kFrame = 7;
-    if (bytes.size() >= 8 && little<std::uint16_t>(bytes, 0) == kFrame)
+    if (bytes.size() >= 8 &&
+        little<std::uint16_t>(bytes, 0) == static_cast<std::uint16_t>(natnet::Message::kFrame))
       saw_number(little<std::uint32_t>(bytes, 4), now_ns);
     return bytes.size();
   }
-  void say(std::span<const std::byte> bytes) const { send_to(fd(), server_, bytes); }
 
-  sockaddr_in server_;
+  std::uint16_t port_;
 };
 
-/// Server push, segments with occlusion and latency: what the SDK asks for.
+/// Server push, segments with occlusion and latency, as the SDK requests.
 class ViconSink final : public Sink {
  public:
   ViconSink(const Load& load, const Shared& shared)
-      : Sink(open_socket(SOCK_STREAM, shared.ports[Shared::kVicon]), load, shared, "vicon",
-             "server push") {
+      : Sink(open_stream(shared.ports[Shared::kVicon]), load, shared, "vicon", "server push") {
     std::vector<std::byte> types;
-    put32(types, static_cast<std::uint32_t>(kWanted.size()));
-    for (const std::uint32_t type : kWanted) put32(types, type);
-    say(100001, types);
-    say(100002, {std::byte{1}});
+    LittleEndianWriter out(types);
+    out.u32(static_cast<std::uint32_t>(kRequested.size()));
+    for (const std::uint32_t type : kRequested) out.u32(type);
+    request(100001, types);
+    request(100002, {std::byte{1}});
   }
 
  private:
   static constexpr std::uint32_t kTag = 0x1A2B0001;
   static constexpr std::uint32_t kFrameNumber = 5;
-  static constexpr std::array<std::uint32_t, 14> kWanted{1,  2,  5,  8,  9,  23,    26,
-                                                         28, 36, 37, 39, 40, 28001, 100004};
+  static constexpr std::array<std::uint32_t, 14> kRequested{1,  2,  5,  8,  9,  23,    26,
+                                                            28, 36, 37, 39, 40, 28001, 100004};
 
-  void say(std::uint32_t type, const std::vector<std::byte>& payload) const {
+  void request(std::uint32_t type, const std::vector<std::byte>& payload) const {
     std::vector<std::byte> packet;
-    put32(packet, kTag);
-    put32(packet, static_cast<std::uint32_t>(8 + payload.size()));
-    put32(packet, type);
-    put32(packet, static_cast<std::uint32_t>(payload.size()));
+    const auto size = static_cast<std::uint32_t>(payload.size());
+    LittleEndianWriter(packet).u32(kTag).u32(8 + size).u32(type).u32(size);
     packet.insert(packet.end(), payload.begin(), payload.end());
     send_all(fd(), packet);
   }
@@ -167,21 +159,21 @@ class ViconSink final : public Sink {
 class QualisysSink final : public Sink {
  public:
   QualisysSink(const Load& load, const Shared& shared)
-      : Sink(open_socket(SOCK_STREAM,
-                         static_cast<std::uint16_t>(shared.ports[Shared::kQualisys] + 1)),
-             load, shared, "qualisys", "6D tcp") {
-    say("Version 1.23");
-    say("StreamFrames AllFrames 6D");
+      : Sink(open_stream(static_cast<std::uint16_t>(shared.ports[Shared::kQualisys] + 1)), load,
+             shared, "qualisys", "6D tcp") {
+    request("Version 1.23");
+    request("StreamFrames AllFrames 6D");
   }
 
  private:
-  void say(const std::string& command) const {
+  void request(const std::string& command) const {
     std::vector<std::byte> packet;
-    put32(packet, static_cast<std::uint32_t>(8 + command.size() + 1));
-    put32(packet, 1);
-    const auto text = bytes_of(command);
-    packet.insert(packet.end(), text.begin(), text.end());
-    packet.push_back({});
+    packet.reserve(64);
+    LittleEndianWriter(packet)
+        .u32(static_cast<std::uint32_t>(8 + command.size() + 1))
+        .u32(1)
+        .text(command)
+        .u8(0);
     send_all(fd(), packet);
   }
 
@@ -200,6 +192,14 @@ class QualisysSink final : public Sink {
 };
 
 }  // namespace
+
+int open_stream(std::uint16_t port) { return with_buffer(connected_socket(port)); }
+int open_datagrams() { return with_buffer(bound_socket(SOCK_DGRAM)); }
+
+void send_all(int fd, std::span<const std::byte> bytes) {
+  if (::send(fd, bytes.data(), bytes.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(bytes.size()))
+    throw std::runtime_error("the server does not read");
+}
 
 std::int64_t steady_ns() {
   return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -255,24 +255,20 @@ void Sink::saw_instant(std::int64_t at_ns, std::int64_t now_ns) {
 }
 
 void Sink::saw_count(std::uint64_t count, std::int64_t now_ns) {
-  // The first frame is less than a period old: that is where counting starts.
+  // The first frame is less than a period old: counting starts there.
   if (!count_start_)
     count_start_ =
         static_cast<std::int64_t>(count) - static_cast<std::int64_t>(shared_.frames.load());
   saw_number(static_cast<std::uint64_t>(static_cast<std::int64_t>(count) - *count_start_), now_ns);
 }
 
-std::unique_ptr<Sink> make_vrpn_sink(const Load& load, const Shared& shared) {
-  return std::make_unique<VrpnSink>(load, shared);
-}
-std::unique_ptr<Sink> make_natnet_sink(const Load& load, const Shared& shared) {
-  return std::make_unique<NatNetSink>(load, shared);
-}
-std::unique_ptr<Sink> make_vicon_sink(const Load& load, const Shared& shared) {
-  return std::make_unique<ViconSink>(load, shared);
-}
-std::unique_ptr<Sink> make_qualisys_sink(const Load& load, const Shared& shared) {
-  return std::make_unique<QualisysSink>(load, shared);
+std::vector<std::unique_ptr<Sink>> make_sinks(const Load& load, const Shared& shared) {
+  std::vector<std::unique_ptr<Sink>> all;
+  all.push_back(std::make_unique<VrpnSink>(load, shared));
+  all.push_back(std::make_unique<NatNetSink>(load, shared));
+  all.push_back(std::make_unique<ViconSink>(load, shared));
+  all.push_back(std::make_unique<QualisysSink>(load, shared));
+  return all;
 }
 
 }  // namespace fiducap::fan_out

@@ -11,10 +11,10 @@
 
 namespace fiducap::fan_out {
 
-/// What one client saw.
+/// Frames of one client.
 struct Tally {
-  static constexpr std::uint64_t kWarmUp =
-      50;  ///< First frames whose latency is not counted: pages, caches, buffers.
+  /// First frames whose latency is not counted: pages, caches, buffers.
+  static constexpr std::uint64_t kWarmUp = 50;
 
   std::string protocol;
   std::string mode;
@@ -28,7 +28,7 @@ struct Tally {
   std::uint64_t last_{};
 };
 
-/// A client on a raw socket: no more than it takes to know which frame came.
+/// A client on a raw socket, which parses no more than the number of a frame.
 class Sink {
  public:
   virtual ~Sink();
@@ -37,10 +37,10 @@ class Sink {
   [[nodiscard]] int fd() const { return fd_; }
   /// Reads all that is there.
   void pump(std::int64_t now_ns);
-  /// Once a second, for protocols whose clients must speak.
+  /// Once a second, for protocols whose clients must send.
   virtual void keep_alive() {}
-  /// From now on nothing is taken out of the socket, which holds as little as it can.
-  virtual void stop_reading();
+  /// From now on nothing is read from the socket, whose buffer is the smallest.
+  void stop_reading();
   [[nodiscard]] bool reading() const { return reading_; }
 
   Tally tally;
@@ -49,10 +49,10 @@ class Sink {
   Sink(int fd, const Load& load, const Shared& shared, std::string protocol, std::string mode);
   /// @return bytes used of a stream; a datagram is used whole
   virtual std::size_t parse(std::span<const std::byte> bytes, std::int64_t now_ns) = 0;
-  /// A frame by its number from 1, or by the instant its poses are for.
+  /// A frame by its number from 1, or by the instant of its poses.
   void saw_number(std::uint64_t number, std::int64_t now_ns);
   void saw_instant(std::int64_t at_ns, std::int64_t now_ns);
-  /// A number that counts on from an unknown start.
+  /// A number that counts from an unknown start.
   void saw_count(std::uint64_t count, std::int64_t now_ns);
   [[nodiscard]] const Shared& shared() const { return shared_; }
 
@@ -65,11 +65,19 @@ class Sink {
   std::optional<std::int64_t> count_start_;
 };
 
-[[nodiscard]] std::unique_ptr<Sink> make_vrpn_sink(const Load& load, const Shared& shared);
-[[nodiscard]] std::unique_ptr<Sink> make_natnet_sink(const Load& load, const Shared& shared);
-[[nodiscard]] std::unique_ptr<Sink> make_vicon_sink(const Load& load, const Shared& shared);
-[[nodiscard]] std::unique_ptr<Sink> make_qualisys_sink(const Load& load, const Shared& shared);
+/// One client of VRPN (TCP), NatNet, Vicon and Qualisys each.
+[[nodiscard]] std::vector<std::unique_ptr<Sink>> make_sinks(const Load& load, const Shared& shared);
+/// One more client of every protocol and transport: native UDP, NatNet UDP, VRPN by UDP and by TCP,
+/// Vicon, Qualisys, and a live page. They keep their subscriptions alive, read everything or
+/// nothing, and are not measured.
+[[nodiscard]] std::vector<std::unique_ptr<Sink>> make_bystanders(const Load& load,
+                                                                 const Shared& shared);
 
 [[nodiscard]] std::int64_t steady_ns();
+/// A socket with a large receive buffer. A stream is connected to the port.
+[[nodiscard]] int open_stream(std::uint16_t port);
+[[nodiscard]] int open_datagrams();
+/// @throws std::runtime_error when the bytes do not go at once
+void send_all(int fd, std::span<const std::byte> bytes);
 
 }  // namespace fiducap::fan_out

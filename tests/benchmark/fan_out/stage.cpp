@@ -90,29 +90,24 @@ class Stage final {
     web::WebSources sources;
     sources.clients = [this] { return hub_.clients(); };
     shared_.utc_offset_ns = utc_offset().count();
-    return serve(Shared::kVrpn, vrpn::start_vrpn_server(io_, vrpn, model_, clock_),
-                 [](const auto& s) { return s.port(); }) &&
-           serve(Shared::kNative, native::start_native_server(io_, native, model_, clock_, nullptr),
-                 [](const auto& s) { return s.port(); }) &&
-           serve(Shared::kNatNet,
-                 natnet::start_natnet_server(io_, natnet, model_, clock_, nullptr, load_.rate_hz),
-                 [](const auto& s) { return s.port(); }) &&
-           serve(Shared::kVicon, vicon::start_vicon_server(io_, vicon, clock_),
-                 [](const auto& s) { return s.port(); }) &&
+    return serve(Shared::kVrpn, vrpn::start_vrpn_server(io_, vrpn, model_, clock_)) &&
+           serve(Shared::kNative,
+                 native::start_native_server(io_, native, model_, clock_, nullptr)) &&
+           serve(Shared::kNatNet, natnet::start_natnet_server(io_, natnet, model_, clock_, nullptr,
+                                                              load_.rate_hz)) &&
+           serve(Shared::kVicon, vicon::start_vicon_server(io_, vicon, clock_)) &&
            serve(Shared::kQualisys,
-                 qualisys::start_qualisys_server(io_, qualisys, nullptr, model_, clock_),
-                 [](const auto& s) { return s.base_port(); }) &&
-           serve(Shared::kWeb, web::start_web_server(io_, web, std::move(sources), model_, clock_),
-                 [](const auto& s) { return s.port(); });
+                 qualisys::start_qualisys_server(io_, qualisys, nullptr, model_, clock_)) &&
+           serve(Shared::kWeb, web::start_web_server(io_, web, std::move(sources), model_, clock_));
   }
 
-  template <typename Server, typename PortOf>
-  bool serve(Shared::Protocol protocol, Expected<Server> server, PortOf port_of) {
+  template <typename Server>
+  bool serve(Shared::Protocol protocol, Expected<Server> server) {
     if (!server) {
       std::cerr << server.error().text() << "\n";
       return false;
     }
-    shared_.ports[protocol] = port_of(**server);
+    shared_.ports[protocol] = (*server)->port();
     hub_.add(std::move(*server));
     return true;
   }

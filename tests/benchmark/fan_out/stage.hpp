@@ -12,23 +12,24 @@ struct Load {
   double seconds{10};
 };
 
-/// What server and clients, two processes, share.
+/// Shared by server and clients, two processes.
 struct Shared {
   enum Protocol { kNative, kVrpn, kNatNet, kVicon, kQualisys, kWeb, kProtocols };
   std::array<std::atomic<std::uint16_t>, kProtocols> ports{};
   std::atomic<bool> ready{false};
   std::atomic<bool> go{false};  ///< The clients are connected: frames may come.
   std::atomic<bool> failed{false};
-  std::atomic<std::int64_t> first_at_ns{
-      0};  ///< Frame n is for this + (n − 1) periods, CLOCK_MONOTONIC.
+  /// Frame n is for this + (n − 1) periods, CLOCK_MONOTONIC.
+  std::atomic<std::int64_t> first_at_ns{0};
   std::atomic<std::int64_t> utc_offset_ns{0};
   std::atomic<std::uint64_t> frames{0};
   std::atomic<double> cpu_share{0};  ///< Of one core, while frames flowed.
   std::atomic<std::int64_t> memory_grown_kB{0};
 };
 
-/// All protocol servers behind a scene of bodies that move without sensors. Runs in a process of
-/// its own until the load is over. @return exit code
+/// All protocol servers behind a scene of bodies that move without sensors, in a process of its
+/// own.
+/// @return exit code
 int run_stage(const Load& load, Shared& shared);
 
 }  // namespace fiducap::fan_out

@@ -11,7 +11,7 @@ namespace {
 
 using Vector = Eigen::Vector3d;
 
-/// Something that a filter knows and that others get by subtracting poses.
+/// A quantity that a filter estimates and other systems get as differences of poses.
 struct Quantity {
   const char* name;
   const char* unit;
@@ -74,7 +74,7 @@ PlotPanel noise_panel(const std::string& label, const std::vector<PaperRun>& run
   return panel;
 }
 
-/// As the paper's figures of velocities, and below the error of x, which tells them apart.
+/// As the paper's figures of velocities, and below the error of x.
 LinePlot noise_plot(const std::vector<PaperRun>& runs, const PaperOptions& options,
                     const Quantity& q) {
   LinePlot plot{std::string("dataset_1: ") + q.name + ", against differences of poses", "time [s]"};
@@ -122,13 +122,14 @@ PaperResult dataset_1_experiment(const PaperOptions& options) {
   PaperResult result{"dataset_1"};
   add_figure(result, {"images without a tag", "%", "almost 20", "20", {}, 1}, runs,
              [](const PaperRun& r) { return 100 * r.share_without_tag(); });
-  add_figure(result, {"position RMSE", "mm", "-", "48.3", {}, 1}, runs, position_rmse_mm);
-  add_figure(result, {"position, largest", "mm", "-", "138", {}, 1}, runs, position_worst_mm);
-  add_figure(result, {"orientation RMSE", "°", "-", "0.57", {}, 3}, runs, rotation_rmse_deg);
-  add_figure(result, {"orientation, largest", "°", "9", "-", {}, 2}, runs, rotation_worst_deg);
+  add_motion(result, runs,
+             {{{"position RMSE", "mm", "-", "48.3", {}, 1},
+               {"position, largest", "mm", "-", "138", {}, 1},
+               {"orientation RMSE", "°", "-", "0.57", {}, 3},
+               {"orientation, largest", "°", "9", "-", {}, 2}}});
   add_noise(result, runs, kVelocity, "velocity", "mm/s", "36");
   add_noise(result, runs, kRate, "body rate", "mrad/s", "-");
-  add_honesty(result, runs);
+  add_consistency(result, runs);
   const auto& first = runs.front();
   result.plots = {position_plot("dataset_1: position in the workspace", first, options.filters),
                   orientation_plot("dataset_1: attitude in the workspace", first, options.filters),

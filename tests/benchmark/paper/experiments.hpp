@@ -4,8 +4,7 @@
 
 namespace fiducap::bench {
 
-/// The paper's three tags on a table: how well tags come to be known, and the motion. One file
-/// each.
+/// The paper's three tags on a table: errors of tags and motion.
 [[nodiscard]] PaperResult table_experiment(const PaperOptions& options);
 /// Three tags in a room of 4 m, fast, a fifth of the images without any; also velocity and body
 /// rate against differences of a motion capture system's poses.
@@ -16,7 +15,8 @@ namespace fiducap::bench {
 [[nodiscard]] PaperResult pavillon_experiment(const PaperOptions& options);
 /// The simulator's hall: not the paper's, but many tags at once.
 [[nodiscard]] PaperResult hall_experiment(const PaperOptions& options);
-/// Camera–IMU place from a poor start, by the running filter and by `fiducap calibrate extrinsics`.
+/// Camera extrinsics from a poor start, by the running filter and by `fiducap calibrate
+/// extrinsics`.
 [[nodiscard]] PaperResult extrinsics_experiment(const PaperOptions& options);
 
 }  // namespace fiducap::bench

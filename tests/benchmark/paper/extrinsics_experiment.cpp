@@ -4,7 +4,6 @@
 
 #include "base/pose.hpp"
 #include "calibration/extrinsics/camera_imu_calibration.hpp"
-#include "estimation/parallel.hpp"
 #include "paper/experiments.hpp"
 #include "paper/motion_plots.hpp"
 
@@ -12,13 +11,13 @@ namespace fiducap::bench {
 
 namespace {
 
-// The start is 5 cm and 5° off in the mean.
+// Mean errors of the start: 5 cm and 5°.
 constexpr double kStart_m = 0.05;
 constexpr double kStart_rad = 0.0873;
 constexpr double kCut_mm = 20;
 constexpr double kCut_mrad = 10;
 
-/// The mean result of all runs, to see how far they agree (the paper's figure).
+/// The mean result of all runs (the paper's figure is the spread around it).
 Pose mean_of(const PaperRuns& runs, std::size_t filter) {
   const Pose& first = runs.front()[filter].at.back().X_BV;
   Eigen::Vector3d p = Eigen::Vector3d::Zero();
@@ -104,21 +103,14 @@ LinePlot course_plot(const PaperRuns& runs, const PaperOptions& options) {
     for (const auto& seed : runs) {
       const PaperRun& run = seed[f];
       const std::string name = &seed == &runs.front() ? options.filters[f] : "";
-      const char* color = color_of(options.filters[f]);
-      position.lines.push_back({name, color,
-                                points_of(run,
-                                          [&](const auto& at) {
-                                            return std::min(kCut_mm,
-                                                            kMm * run.extrinsics_position_m(at));
-                                          }),
-                                false, 0.8});
-      rotation.lines.push_back({name, color,
-                                points_of(run,
-                                          [&](const auto& at) {
-                                            return std::min(kCut_mrad,
-                                                            1e3 * run.extrinsics_rotation_rad(at));
-                                          }),
-                                false, 0.8});
+      const auto add = [&](PlotPanel& panel, const FigureAt& of) {
+        panel.lines.push_back({name, color_of(options.filters[f]), points_of(run, of), false, 0.8});
+      };
+      add(position,
+          [&](const auto& at) { return std::min(kCut_mm, kMm * run.extrinsics_position_m(at)); });
+      add(rotation, [&](const auto& at) {
+        return std::min(kCut_mrad, 1e3 * run.extrinsics_rotation_rad(at));
+      });
     }
   }
   plot.panels = {std::move(position), std::move(rotation)};
@@ -134,7 +126,7 @@ PaperResult extrinsics_experiment(const PaperOptions& options) {
   setup.extrinsics_sigma_m = kStart_m / std::sqrt(3.0);
   setup.extrinsics_sigma_rad = kStart_rad / std::sqrt(3.0);
   PaperOptions shifted = options;
-  shifted.first_seed += 100;  // motions of their own
+  shifted.first_seed += 100;  // other motions
   const PaperRuns runs = run_all(shifted, setup);
   PaperResult result{"extrinsics"};
   add_figure(result, {"position, start", "mm", "-", "-", {}, 1}, runs, [](const PaperRun& r) {
@@ -150,7 +142,7 @@ PaperResult extrinsics_experiment(const PaperOptions& options) {
   if (runs.size() > 1) add_repeatability(result, runs);
   add_solver(result, runs, options);
   result.plots = {course_plot(runs, options)};
-  result.remarks = {"The paper has no truth: its figures are how far ten runs agree."};
+  result.remarks = {"The paper has no truth: its figures are the spread of ten runs."};
   return result;
 }
 

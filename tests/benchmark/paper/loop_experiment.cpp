@@ -1,5 +1,5 @@
-// The paper's large data sets "cube" and "pavillon": one round trip, how far the map is off when
-// the first tag comes back.
+// The paper's large data sets "cube" and "pavillon": one round trip, and the gap when the first tag
+// is seen again.
 #include <algorithm>
 #include <cmath>
 
@@ -13,8 +13,8 @@ namespace {
 
 constexpr double kGoal_percent = 0.3;
 
-/// How long one round takes, with a margin to see the tag again.
 constexpr double kWalk_m_s = 1.15;
+/// One round, with a margin to see the tag again.
 double seconds_for(const simulation::LoopShape& shape) { return shape.length_m / kWalk_m_s + 6; }
 
 double gap_percent(const PaperRun& run) {
@@ -38,24 +38,23 @@ std::vector<PlotBand> bands_of(const EstimationData& data, const simulation::Day
   return bands;
 }
 
-/// How far, in pixels, the corners of the first tag would have been beside their places when it
-/// came back: drawn by what the filter knew an image before. Mean over the corners.
+/// Reprojection error, in pixels, of the first tag when it is seen again, by the filter's state an
+/// image before. Mean over the corners.
 double reprojection_px(const PaperRun& run) {
   if (run.run.gap_path_m == 0) return Nees::kNone;
   const EstimationData& data = run.data;
   const RecordedTag& tag = *data.tag(data.reference_tag);
   const Pose X_TW = tag.X_WT.inverse();
   const PaperRun::At* before = nullptr;
-  for (const PaperRun::At& at : run.at) {
+  for (const PaperRun::At& at : run.at)
     if (at.t_s < run.run.gap_t_s - 1e-6) before = &at;
-  }
   const Pose* X_WT = before == nullptr ? nullptr : before->tag(tag.tag_id);
   if (X_WT == nullptr) return Nees::kNone;
   const Instant first = time_of(data.samples.front());
   const auto truth = [&](double t_s) {
     return X_TW * data.truth_near(first + from_seconds(t_s)).X_WB;
   };
-  // The error of the pose hardly moves between two images: carried on from one to the next.
+  // The error of the pose is nearly constant between two images.
   const Pose error = (X_WT->inverse() * before->X_WB) * truth(before->t_s).inverse();
   const Pose now = truth(run.run.gap_t_s);
   const Pose X_VT_seen = (now * data.camera.X_BV).inverse();
@@ -97,13 +96,11 @@ LinePlot course_plot(const std::string& title, const std::vector<PaperRun>& runs
   error.from_zero = seen.from_zero = true;
   error.bands = seen.bands = bands_of(runs.front().data, sun);
   for (std::size_t f = 0; f < options.filters.size(); ++f) {
-    const char* color = color_of(options.filters[f]);
-    PlotLine line{options.filters[f], color};
+    PlotLine line{options.filters[f], color_of(options.filters[f])};
     for (const auto& at : runs[f].run.at) line.points.emplace_back(at.t_s, kMm * at.position_m);
     error.lines.push_back(std::move(line));
-    seen.lines.push_back(
-        {options.filters[f], color, points_of(runs[f], [](const auto& at) { return at.tags; })});
   }
+  add_lines(seen, runs, options.filters, [](const auto&, const auto& at) { return at.tags; });
   plot.panels = {std::move(error), std::move(seen)};
   return plot;
 }
@@ -122,15 +119,10 @@ PaperResult run_loop(const PaperOptions& options, Loop loop) {
   PaperResult result{loop.name};
   add_figure(result, {"gap before closure", "m", loop.paper_gap_m, loop.authors_gap_m, {}, 3}, runs,
              [](const PaperRun& r) { return r.run.gap_path_m > 0 ? r.run.gap_m : Nees::kNone; });
-  add_figure(result,
-             {"gap, of the path",
-              "%",
-              loop.paper_gap_percent,
-              loop.authors_gap_percent,
-              {},
-              3,
-              kGoal_percent},
-             runs, gap_percent);
+  PaperFigure gap{"gap, of the path", "%", loop.paper_gap_percent, loop.authors_gap_percent};
+  gap.decimals = 3;
+  gap.goal = kGoal_percent;
+  add_figure(result, gap, runs, gap_percent);
   add_figure(result, {"reprojection error at closure", "px", loop.paper_px, "-", {}, 1}, runs,
              reprojection_px);
   const auto number = [](double value) { return std::to_string(static_cast<int>(value)); };
@@ -140,7 +132,7 @@ PaperResult run_loop(const PaperOptions& options, Loop loop) {
              [](const PaperRun& r) { return r.run.tags_mapped; });
   add_figure(result, {"images without a tag", "%", "-", "-", {}, 1}, runs,
              [](const PaperRun& r) { return 100 * r.share_without_tag(); });
-  add_honesty(result, runs);
+  add_consistency(result, runs);
   result.plots = {map_plot(loop.name + ": seen from above", runs.front(), options),
                   course_plot(loop.name + ": error along the round trip", runs.front(), options,
                               loop.setup.daylight)};

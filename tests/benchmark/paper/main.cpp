@@ -1,5 +1,5 @@
-// fiducap_paper_bench: every experiment of the paper again, rendered, detected and filtered by this
-// code, both filters side by side.
+// fiducap_paper_bench: every experiment of the paper, rendered, detected and filtered by this code,
+// both filters side by side.
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
@@ -90,7 +90,7 @@ int run(int argc, char** argv) {
       ->check(CLI::IsMember({"robocentric", "world"}))
       ->delimiter(',');
   app.add_option("--corner-noise", options.estimator.corner_noise_px,
-                 "what the filters believe of corners, px (default: as the server)")
+                 "sigma of corners in the filters, px (default: as the server)")
       ->check(CLI::Range(1e-3, 10.0));
   app.add_flag("--json", json, "the table as JSON");
   CLI11_PARSE(app, argc, argv);

@@ -7,14 +7,14 @@
 
 namespace fiducap::bench {
 
-/// A very good marker system: what such a system says of a hand-sized rigid body in its sweet spot.
+/// A very good marker system with a hand-sized rigid body in the middle of its volume.
 struct MocapNoise {
   double position_m{1e-4};    ///< 1-sigma per axis.
   double rotation_rad{1e-3};  ///< 1-sigma per axis: 0.1 mm over a body of 10 cm.
 };
 
-/// Velocity and rate as somebody computes them who has poses only: the difference of two
-/// neighbouring ones over the time between them, at its middle.
+/// Velocity and rate by poses alone: the difference of two neighbouring ones over the time between
+/// them, at its middle.
 struct PoseDifference {
   double t_s{};  ///< Since the first sample.
   Eigen::Vector3d v_B;
@@ -23,7 +23,7 @@ struct PoseDifference {
   Eigen::Vector3d w_B_true;
 };
 
-/// Poses at every second IMU instant (100 Hz), so that every difference has a truth of its own
+/// Poses at every second IMU instant (100 Hz), so that every difference has the truth of its
 /// instant. @pre data has an IMU of even rate
 [[nodiscard]] std::vector<PoseDifference> differences_of(const EstimationData& data,
                                                          const MocapNoise& noise,

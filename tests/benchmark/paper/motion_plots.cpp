@@ -1,6 +1,7 @@
 #include "paper/motion_plots.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "base/pose.hpp"
@@ -52,71 +53,72 @@ PlotPanel error_panel(const std::string& label, const std::vector<PaperRun>& run
 
 }  // namespace
 
-std::vector<PlotPoint> points_of(const PaperRun& run,
-                                 const std::function<double(const PaperRun::At&)>& of) {
+std::vector<PlotPoint> points_of(const PaperRun& run, const FigureAt& of) {
   std::vector<PlotPoint> points;
   for (const PaperRun::At& at : run.at) points.emplace_back(at.t_s, of(at));
   return points;
 }
 
-LinePlot position_plot(const std::string& title, const std::vector<PaperRun>& runs,
-                       const std::vector<std::string>& filters) {
+void add_lines(PlotPanel& panel, const std::vector<PaperRun>& runs,
+               const std::vector<std::string>& filters,
+               const std::function<double(const PaperRun&, const PaperRun::At&)>& of) {
+  for (std::size_t f = 0; f < filters.size(); ++f)
+    panel.lines.push_back({filters[f], color_of(filters[f]),
+                           points_of(runs[f], [&](const auto& at) { return of(runs[f], at); })});
+}
+
+namespace {
+
+/// Three components by all filters and in truth.
+LinePlot component_plot(const std::string& title, const std::array<const char*, 3>& labels,
+                        const std::vector<PaperRun>& runs, const std::vector<std::string>& filters,
+                        const std::function<Eigen::Vector3d(const Pose&)>& of, bool angles) {
   LinePlot plot{title, "time [s]"};
-  const char* const axes[] = {"x [m]", "y [m]", "z [m]"};
   for (int axis = 0; axis < 3; ++axis) {
-    PlotPanel panel{axes[axis]};
+    PlotPanel panel{labels[static_cast<std::size_t>(axis)]};
     panel.lines.push_back(
         {"truth", kTruthColor,
-         points_of(runs.front(), [&](const auto& at) { return at.X_WB_true.p(axis); }), false, 4});
-    for (std::size_t f = 0; f < filters.size(); ++f) {
-      panel.lines.push_back({filters[f], color_of(filters[f]),
-                             points_of(runs[f], [&](const auto& at) { return at.X_WB.p(axis); })});
-    }
+         points_of(runs.front(), [&](const auto& at) { return of(at.X_WB_true)(axis); }), false,
+         4});
+    add_lines(panel, runs, filters, [&](const auto&, const auto& at) { return of(at.X_WB)(axis); });
+    if (angles)
+      for (PlotLine& line : panel.lines) line.points = unwound(std::move(line.points));
     plot.panels.push_back(std::move(panel));
   }
+  return plot;
+}
+
+}  // namespace
+
+LinePlot position_plot(const std::string& title, const std::vector<PaperRun>& runs,
+                       const std::vector<std::string>& filters) {
+  LinePlot plot = component_plot(
+      title, {"x [m]", "y [m]", "z [m]"}, runs, filters, [](const Pose& X) { return X.p; }, false);
   plot.panels.push_back(error_panel("error [mm]", runs, filters, &FilterRun::At::position_m, kMm));
   return plot;
 }
 
 LinePlot orientation_plot(const std::string& title, const std::vector<PaperRun>& runs,
                           const std::vector<std::string>& filters) {
-  LinePlot plot{title, "time [s]"};
-  const char* const axes[] = {"roll [°]", "pitch [°]", "yaw [°]"};
-  for (int axis = 0; axis < 3; ++axis) {
-    PlotPanel panel{axes[axis]};
-    panel.lines.push_back(
-        {"truth", kTruthColor,
-         unwound(points_of(runs.front(),
-                           [&](const auto& at) { return angles_of(at.X_WB_true.q)(axis); })),
-         false, 4});
-    for (std::size_t f = 0; f < filters.size(); ++f) {
-      panel.lines.push_back(
-          {filters[f], color_of(filters[f]), unwound(points_of(runs[f], [&](const auto& at) {
-             return angles_of(at.X_WB.q)(axis);
-           }))});
-    }
-    plot.panels.push_back(std::move(panel));
-  }
+  LinePlot plot = component_plot(
+      title, {"roll [°]", "pitch [°]", "yaw [°]"}, runs, filters,
+      [](const Pose& X) { return angles_of(X.q); }, true);
   plot.panels.push_back(
       error_panel("error [°]", runs, filters, &FilterRun::At::rotation_rad, kDegrees));
   return plot;
 }
 
-double position_rmse_mm(const PaperRun& run) {
-  return kMm * run.run.scored_after(kSettled_s).rms([](const auto& at) { return at.position_m; });
-}
-
-double position_worst_mm(const PaperRun& run) {
-  return kMm * worst(run, &FilterRun::At::position_m);
-}
-
-double rotation_rmse_deg(const PaperRun& run) {
-  return kDegrees *
-         run.run.scored_after(kSettled_s).rms([](const auto& at) { return at.rotation_rad; });
-}
-
-double rotation_worst_deg(const PaperRun& run) {
-  return kDegrees * worst(run, &FilterRun::At::rotation_rad);
+void add_motion(PaperResult& result, const PaperRuns& runs,
+                const std::array<PaperFigure, 4>& figures) {
+  const auto add = [&](std::size_t i, double unit, double FilterRun::At::*error) {
+    add_figure(result, figures[i], runs, [=](const PaperRun& run) {
+      return unit * run.run.scored_after(kSettled_s).rms([&](const auto& at) { return at.*error; });
+    });
+    add_figure(result, figures[i + 1], runs,
+               [=](const PaperRun& run) { return unit * worst(run, error); });
+  };
+  add(0, kMm, &FilterRun::At::position_m);
+  add(2, kDegrees, &FilterRun::At::rotation_rad);
 }
 
 }  // namespace fiducap::bench

@@ -5,7 +5,6 @@
 #include <set>
 
 #include "base/pose.hpp"
-#include "estimation/parallel.hpp"
 
 namespace fiducap::bench {
 
@@ -57,26 +56,16 @@ double PaperRun::share_without_tag() const {
 
 int PaperRun::tags_seen() const {
   std::set<int> ids;
-  for (const SensorSample& sample : data.samples) {
-    const auto* image = std::get_if<CornerFrame>(&sample);
-    for (const TagSighting& tag : image ? image->tags : std::vector<TagSighting>{}) {
+  for_each_image(data, [&](const CornerFrame& image) {
+    for (const TagSighting& tag : image.tags)
       if (data.tag(tag.tag_id) != nullptr) ids.insert(tag.tag_id);
-    }
-  }
+  });
   return static_cast<int>(ids.size());
 }
 
 double PaperRun::position_by(const BoundRun& of) const {
-  const Instant first = time_of(data.samples.front());
-  double square = 0;
-  int count = 0;
-  for (const bound::BoundAt& now : of.at) {
-    if (to_seconds(now.at - first) < kSettled_s) continue;
-    square += now.position_m * now.position_m;
-    ++count;
-  }
-  return run.scored_after(kSettled_s).rms([](const auto& a) { return a.position_m; }) /
-         std::sqrt(square / count);
+  const double error = run.scored_after(kSettled_s).rms([](const auto& a) { return a.position_m; });
+  return error / rms(of, time_of(data.samples.front()), &bound::BoundAt::position_m);
 }
 
 double PaperRun::extrinsics_position_m(const At& moment) const {
@@ -136,7 +125,7 @@ void add_figure(PaperResult& result, PaperFigure line, const PaperRuns& runs,
   result.figures.push_back(std::move(line));
 }
 
-void add_honesty(PaperResult& result, const PaperRuns& runs) {
+void add_consistency(PaperResult& result, const PaperRuns& runs) {
   add_figure(result, {"NIS per degree of freedom", "", "-", "-", {}, 3}, runs,
              [](const PaperRun& r) { return r.run.nis / static_cast<double>(r.run.nis_dof); });
   add_figure(
@@ -157,9 +146,9 @@ void add_honesty(PaperResult& result, const PaperRuns& runs) {
              [](const PaperRun& r) { return r.corners.excess(); });
   add_figure(result, {"corner error, the same in the next image", "%", "-", "-", {}, 0}, runs,
              [](const PaperRun& r) { return 100 * r.corners.to_next; });
-  add_figure(result, {"corner error, what lasts of it", "%", "-", "-", {}, 0}, runs,
+  add_figure(result, {"corner error, lasting part", "%", "-", "-", {}, 0}, runs,
              [](const PaperRun& r) { return 100 * r.corners.lasting_share; });
-  add_figure(result, {"until 1/e of what lasts is left", "s", "-", "-", {}, 2}, runs,
+  add_figure(result, {"until 1/e of the lasting part is left", "s", "-", "-", {}, 2}, runs,
              [](const PaperRun& r) { return r.corners.fades_s; });
 }
 

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "estimation/options.hpp"
 #include "simulation/corner_scatter.hpp"
 #include "simulation/filter_run.hpp"
 #include "tools/plot/plot_page.hpp"
@@ -13,7 +14,7 @@ namespace fiducap::bench {
 
 /// One filter over one rendered sequence.
 struct PaperRun {
-  /// What the filter said after an image, and the truth, both in the filter's workspace.
+  /// Estimate after an image, and the truth, both in the filter's workspace.
   struct At {
     double t_s{};
     Pose X_WB;
@@ -22,7 +23,7 @@ struct PaperRun {
     Eigen::Vector3d w_B{Eigen::Vector3d::Zero()};  ///< rad/s
     Eigen::Vector3d v_B_true{Eigen::Vector3d::Zero()};
     Eigen::Vector3d w_B_true{Eigen::Vector3d::Zero()};
-    Pose X_BV;                                 ///< As the filter sees its camera.
+    Pose X_BV;                                 ///< As estimated.
     int tags{};                                ///< In the image.
     std::vector<std::pair<int, Pose>> X_WT{};  ///< Tags in the state.
 
@@ -32,8 +33,8 @@ struct PaperRun {
   FilterRun run;
   std::vector<At> at;
   CornerScatter corners;  ///< Of all runs.
-  BoundRun bound;         ///< For corners that scatter so …
-  BoundRun white_bound;   ///< … and if their errors were white, and alike.
+  BoundRun bound;         ///< For corners with this scatter …
+  BoundRun white_bound;   ///< … and if their errors were white and equal.
 
   [[nodiscard]] double share_without_tag() const;
   /// Tags that exist and were seen at least once.
@@ -44,7 +45,7 @@ struct PaperRun {
   [[nodiscard]] double extrinsics_rotation_rad(const At& moment) const;
 };
 
-/// What is asked for on the command line.
+/// Options of the command line.
 struct PaperOptions {
   std::vector<std::string> filters{"robocentric", "world"};
   int runs{10};
@@ -76,8 +77,8 @@ struct Spread {
 struct PaperFigure {
   std::string what;
   std::string unit;
-  std::string paper;    ///< What the paper says …
-  std::string authors;  ///< … and what the authors' code did on our data (study of the code).
+  std::string paper;           ///< In the paper.
+  std::string authors;         ///< Of the authors' code on our data (study of the code).
   std::vector<Spread> ours{};  ///< One per filter.
   int decimals{1};
   double goal{0};  ///< Of the RMS over the runs; 0: none.
@@ -94,12 +95,8 @@ struct PaperResult {
 void add_figure(PaperResult& result, PaperFigure line, const PaperRuns& runs,
                 const std::function<double(const PaperRun&)>& of);
 
-/// Lines that say how far the filter's own sigmas are right: 1 is right, less is modest.
-void add_honesty(PaperResult& result, const PaperRuns& runs);
-
-inline constexpr double kSettled_s = 5.0;  ///< Errors of motion count from here, as in the study.
-inline constexpr double kMm = 1e3;
-inline constexpr double kDegrees = 57.29577951308232;
+/// Adds lines about the consistency of the filter's sigmas: 1 is right, less is conservative.
+void add_consistency(PaperResult& result, const PaperRuns& runs);
 
 /// Colours of the plots.
 inline constexpr const char* kTruthColor = "#9aa0a6";

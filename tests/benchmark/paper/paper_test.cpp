@@ -16,7 +16,7 @@ const PaperFigure& figure(const PaperResult& result, const std::string& what) {
   throw std::runtime_error("no figure " + what);
 }
 
-TEST(PaperExperiments, TableIsLearnedFromImagesByBothFilters) {
+TEST(PaperExperiments, BothFiltersMapTheTableFromImages) {
   PaperOptions options;
   options.quick = true;
   const PaperResult result = table_experiment(options);
@@ -25,7 +25,7 @@ TEST(PaperExperiments, TableIsLearnedFromImagesByBothFilters) {
     // After 20 s of 60: twice the goal of the whole run.
     EXPECT_LT(figure(result, "tag distance error, end").ours[f].rms, 2 * 0.5);
     EXPECT_LT(figure(result, "tag rotation error, end").ours[f].rms, 2 * 0.1);
-    // A fair part of what the authors' code has over 60 s.
+    // Half of the error of the authors' code over 60 s.
     EXPECT_LT(figure(result, "position RMSE").ours[f].rms, 0.5 * 18.0);
     EXPECT_GT(figure(result, "position RMSE").ours[f].rms, 0);
   }
@@ -36,7 +36,7 @@ TEST(PaperExperiments, TableIsLearnedFromImagesByBothFilters) {
   }
 }
 
-TEST(Mocap, DifferencesHaveTheNoiseOfTwoPosesOverTheTimeBetweenThem) {
+TEST(Mocap, DifferencesHaveTheNoiseOfTwoPoses) {
   SimulatedDataSetup setup;
   setup.world = "table";
   setup.seconds = 20;

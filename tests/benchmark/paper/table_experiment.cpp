@@ -1,4 +1,4 @@
-// The paper's "Fiducial Estimation Test" and the motion of data set "table".
+// The paper's "Fiducial Estimation Test" and the motion of data set "table"; the simulator's hall.
 #include <cmath>
 
 #include "base/pose.hpp"
@@ -9,10 +9,10 @@ namespace fiducap::bench {
 
 namespace {
 
-/// How wrong tag `other` is, seen from tag 0.
+/// Error of tag `other`, relative to tag 0.
 struct PairError {
   double distance_m{};      ///< The paper's figure: of the distance between the two.
-  double displacement_m{};  ///< In tag 0's axes: its wrong tilt counts, too.
+  double displacement_m{};  ///< In tag 0's axes, with the error of its tilt.
   double rotation_rad{};
 };
 
@@ -34,7 +34,7 @@ double at_end(const PaperRun& run, double PairError::*part) {
   return std::sqrt(0.5 * (a * a + b * b));
 }
 
-/// Of tag 1 when it comes in.
+/// Of tag 1 when it is added.
 double at_first(const PaperRun& run, double PairError::*part) {
   for (const PaperRun::At& at : run.at) {
     const double value = pair_error(run, at, 1).*part;
@@ -49,25 +49,22 @@ PlotPanel tag_panel(const std::string& label, const std::vector<PaperRun>& runs,
   PlotPanel panel{label};
   panel.from_zero = true;
   panel.goal = goal;
-  for (std::size_t f = 0; f < options.filters.size(); ++f) {
-    panel.lines.push_back({options.filters[f], color_of(options.filters[f]),
-                           points_of(runs[f], [&](const PaperRun::At& at) {
-                             return unit * pair_error(runs[f], at, other).*part;
-                           })});
-  }
+  add_lines(panel, runs, options.filters, [&](const PaperRun& run, const PaperRun::At& at) {
+    return unit * pair_error(run, at, other).*part;
+  });
   return panel;
 }
 
 LinePlot tag_plot(const std::vector<PaperRun>& runs, const PaperOptions& options) {
   LinePlot plot{"table: tags 1 and 2 seen from tag 0", "time [s]"};
-  plot.panels.push_back(
-      tag_panel("distance 0–1 [mm]", runs, options, 1, &PairError::distance_m, kMm, 0.5));
-  plot.panels.push_back(
-      tag_panel("distance 0–2 [mm]", runs, options, 2, &PairError::distance_m, kMm, 0.5));
-  plot.panels.push_back(
-      tag_panel("displacement 0–1 [mm]", runs, options, 1, &PairError::displacement_m, kMm, 0.5));
-  plot.panels.push_back(
-      tag_panel("rotation 0–1 [°]", runs, options, 1, &PairError::rotation_rad, kDegrees, 0.1));
+  const auto add = [&](const char* label, int other, double PairError::*part, double unit,
+                       double goal) {
+    plot.panels.push_back(tag_panel(label, runs, options, other, part, unit, goal));
+  };
+  add("distance 0–1 [mm]", 1, &PairError::distance_m, kMm, 0.5);
+  add("distance 0–2 [mm]", 2, &PairError::distance_m, kMm, 0.5);
+  add("displacement 0–1 [mm]", 1, &PairError::displacement_m, kMm, 0.5);
+  add("rotation 0–1 [°]", 1, &PairError::rotation_rad, kDegrees, 0.1);
   return plot;
 }
 
@@ -89,15 +86,29 @@ PaperResult table_experiment(const PaperOptions& options) {
              [](const PaperRun& r) { return kDegrees * at_first(r, &PairError::rotation_rad); });
   add_figure(result, {"tag rotation error, end", "°", "0.2", "0.08", {}, 3, 0.1}, runs,
              [](const PaperRun& r) { return kDegrees * at_end(r, &PairError::rotation_rad); });
-  add_figure(result, {"position RMSE", "mm", "-", "18.0", {}, 2}, runs, position_rmse_mm);
-  add_figure(result, {"position, largest", "mm", "a few cm", "45", {}, 1}, runs, position_worst_mm);
-  add_figure(result, {"orientation RMSE", "°", "-", "0.30", {}, 3}, runs, rotation_rmse_deg);
-  add_figure(result, {"orientation, largest", "°", "< 3", "-", {}, 2}, runs, rotation_worst_deg);
-  add_honesty(result, runs);
+  add_motion(result, runs,
+             {{{"position RMSE", "mm", "-", "18.0", {}, 2},
+               {"position, largest", "mm", "a few cm", "45", {}, 1},
+               {"orientation RMSE", "°", "-", "0.30", {}, 3},
+               {"orientation, largest", "°", "< 3", "-", {}, 2}}});
+  add_consistency(result, runs);
   result.plots = {
       tag_plot(runs.front(), options),
       position_plot("table: position in the workspace", runs.front(), options.filters),
       orientation_plot("table: attitude in the workspace", runs.front(), options.filters)};
+  return result;
+}
+
+PaperResult hall_experiment(const PaperOptions& options) {
+  SimulatedDataSetup setup;
+  setup.world = "hall";
+  setup.seconds = options.seconds(60, 20);
+  const PaperRuns runs = run_all(options, setup);
+  PaperResult result{"hall"};
+  add_figure(result, {"position RMSE", "mm", "-", "-", {}, 2}, runs, [](const PaperRun& r) {
+    return kMm * r.run.scored_after(kSettled_s).rms([](const auto& at) { return at.position_m; });
+  });
+  add_consistency(result, runs);
   return result;
 }
 

@@ -28,7 +28,7 @@ foreach(shared OFF ON)
     message(FATAL_ERROR "the client alone looks for packages of the server")
   endif()
   run("installing" ${CMAKE_COMMAND} --install ${alone} --prefix ${prefix}_${shared})
-  # Somebody may move it.
+  # The package may be moved.
   file(RENAME ${prefix}_${shared} ${WORK}/moved_${shared})
   set(moved ${WORK}/moved_${shared})
 
@@ -41,7 +41,7 @@ foreach(shared OFF ON)
   run("running the C stranger" ${stranger}/in_c)
 
   if(NOT shared)
-    # As where protobuf's headers and CMake files are not; a C project asks for nothing else.
+    # Without protobuf's headers and CMake files, which a C project does not need.
     foreach(only "" c)
       set(stranger ${WORK}/stranger_in_c_${only})
       run("find_package in C (components: '${only}')" ${CMAKE_COMMAND}

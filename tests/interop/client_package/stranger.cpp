@@ -3,7 +3,7 @@
 
 int main() {
   fiducap::ClientOptions options;
-  options.port = 1;  // nobody listens there
+  options.port = 1;  // without a server
   const fiducap::Client client(options);
   fiducap::Frame frame;
   fiducap::Control control({});

@@ -7,8 +7,8 @@
 #include <fastrtps/utils/IPLocator.h>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 
-// Fast DDS 2.9 (StatisticsReaderImpl) deletes an object as its smaller base: its business. Asked
-// for by AddressSanitizer when there is one, by nobody otherwise.
+// Fast DDS 2.9 (StatisticsReaderImpl) deletes an object as its smaller base. Read by
+// AddressSanitizer.
 extern "C" const char* __asan_default_options() { return "new_delete_type_mismatch=0"; }
 
 namespace fast_dds_peer {
@@ -16,7 +16,7 @@ namespace {
 
 using eprosima::fastrtps::rtps::IPLocator;
 
-/// UDP on one address only; who is not heard by multicast is asked at the address of the peer.
+/// UDP on one address only; without multicast, discovery uses the address of the peer.
 dds::DomainParticipantQos qos_for(const std::string& own_address, const std::string& peer) {
   dds::DomainParticipantQos qos;
   qos.name("fast_dds_peer");
@@ -32,7 +32,7 @@ dds::DomainParticipantQos qos_for(const std::string& own_address, const std::str
     at.port = 0;  // the well-known ones of the domain
     IPLocator::setIPv4(at, peer);
     qos.wire_protocol().builtin.initialPeersList.push_back(at);
-    // Announced, so that nobody needs a multicast group to answer.
+    // Announced, so that no multicast group is needed to answer.
     eprosima::fastrtps::rtps::Locator_t own;
     own.kind = LOCATOR_KIND_UDPv4;
     own.port = 0;
@@ -70,7 +70,7 @@ int run(int argc, char** argv) {
     std::fprintf(stderr, "no participant\n");
     return 1;
   }
-  const Patience duration(std::atof(argv[5]));
+  const Seconds duration(std::atof(argv[5]));
   const bool writes = std::string(argv[1]) == "write";
   const int code = writes ? write_sensors(*participant, argc > 6 ? argv[6] : "/cam0", duration)
                           : read_topics(*participant, topics_from(argc, argv, 6), duration);

@@ -6,7 +6,7 @@
 
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 
-/// Fast DDS as a client of ours. A program of its own: it must not share a process with Cyclone
+/// Fast DDS as a client of ours: a separate program, since it must not share a process with Cyclone
 /// DDS.
 namespace fast_dds_peer {
 
@@ -22,16 +22,14 @@ struct WantedTopic {
   [[nodiscard]] bool has(char flag) const { return flags.find(flag) != std::string::npos; }
 };
 
-using Patience = std::chrono::duration<double>;
+using Seconds = std::chrono::duration<double>;
 
-/// Reads for so long and prints one line per topic. @return exit code
+/// Reads for this time and prints one line per topic. @return exit code
 int read_topics(dds::DomainParticipant& participant, const std::vector<WantedTopic>& topics,
-                Patience duration);
+                Seconds duration);
 
-/// Plays a camera and an IMU: images that grow brighter, 20 Hz and 200 Hz, and the camera's
-/// description.
+/// Writes as a camera and an IMU: images of growing brightness, 20 Hz and 200 Hz, and the lens.
 /// @param name  of the camera, `/cam0`: `rt/cam0/image_raw`, `rt/cam0/camera_info`, `rt/imu/data`
-int write_sensors(dds::DomainParticipant& participant, const std::string& folder,
-                  Patience duration);
+int write_sensors(dds::DomainParticipant& participant, const std::string& folder, Seconds duration);
 
 }  // namespace fast_dds_peer

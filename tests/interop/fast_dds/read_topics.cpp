@@ -45,7 +45,7 @@ std::string text(const geometry_msgs::msg::dds_::Vector3_& v) {
   return list(std::array{v.x(), v.y(), v.z()});
 }
 
-// What of each type is printed, and the time it is for.
+// The printed values of each type, and their time.
 std::string show(const geometry_msgs::msg::dds_::PoseStamped_& m) {
   return "frame=" + m.header().frame_id() + " " + text(m.pose());
 }
@@ -236,7 +236,7 @@ const std::map<std::string, Maker>& makers() {
 }  // namespace
 
 int read_topics(dds::DomainParticipant& participant, const std::vector<WantedTopic>& topics,
-                Patience duration) {
+                Seconds duration) {
   auto* subscriber = participant.create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);
   std::vector<std::unique_ptr<AnyReader>> readers;
   for (const auto& wanted : topics) {

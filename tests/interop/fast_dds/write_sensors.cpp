@@ -60,7 +60,7 @@ sensor::CameraInfo_ camera_info() {
 }  // namespace
 
 int write_sensors(dds::DomainParticipant& participant, const std::string& folder,
-                  Patience duration) {
+                  Seconds duration) {
   auto* publisher = participant.create_publisher(dds::PUBLISHER_QOS_DEFAULT);
   auto* images = make_writer<sensor::Image_PubSubType>(participant, *publisher,
                                                        "rt" + folder + "/image_raw", true);

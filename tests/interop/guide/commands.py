@@ -20,7 +20,7 @@ class Command:
         return shlex.split(self.text)
 
     def program(self):
-        """Its file name, without what is set for it alone: `A=b ./bin/fiducap` is fiducap."""
+        """Its file name, without settings for it alone: `A=b ./bin/fiducap` is fiducap."""
         for word in self.text.split():
             if not re.match(r"^\w+=", word):
                 return word.rsplit("/", 1)[-1]
@@ -44,7 +44,7 @@ def blocks(document):
 
 
 def commands(where, start, lines):
-    """Lines that end in a backslash go on in the next one; comments of their own are left out."""
+    """Joins lines that end in a backslash; leaves out lines of comments."""
     joined, first = "", start
     for number, line in enumerate(lines, start):
         if not joined:
@@ -59,7 +59,7 @@ def commands(where, start, lines):
 
 
 class Words:
-    """Knows the verbs and options of the programs, as their own --help says."""
+    """Verbs and options of the programs, by their --help."""
 
     def __init__(self, programs):
         self.programs = programs
@@ -75,7 +75,7 @@ class Words:
         return self.helps[key]
 
     def fault(self, words):
-        """What is wrong with a command of fiducap, fiducapd or a script; empty: nothing."""
+        """Faults of a command of fiducap, fiducapd or a script; empty: none."""
         name = words[0].rsplit("/", 1)[-1]
         known = name in PROGRAMS
         command, rest = [self.programs / name if known else words[0]], words[1:]

@@ -26,10 +26,10 @@ LOOKED_UP = ("README.md", "docs/setups.md", "docs/natnet-clients.md", "docs/clie
              "docs/maps.md", "docs/operation.md", "docs/recording.md",
              "docs/experiments.md")
 NO_COMMANDS = ("cpp", "python", "yaml", "text", "mermaid")
-# Blocks without a language that are no commands either, by their first line.
+# Blocks without a language that are not commands, by their first line.
 PLAIN = ("image,tag,corner,u,v", "IMU,<microseconds>", "for n in ")
 TOOLS = ("bash", "openssl")
-# What ends a command of fiducapd by itself.
+# Options with which fiducapd ends by itself.
 ENDS = ("--check-config", "--print-config", "--version", "--help", "--exit-at-end")
 
 
@@ -57,7 +57,7 @@ class Walk:
         (folder / "environment").write_text("", encoding="utf-8")
 
     def knows_programs(self):
-        """For a document that takes them for installed; the guide says where they are."""
+        """For a document that assumes installed programs; the guide has their folder."""
         (self.folder / "environment").write_text(f"PATH={shlex.quote(str(self.programs))}:$PATH\n",
                                                  encoding="utf-8")
 
@@ -164,7 +164,7 @@ class Walk:
             raise RuntimeError(f"the server ended with {code}:\n" +
                                self.log.read_text(encoding="utf-8", errors="replace")[-1500:])
 
-    # --- what a person does between two commands --------------------------------------------------
+    # --- actions of a person between two commands -------------------------------------------------
 
     def prepare(self, command):
         text = command.text
@@ -202,7 +202,7 @@ class Walk:
                 if int(fields[0]) in seen:
                     out.write(f"{fields[0]},{fields[2]},{fields[3]},{fields[4]}\n")
 
-    # --- what the guide says, against what is -----------------------------------------------------
+    # --- the guide against the sources -----------------------------------------------------------
 
     def compare_steps(self, steps):
         """The guide's table names the steps of the page, in their order and in its words."""
@@ -213,13 +213,13 @@ class Walk:
         shown += re.findall(r"^    title: '(.+)'", further, re.M)[:3]
         guide = (self.source / "docs/guide.md").read_text(encoding="utf-8")
         table = guide.split("| step | you do |")[1].split("\n\n")[0].splitlines()[2:]
-        told = [row.split("|")[1].strip() for row in table]
-        if told != shown:
-            raise ValueError(f"the page has other steps: {shown}\n  the guide: {told}")
+        listed = [row.split("|")[1].strip() for row in table]
+        if listed != shown:
+            raise ValueError(f"the page has other steps: {shown}\n  the guide: {listed}")
 
 
 def quoted_words(source):
-    """What the guide says that the server says: it stands in the sources."""
+    """Messages of the server in the guide: they are in the sources."""
     files = [*source.glob("server/**/*.cpp"), *source.glob("server/**/*.hpp")]
     said = "".join(file.read_text(encoding="utf-8") for file in files)
     said = re.sub(r'"\s*\n\s*"', "", said)
@@ -239,7 +239,7 @@ def links(source, name):
 
 
 def look_up_within_lines(walk, name):
-    """Commands that a sentence names; `fiducap map` alone names a verb."""
+    """Commands in a sentence; `fiducap map` alone is a verb."""
     text = (walk.source / name).read_text(encoding="utf-8")
     text = re.sub(r"^```.*?^```$", "", text, flags=re.M | re.S)
     for verb in re.findall(r"`\./dev (\w+)", text):

@@ -1,4 +1,4 @@
-"""What stands in for a camera, an IMU and a person: recordings, pictures, measured places."""
+"""Replacements of a camera, an IMU and a person: recordings, pictures, measured places."""
 import json
 import math
 import random
@@ -11,7 +11,7 @@ PATIENCE_S = 120
 
 
 def wait_for(what, condition):
-    """Until it is true; the time is only there to end a test that hangs."""
+    """Until it is true; the time ends a hanging test only."""
     end = time.monotonic() + PATIENCE_S
     while not condition():
         if time.monotonic() > end:
@@ -82,7 +82,7 @@ def in_attitudes(out):
 
 
 class Page:
-    """What a person does on it."""
+    """Actions of a person."""
 
     def __init__(self, port):
         self.address = f"http://127.0.0.1:{port}/api/v1/"

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The server as it is installed: check.sh BUILD WORK PREFIX. Everything in its place, the programs run from there, the
-# unit names what is there.
+# The installed server: check.sh BUILD WORK PREFIX. All files are in their places, the programs run from there, the unit
+# names installed files.
 set -eu
 build=$1 work=$2 prefix=$3
 if [ "$prefix" = /usr ]; then etc=/etc/fiducap; else etc=$prefix/etc/fiducap; fi
@@ -19,7 +19,7 @@ for file in "$prefix"/bin/{fiducapd,fiducap} "$prefix"/share/doc/fiducap/{README
   installed "$file"
 done
 
-# The unit: what it starts, reads and hands over is where it says.
+# The unit: its programs and files are where it names them.
 unit=$prefix/lib/systemd/system/fiducapd.service
 installed "$unit"
 start=$(sed -n 's/^ExecStart=//p' "$work$unit")
@@ -36,13 +36,13 @@ token=$(sed -n 's/^LoadCredential=token://p' "$work$unit")
 # The programs, from there.
 version=$("$program" --version)
 [ "$("$work$prefix/bin/fiducap" --version)" = "$version" ] || die "the programs differ in their version"
-# Nothing is wrong with it but that its camera may not be here; with the simulator's it is sound.
+# Its only fault may be a missing camera; with the simulator's it has none.
 "$program" --config "$configuration" --check-config >"$work/review" 2>&1 || true
 grep '^wrong' "$work/review" | grep -v /dev/video0 && die "the first configuration is not usable: $(cat "$work/review")"
 "$program" --config "$configuration" --check-config --set "bodies.0.source={type: simulator}" ||
   die "the first configuration is not usable"
 
-# The page, by the installed server: it would say so if it had none.
+# The page, by the installed server, which would report a missing one.
 for example in "$work$prefix"/share/doc/fiducap/config/*.yaml; do
   "$program" --config "$example" --print-config >/dev/null || die "$example does not load"
 done
@@ -69,7 +69,7 @@ else
   echo "there is no page in this build: not checked"
 fi
 
-# Who installs again keeps his configuration.
+# A second installation keeps the configuration.
 echo "log_level: debug" >"$configuration"
 install_it
 [ "$(cat "$configuration")" = "log_level: debug" ] || die "a second installation wrote over the configuration"

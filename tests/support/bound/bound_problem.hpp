@@ -20,7 +20,7 @@ using Matrix12 = Eigen::Matrix<double, 12, 12>;
 /// Errors of a tag's corners that fade while it is in view, first-order Gauss–Markov.
 struct LastingErrors {
   double fades_s{};                              ///< Until 1/e of them is left.
-  Duration visit_ends{std::chrono::seconds(1)};  ///< Unseen for so long: other errors.
+  Duration visit_ends{std::chrono::seconds(1)};  ///< Unseen for this time: other errors.
 };
 
 /// One tag in an image.
@@ -30,7 +30,7 @@ struct TagSight {
   Matrix8 lasting{Matrix8::Zero()};  ///< … and these, by eight unit errors that last.
 };
 
-/// What is known beforehand, and how noisy the sensors are.
+/// Prior knowledge and noise of the sensors.
 struct BoundProblem {
   CameraMount camera;  ///< True place; its sigmas are the prior (per axis) of cases A and C.
   ImuNoise imu;

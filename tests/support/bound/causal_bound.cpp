@@ -13,13 +13,12 @@ namespace fiducap::bound {
 
 namespace {
 
-// How little is known at the start, 1-sigma (halving or widening these changes results after 5 s by
-// 0.1 % or less).
+// Prior at the start, 1-sigma (half or twice as much changes results after 5 s by 0.1 % or less).
 constexpr double kStartTilt_rad = 0.5;
 constexpr double kStartVelocity_m_s = 1.0;
 constexpr double kStartBiasW_rad_s = 0.02;
 constexpr double kStartBiasF_m_s2 = 0.2;
-// With a known map place and heading are unknown: far beyond a room, small enough for double.
+// With a known map, place and heading are unknown: far beyond a room, small enough for double.
 constexpr double kStartPosition_m = 10.0;
 constexpr double kStartYaw_rad = 3.0;
 
@@ -48,9 +47,7 @@ MapBound map_bound(const TagsCovariance& covariance, std::span<const RecordedTag
     return is_in ? 6 * static_cast<int>(found - covariance.ids.begin()) : -1;
   };
   const auto pose_of = [&](int id) {
-    return std::find_if(tags.begin(), tags.end(),
-                        [&](const RecordedTag& t) { return t.tag_id == id; })
-        ->X_WT;
+    return std::ranges::find(tags, id, &RecordedTag::tag_id)->X_WT;
   };
   const int reference_at = row_of(reference_tag);
   if (reference_at < 0) return out;
@@ -61,9 +58,8 @@ MapBound map_bound(const TagsCovariance& covariance, std::span<const RecordedTag
     if (tag_at < 0 || id == reference_tag) continue;
     // The tag as the "body": rotation, position; then the reference.
     std::vector<int> index;
-    for (const int at : {tag_at + 3, tag_at, reference_at, reference_at + 3}) {
-      for (int i = 0; i < 3; ++i) index.push_back(at + i);
-    }
+    for (const int at : {tag_at + 3, tag_at, reference_at, reference_at + 3})
+      index.insert(index.end(), {at, at + 1, at + 2});
     const RelativeRows J = relative_to_tag(pose_of(id), pose_of(reference_tag));
     const Matrix12 joint = covariance.P(index, index);
     const Eigen::Matrix<double, 6, 6> near = J * joint * J.transpose();
@@ -82,8 +78,7 @@ CausalBound::CausalBound(BoundProblem problem) : problem_(std::move(problem)) {
   const auto capacity = kFirstTag + per_tag * static_cast<int>(problem_.tags.size());
   P_.setZero(capacity, capacity);
   for (const RecordedTag& tag : problem_.tags) places_.push_back({&tag});
-  std::sort(places_.begin(), places_.end(),
-            [](const Place& a, const Place& b) { return a.tag->tag_id < b.tag->tag_id; });
+  std::ranges::sort(places_, {}, [](const Place& place) { return place.tag->tag_id; });
 }
 
 void CausalBound::start(const TruthSample& truth) {
@@ -125,9 +120,8 @@ void CausalBound::apply_motion() {
 }
 
 std::size_t CausalBound::index_of(int tag_id) const {
-  const auto found =
-      std::lower_bound(places_.begin(), places_.end(), tag_id,
-                       [](const Place& place, int id) { return place.tag->tag_id < id; });
+  const auto found = std::ranges::lower_bound(places_, tag_id, {},
+                                              [](const Place& place) { return place.tag->tag_id; });
   FIDUCAP_ASSERT(found != places_.end() && found->tag->tag_id == tag_id);
   return static_cast<std::size_t>(found - places_.begin());
 }
@@ -176,63 +170,56 @@ void CausalBound::see(std::span<const TagSight> sights) {
   FIDUCAP_ASSERT(truth_.has_value());
   apply_motion();
   std::vector<Newcomer> newcomers;
-  std::vector<Row> rows;
+  std::vector<Measurement> all;
   for (const TagSight& sight : sights) {
     Place& place = places_[index_of(sight.tag_id)];
     const CornerRows corner = corner_rows(truth_->X_WB, problem_.camera, *place.tag, 1.0);
-    Row row{sight.whiten * body_rows(corner), {}, -1, {}, lasting_at(sight.tag_id)};
     const Eigen::Matrix<double, 8, 6> by_tag = sight.whiten * corner.tag;
-    if (row.lasting_at >= 0) row.H_lasting = sight.lasting;
-    if (problem_.map_known) {
-      rows.push_back(std::move(row));
-    } else if (place.at >= 0) {
-      row.H_tag = by_tag;
-      row.tag_at = place.at;
-      rows.push_back(std::move(row));
-    } else {
-      const Eigen::HouseholderQR<Eigen::Matrix<double, 8, 6>> qr(by_tag);
-      const Matrix8 turn = Matrix8(qr.householderQ()).transpose();
-      row.H_body = (turn * row.H_body).eval();
-      if (row.lasting_at >= 0) row.H_lasting = (turn * row.H_lasting).eval();
-      Row rest = row;
-      rest.H_body = row.H_body.bottomRows<2>();
-      if (row.lasting_at >= 0) rest.H_lasting = row.H_lasting.bottomRows<2>();
-      rows.push_back(std::move(rest));
-      row.H_body.conservativeResize(6, Eigen::NoChange);
-      if (row.lasting_at >= 0) row.H_lasting.conservativeResize(6, Eigen::NoChange);
-      newcomers.push_back(
-          {&place, std::move(row), qr.matrixQR().topRows<6>().triangularView<Eigen::Upper>()});
+    Measurement measured{{0, sight.whiten * body_rows(corner)}};
+    if (const int at = lasting_at(sight.tag_id); at >= 0) measured.push_back({at, sight.lasting});
+    if (place.at >= 0) measured.push_back({place.at, by_tag});
+    if (problem_.map_known || place.at >= 0) {
+      all.push_back(std::move(measured));
+      continue;
     }
+    const Eigen::HouseholderQR<Eigen::Matrix<double, 8, 6>> qr(by_tag);
+    const Matrix8 turn = Matrix8(qr.householderQ()).transpose();
+    Measurement rest;
+    for (Part& part : measured) {
+      const Eigen::MatrixXd turned = turn * part.H;
+      rest.push_back({part.at, turned.bottomRows<2>()});
+      part.H = turned.topRows<6>();
+    }
+    all.push_back(std::move(rest));
+    newcomers.push_back(
+        {&place, std::move(measured), qr.matrixQR().topRows<6>().triangularView<Eigen::Upper>()});
   }
-  if (!rows.empty()) update(rows);
+  if (!all.empty()) update(all);
   for (const Newcomer& one : newcomers) join(one);
 }
 
-Eigen::MatrixXd CausalBound::times(const Row& row) const {
-  Eigen::MatrixXd PHt = P().leftCols<kFirstTag>() * row.H_body.transpose();
-  if (row.tag_at >= 0) PHt.noalias() += P().middleCols<6>(row.tag_at) * row.H_tag.transpose();
-  if (row.lasting_at >= 0)
-    PHt.noalias() += P().middleCols<8>(row.lasting_at) * row.H_lasting.transpose();
+Eigen::MatrixXd CausalBound::times(const Measurement& measurement) const {
+  Eigen::MatrixXd PHt = Eigen::MatrixXd::Zero(size_, measurement.front().H.rows());
+  for (const Part& part : measurement)
+    PHt.noalias() += P().middleCols(part.at, part.H.cols()) * part.H.transpose();
   return PHt;
 }
 
-void CausalBound::update(const std::vector<Row>& rows) {
+void CausalBound::update(const std::vector<Measurement>& all) {
   Eigen::Index count = 0;
-  for (const Row& row : rows) count += row.H_body.rows();
+  for (const Measurement& one : all) count += one.front().H.rows();
   Eigen::MatrixXd PHt(size_, count);
   Eigen::Index first = 0;
-  for (const Row& row : rows) {
-    PHt.middleCols(first, row.H_body.rows()) = times(row);
-    first += row.H_body.rows();
+  for (const Measurement& one : all) {
+    PHt.middleCols(first, one.front().H.rows()) = times(one);
+    first += one.front().H.rows();
   }
   Eigen::MatrixXd S = Eigen::MatrixXd::Identity(count, count);
   first = 0;
-  for (const Row& row : rows) {
-    auto some = S.middleRows(first, row.H_body.rows());
-    some.noalias() += row.H_body * PHt.topRows<kFirstTag>();
-    if (row.tag_at >= 0) some.noalias() += row.H_tag * PHt.middleRows<6>(row.tag_at);
-    if (row.lasting_at >= 0) some.noalias() += row.H_lasting * PHt.middleRows<8>(row.lasting_at);
-    first += row.H_body.rows();
+  for (const Measurement& one : all) {
+    auto rows = S.middleRows(first, one.front().H.rows());
+    for (const Part& part : one) rows.noalias() += part.H * PHt.middleRows(part.at, part.H.cols());
+    first += one.front().H.rows();
   }
   const Eigen::LLT<Eigen::MatrixXd> llt(S);
   FIDUCAP_ASSERT(llt.info() == Eigen::Success);
@@ -242,15 +229,14 @@ void CausalBound::update(const std::vector<Row>& rows) {
   whole.triangularView<Eigen::StrictlyUpper>() = whole.transpose();
 }
 
-/// The corners say: R ξ_T = −H_b ξ_b − H_l l − n.
+/// The corners measure R ξ_T = −Σ H ξ − n, with the other parts of the state.
 void CausalBound::join(const Newcomer& one) {
   const auto upper = one.R.triangularView<Eigen::Upper>();
   const Eigen::Matrix<double, 6, 6> own = upper.solve(Eigen::Matrix<double, 6, 6>::Identity());
-  const Eigen::MatrixXd cross = -own * times(one.row).transpose();
-  Eigen::MatrixXd block = -cross.leftCols<kFirstTag>() * (own * one.row.H_body).transpose();
-  if (one.row.lasting_at >= 0)
-    block -= cross.middleCols<8>(one.row.lasting_at) * (own * one.row.H_lasting).transpose();
-  block += own * own.transpose();
+  const Eigen::MatrixXd cross = -own * times(one.by_others).transpose();
+  Eigen::MatrixXd block = own * own.transpose();
+  for (const Part& part : one.by_others)
+    block -= cross.middleCols(part.at, part.H.cols()) * (own * part.H).transpose();
   one.place->at = size_;
   P_.block(size_, 0, 6, size_) = cross;
   P_.block(0, size_, size_, 6) = cross.transpose();
@@ -261,7 +247,7 @@ void CausalBound::join(const Newcomer& one) {
 void CausalBound::keep_pose() {
   FIDUCAP_ASSERT(truth_.has_value());
   apply_motion();
-  P_.conservativeResize(P_.rows() + 6, P_.cols() + 6);  // tags to come need the rest
+  P_.conservativeResize(P_.rows() + 6, P_.cols() + 6);  // later tags need the rest
   int row = size_;
   for (const int block : {kRotation, kPosition}) {
     P_.block(row, 0, 3, row) = P_.block(block, 0, 3, row);
@@ -275,10 +261,8 @@ void CausalBound::keep_pose() {
 
 Matrix12 CausalBound::pose_and_tag(int rotation, int position, const Place& place) const {
   FIDUCAP_ASSERT(!moved_ && (place.at >= 0 || problem_.map_known));
-  std::vector<int> index;
-  for (const int at : {rotation, position}) {
-    for (int i = 0; i < 3; ++i) index.push_back(at + i);
-  }
+  std::vector<int> index{rotation, rotation + 1, rotation + 2,
+                         position, position + 1, position + 2};
   Matrix12 out = Matrix12::Zero();
   if (problem_.map_known) {
     out.topLeftCorner<6, 6>() = P_(index, index);

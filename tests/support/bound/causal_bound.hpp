@@ -23,11 +23,11 @@ namespace fiducap::bound {
 /// filtering", IEEE TSP 1998). Position and heading of W are gauge: with an unknown map they are
 /// fixed at the start, exactly, which changes nothing that is measured from a tag. Tags join
 /// without any prior: their six most informative combinations of corners make them, the other two
-/// are a measurement of the rest. The two-fold planar pose is taken as solved, the corners'
+/// are a measurement of the rest. The two-fold planar pose counts as solved, the corners'
 /// covariance as known. Errors that last while a tag is in view are eight states more of it, which
-/// fade. What does not move hangs on all that was seen: tags, and poses that are kept (stochastic
-/// cloning: S. Roumeliotis, J. Burdick, ICRA 2002). At the end of the data their covariance is the
-/// smoothing bound, the limit of whoever solves for everything at once.
+/// fade. The covariance of what does not move, tags and kept poses (stochastic cloning:
+/// S. Roumeliotis, J. Burdick, ICRA 2002), uses all data; at their end it is the smoothing bound,
+/// the limit of a joint solution.
 class CausalBound final {
  public:
   explicit CausalBound(BoundProblem problem);
@@ -80,23 +80,21 @@ class CausalBound final {
   [[nodiscard]] int lasting_at(int tag_id);
   void fade(const Visit& visit);
   [[nodiscard]] std::size_t index_of(int tag_id) const;
-  /// Rows of a measurement in the state so far.
-  struct Row {
-    Eigen::MatrixXd H_body;  ///< Columns 0..20.
-    Eigen::MatrixXd H_tag;   ///< Six columns, or none.
-    int tag_at{-1};
-    Eigen::MatrixXd H_lasting{};  ///< Eight columns, or none.
-    int lasting_at{-1};
+  /// Jacobian of a measurement by the part of the state that starts at row `at`.
+  struct Part {
+    int at{};
+    Eigen::MatrixXd H;
   };
+  using Measurement = std::vector<Part>;  ///< Unit noise; zero by the other parts.
   /// A tag's first six combinations of corners, which make it.
   struct Newcomer {
     Place* place{};
-    Row row;
+    Measurement by_others;
     Eigen::Matrix<double, 6, 6> R;
   };
   /// P Hᵀ
-  [[nodiscard]] Eigen::MatrixXd times(const Row& row) const;
-  void update(const std::vector<Row>& rows);
+  [[nodiscard]] Eigen::MatrixXd times(const Measurement& measurement) const;
+  void update(const std::vector<Measurement>& all);
   void join(const Newcomer& one);
   [[nodiscard]] Eigen::Block<Eigen::MatrixXd> P() { return P_.topLeftCorner(size_, size_); }
   [[nodiscard]] Eigen::Block<const Eigen::MatrixXd> P() const {

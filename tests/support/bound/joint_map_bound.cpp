@@ -20,8 +20,7 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 
 const RecordedTag& tag_of(std::span<const RecordedTag> tags, int tag_id) {
-  const auto found = std::find_if(tags.begin(), tags.end(),
-                                  [&](const RecordedTag& tag) { return tag.tag_id == tag_id; });
+  const auto found = std::ranges::find(tags, tag_id, &RecordedTag::tag_id);
   FIDUCAP_ASSERT(found != tags.end());
   return *found;
 }
@@ -71,7 +70,7 @@ MatrixXd information_without_gauge(const TagsCovariance& body, std::span<const R
   return information - LG * GLG.ldlt().solve(LG.transpose());
 }
 
-/// Bodies that hang together with a tag, and their tags.
+/// Bodies that are connected to a tag, and their tags.
 struct Component {
   std::vector<const TagsCovariance*> bodies;
   std::set<int> ids;
@@ -82,10 +81,9 @@ Component component_of(int tag_id, std::span<const TagsCovariance> bodies) {
   for (bool grows = true; grows;) {
     grows = false;
     for (const TagsCovariance& body : bodies) {
-      const bool is_in = std::find(out.bodies.begin(), out.bodies.end(), &body) != out.bodies.end();
-      const bool shares = std::any_of(body.ids.begin(), body.ids.end(),
-                                      [&](int id) { return out.ids.count(id) > 0; });
-      if (is_in || !shares) continue;
+      const bool is_in = std::ranges::find(out.bodies, &body) != out.bodies.end();
+      if (is_in || std::ranges::none_of(body.ids, [&](int id) { return out.ids.contains(id); }))
+        continue;
       out.bodies.push_back(&body);
       out.ids.insert(body.ids.begin(), body.ids.end());
       grows = true;
@@ -99,7 +97,7 @@ Index row_of(std::span<const RecordedTag> tags, int tag_id) {
 }
 
 /// Place and heading of the reference tag by all errors (4 × 6n).
-MatrixXd what_is_held(std::span<const RecordedTag> tags, int reference_tag) {
+MatrixXd gauge_rows(std::span<const RecordedTag> tags, int reference_tag) {
   const Eigen::Quaterniond& q_WT = tag_of(tags, reference_tag).X_WT.q;
   const Index at = row_of(tags, reference_tag);
   MatrixXd C = MatrixXd::Zero(4, 6 * static_cast<Index>(tags.size()));
@@ -124,9 +122,9 @@ JointMap joint_map_bound(std::span<const RecordedTag> tags, int reference_tag,
       for (Index i = 0; i < 6; ++i) rows.push_back(row_of(out.tags, id) + i);
     information(rows, rows) += information_without_gauge(*body, tags);
   }
-  // Held by terms of any weight (that of the reference tag's own numbers, for the sake of digits);
-  // then what the weight leaves open goes out.
-  const MatrixXd C = what_is_held(out.tags, reference_tag);
+  // Terms of any weight fix the gauge (the weight of the reference tag's own numbers, for
+  // conditioning); then their uncertainty is removed.
+  const MatrixXd C = gauge_rows(out.tags, reference_tag);
   const Index at = row_of(out.tags, reference_tag);
   Eigen::Vector4d weight;
   weight << Vector3d::Constant(information.diagonal().segment<3>(at).mean()),

@@ -9,24 +9,23 @@
 
 namespace fiducap::bound {
 
-/// What several bodies together can know of the tags: smoothing bound of their one map.
+/// Smoothing bound of the tags, seen by several bodies: their one map.
 struct JointMap {
-  std::vector<RecordedTag> tags;  ///< That hang together with the reference tag, by id; true poses.
-  /// Of their errors as TagsCovariance has them, against W: place of the reference tag and heading
-  /// of its most level axis are exact, by definition.
+  std::vector<RecordedTag> tags;  ///< Component of the reference tag, by id; true poses.
+  /// Of their errors as in TagsCovariance, in W: place of the reference tag and heading of its most
+  /// level axis are exact, by definition.
   Eigen::MatrixXd P;
 };
 
-/// Each body's tags are known up to a shift and a turn about the vertical (4 numbers), since its
-/// own bound began with those of its start, exactly. So with its information Λ = P⁻¹ and the tags'
-/// errors G by those four (6n × 4), what it says of tags in the axes of all is
+/// Each body's tags are known up to a translation and a heading (4 numbers), which its own bound
+/// fixed at the start. With its information Λ = P⁻¹ and the tags' errors G by those four (6n × 4),
+/// its information about the tags in common axes is
 ///
 ///     Λ' = Λ − Λ G (Gᵀ Λ G)⁻¹ Gᵀ Λ
 ///
-/// (shift and turn marginalised with no prior). Bodies have nothing in common but the tags: Λ'
-/// adds up. What is left open in the sum is one shift and turn, which the definition of W fixes (a
-/// minimal constraint; S-transformation: W. Baarda, "S-transformations and criterion matrices",
-/// 1973).
+/// (marginalised without a prior). Bodies share only the tags: Λ' adds up. The sum leaves one
+/// translation and heading open, which the definition of W fixes (a minimal constraint;
+/// S-transformation: W. Baarda, "S-transformations and criterion matrices", 1973).
 /// @param tags    of the room, true poses; z is up
 /// @param bodies  CausalBound::tags() at the end of each one's data; those that share no tag with
 ///                the reference tag's, directly or over others, count for nothing
@@ -40,7 +39,7 @@ struct MapFigures {
   double level_m{};  ///< After aligning the whole with the truth (fit_yaw_and_shift).
   int tags{};
 };
-/// @param ids  of whom; those that the map has not are left out
+/// @param ids  tags; those outside of the map are left out
 [[nodiscard]] MapFigures figures_of(const JointMap& map, std::span<const int> ids);
 
 }  // namespace fiducap::bound

@@ -8,7 +8,7 @@
 
 namespace fiducap::bound {
 
-/// Where the error blocks stand. All rotations are errors in W axes, q = exp(φ) q̂, except the
+/// Rows of the error blocks. All rotations are errors in W axes, q = exp(φ) q̂, except the
 /// extrinsics' (B axes).
 inline constexpr int kRotation = 0;
 inline constexpr int kVelocity = 3;
@@ -58,8 +58,8 @@ using RelativeRows = Eigen::Matrix<double, 6, 12>;
 /// Heading of a tag's axis `axis` by the tag's rotation error (W axes).
 [[nodiscard]] Eigen::RowVector3d heading_row(const Eigen::Quaterniond& q_WT, int axis);
 
-/// Which axis of a tag gives a level frame its heading: the first that is not steep, as the filters
-/// choose.
+/// Axis of a tag that gives level axes their heading: the first that is not steep, as in the
+/// filters.
 [[nodiscard]] int heading_axis(const Eigen::Quaterniond& q_WT);
 
 }  // namespace fiducap::bound

@@ -9,30 +9,25 @@
 namespace fiducap {
 namespace {
 
-TEST(ObjectPool, GivesTheSameObjectAgainWithItsMemory) {
-  ObjectPool<std::vector<int>> pool;
-  const std::vector<int>* first = nullptr;
-  {
-    auto object = pool.acquire();
-    object->resize(1000);
-    first = object.get();
-  }
+using Numbers = std::vector<int>;
+
+TEST(ObjectPool, ReusesReleasedObjectsWithTheirMemory) {
+  ObjectPool<Numbers> pool;
+  auto object = pool.acquire();
+  object->resize(1000);
+  const Numbers* first = object.get();
+  const auto other = pool.acquire();
+  EXPECT_NE(other.get(), first) << "it is still used";
+  object.reset();
   const auto again = pool.acquire();
   EXPECT_EQ(again.get(), first);
   EXPECT_GE(again->capacity(), 1000u);
 }
 
-TEST(ObjectPool, GivesTwoObjectsToTwoReaders) {
-  ObjectPool<int> pool;
-  const auto a = pool.acquire();
-  const auto b = pool.acquire();
-  EXPECT_NE(a.get(), b.get());
-}
-
-TEST(ObjectPool, MayDieBeforeItsObjects) {
-  std::shared_ptr<std::vector<int>> survivor;
+TEST(ObjectPool, ObjectsOutliveIt) {
+  std::shared_ptr<Numbers> survivor;
   {
-    ObjectPool<std::vector<int>> pool;
+    ObjectPool<Numbers> pool;
     survivor = pool.acquire();
   }
   survivor->push_back(1);
@@ -40,27 +35,22 @@ TEST(ObjectPool, MayDieBeforeItsObjects) {
 }
 
 TEST(ObjectPool, ServesSeveralThreads) {
-  ObjectPool<std::vector<int>> pool;
+  ObjectPool<Numbers> pool;
   std::vector<std::jthread> threads;
-  for (int t = 0; t < 4; ++t) {
+  for (int t = 0; t < 4; ++t)
     threads.emplace_back([&pool] {
       for (int i = 0; i < 1000; ++i) pool.acquire()->assign(8, i);
     });
-  }
 }
 
-TEST(NewestValue, HasNothingBeforeTheFirstOffer) {
+TEST(NewestValue, IsFetchedOnceAndTheNewestReplacesOthers) {
   NewestValue<int> place;
   place.writing() = 3;
   EXPECT_FALSE(place.fetch());
   place.offer();
   ASSERT_TRUE(place.fetch());
   EXPECT_EQ(place.reading(), 3);
-  EXPECT_FALSE(place.fetch()) << "once is enough";
-}
-
-TEST(NewestValue, TheNewestReplacesWhatWasNotFetched) {
-  NewestValue<int> place;
+  EXPECT_FALSE(place.fetch());
   for (int i = 1; i <= 5; ++i) {
     place.writing() = i;
     place.offer();
@@ -70,7 +60,7 @@ TEST(NewestValue, TheNewestReplacesWhatWasNotFetched) {
 }
 
 TEST(NewestValue, ValuesKeepTheirMemory) {
-  NewestValue<std::vector<int>> place;
+  NewestValue<Numbers> place;
   for (int i = 0; i < 4; ++i) {
     place.writing().assign(100, i);
     place.offer();
@@ -79,7 +69,7 @@ TEST(NewestValue, ValuesKeepTheirMemory) {
   EXPECT_GE(place.writing().capacity(), 100u);
 }
 
-TEST(NewestValue, WhoReadsIsNeverTheLastOwner) {
+TEST(NewestValue, ReaderIsNeverTheLastOwner) {
   NewestValue<std::shared_ptr<int>> place;
   const auto owned = std::make_shared<int>(7);
   place.writing() = owned;
@@ -92,26 +82,25 @@ TEST(NewestValue, WhoReadsIsNeverTheLastOwner) {
     ASSERT_TRUE(place.fetch());
   }
   place.writing().reset();
-  EXPECT_EQ(owned.use_count(), 1) << "it came back to the writer, which releases it";
+  EXPECT_EQ(owned.use_count(), 1) << "the writer has it again and releases it";
 }
 
-TEST(NewestValue, BetweenTwoThreadsValuesComeWholeAndInOrder) {
+TEST(NewestValue, ThreadReadsWholeValuesInOrder) {
   constexpr int kValues = 20'000;
-  NewestValue<std::vector<int>> place;
+  NewestValue<Numbers> place;
   const std::jthread writer([&] {
     for (int i = 1; i <= kValues; ++i) {
       place.writing().assign(8, i);
       place.offer();
     }
   });
-  int last = 0;
-  while (last < kValues) {
+  for (int last = 0; last < kValues;) {
     if (!place.fetch()) {
       std::this_thread::yield();
       continue;
     }
-    const std::vector<int>& read = place.reading();
-    ASSERT_EQ(read, std::vector<int>(8, read.front()));
+    const Numbers& read = place.reading();
+    ASSERT_EQ(read, Numbers(8, read.front()));
     ASSERT_GT(read.front(), last);
     last = read.front();
   }

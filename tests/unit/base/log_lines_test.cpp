@@ -1,7 +1,6 @@
 #include "base/log_lines.hpp"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 namespace fiducap::log {
 namespace {
@@ -9,7 +8,7 @@ namespace {
 using namespace std::chrono_literals;
 constexpr LineLimiter::Time kStart{};
 
-TEST(LineLimiter, DropsAFloodOfOneModuleAndReportsTheCountOnce) {
+TEST(LineLimiter, DropsAFloodAndReportsTheCountOnce) {
   LineLimiter limiter;
   int allowed = 0;
   for (int i = 0; i < 1000; ++i)
@@ -27,7 +26,7 @@ TEST(LineLimiter, DropsAFloodOfOneModuleAndReportsTheCountOnce) {
   EXPECT_TRUE(limiter.allow({"natnet"}, Level::kWarning, kStart + LineLimiter::kWindow));
 }
 
-TEST(LineLimiter, AFloodAboutOneBodyHidesNoOther) {
+TEST(LineLimiter, FloodAboutOneBodyHidesNoOther) {
   LineLimiter limiter;
   for (int i = 0; i < 1000; ++i) (void)limiter.allow({"event", "drone"}, Level::kWarning, kStart);
   EXPECT_TRUE(limiter.allow({"event", "rover"}, Level::kWarning, kStart));
@@ -36,7 +35,7 @@ TEST(LineLimiter, AFloodAboutOneBodyHidesNoOther) {
   EXPECT_EQ(ended[0].source.subject, "drone");
 }
 
-TEST(LineLimiter, RemovesWindowsOfQuietSources) {
+TEST(LineLimiter, RemovesWindowsOfSilentSources) {
   LineLimiter limiter;
   for (int i = 0; i < 1000; ++i)
     (void)limiter.allow({"event", std::to_string(i)}, Level::kWarning, kStart);
@@ -45,13 +44,13 @@ TEST(LineLimiter, RemovesWindowsOfQuietSources) {
   EXPECT_EQ(limiter.remembered(), 0U);
 }
 
-TEST(LineLimiter, AModuleWithFewLinesIsNeverDropped) {
+TEST(LineLimiter, KeepsAllLinesOfASlowModule) {
   LineLimiter limiter;
   for (int i = 0; i < 1000; ++i)
     ASSERT_TRUE(limiter.allow({"mapping"}, Level::kInfo, kStart + i * 250ms)) << i;
 }
 
-TEST(LineQueue, KeepsTheFirstLinesAndCountsTheOthers) {
+TEST(LineQueue, KeepsTheFirstLinesAndCountsOthers) {
   LineQueue queue;
   for (std::uint64_t i = 1; i <= LineQueue::kMost + 7; ++i) queue.push({.number = i});
   EXPECT_EQ(queue.take_dropped(), 7U);

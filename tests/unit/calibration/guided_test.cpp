@@ -18,9 +18,7 @@ constexpr double kDegree = std::numbers::pi / 180;
 /// A sheet with one tag before a camera of 640 x 480.
 class LensGuideTest : public testing::Test {
  protected:
-  LensGuideTest() { targets_.tags.size_m = kEdge_m; }
-
-  /// The tag's middle at this pixel, so far away, leaned about x and y.
+  /// The tag's middle at this pixel and distance, leaned about x and y.
   static CornerFrame seen(double u, double v, double distance_m, double lean_x = 0,
                           double lean_y = 0, double sharpness = 0.8) {
     const CameraModel camera{640, 480, 500, 500, 319.5, 239.5, Distortion::kNone, {}};
@@ -41,13 +39,12 @@ class LensGuideTest : public testing::Test {
     return guide_.look(frame);
   }
 
-  CalibrationTargets targets_;
-  LensGuide guide_{[] {
-                     CalibrationTargets targets;
-                     targets.tags.size_m = kEdge_m;
-                     return targets;
-                   }(),
-                   640, 480};
+  static CalibrationTargets targets() {
+    CalibrationTargets out;
+    out.tags.size_m = kEdge_m;
+    return out;
+  }
+  LensGuide guide_{targets(), 640, 480};
 };
 
 TEST_F(LensGuideTest, MeasuresTheSlantOfASquare) {
@@ -60,11 +57,11 @@ TEST_F(LensGuideTest, MeasuresTheSlantOfASquare) {
   EXPECT_NEAR(cosine(0, -30 * kDegree), std::cos(30 * kDegree), kPerspective);
 }
 
-TEST_F(LensGuideTest, KeepsOnlyWhatIsStillAndNew) {
+TEST_F(LensGuideTest, KeepsOnlyNewViewsOfAStillSheet) {
   EXPECT_THAT(guide_.progress().hint, HasSubstr("Move it to the upper left"));
   EXPECT_FALSE(guide_.look(seen(320, 240, 0.6))) << "it may be moving";
   EXPECT_TRUE(guide_.look(seen(320, 240, 0.6)));
-  EXPECT_FALSE(guide_.look(seen(320, 240, 0.6))) << "there is one like it";
+  EXPECT_FALSE(guide_.look(seen(320, 240, 0.6))) << "not a new view";
   EXPECT_FALSE(guide_.look(seen(420, 240, 0.6)));
   EXPECT_THAT(guide_.progress().hint, HasSubstr("still"));
   EXPECT_TRUE(guide_.look(seen(420, 240, 0.6)));
@@ -150,34 +147,35 @@ TEST(WaveGuide, NeedsRotationAboutAllAxesShakingAndTags) {
     }
   };
   const auto hold = [&](double seconds) { wave(0, seconds, 0, 0); };
+  const auto hint = [&] { return guide.progress().hint; };
   wave(2, 10, 5);
   EXPECT_EQ(guide.progress().turned[2], 0);
-  EXPECT_THAT(guide.progress().hint, HasSubstr("Hold it still"));
+  EXPECT_THAT(hint(), HasSubstr("Hold it still"));
   frame.tags.clear();
   hold(2);
-  EXPECT_THAT(guide.progress().hint, HasSubstr("Show tags"));
+  EXPECT_THAT(hint(), HasSubstr("Show tags"));
   frame.tags.push_back(TagSighting{1});
   hold(300);
-  EXPECT_THAT(guide.progress().hint, HasSubstr("Quickly back and forth"));
+  EXPECT_THAT(hint(), HasSubstr("Quickly back and forth"));
   EXPECT_EQ(guide.progress().seen, 0) << "counts from the wave on";
   EXPECT_LE(guide.samples().imu.size(), 600u) << "three seconds";
   EXPECT_LE(guide.samples().tags, 61);
   EXPECT_FALSE(guide.samples().begins_still);
   i += 200;  // a second without readings
   wave(2, 1, 5);
-  EXPECT_FALSE(guide.samples().begins_still) << "the motion in the gap is unknown";
+  EXPECT_FALSE(guide.samples().begins_still) << "unknown motion in the gap";
   hold(2);
   wave(2, 10, 0);
   EXPECT_TRUE(guide.samples().begins_still);
   EXPECT_FALSE(guide.progress().is_enough);
   EXPECT_EQ(guide.progress().turned[2], 1);
-  EXPECT_THAT(guide.progress().hint, HasSubstr("roll it"));
+  EXPECT_THAT(hint(), HasSubstr("roll it"));
   wave(0, 10, 0);
-  EXPECT_THAT(guide.progress().hint, HasSubstr("pitch it"));
+  EXPECT_THAT(hint(), HasSubstr("pitch it"));
   wave(1, 10, 0);
-  EXPECT_THAT(guide.progress().hint, HasSubstr("Shake it"));
+  EXPECT_THAT(hint(), HasSubstr("Shake it"));
   wave(1, 15, 5);
-  EXPECT_TRUE(guide.progress().is_enough) << guide.progress().hint;
+  EXPECT_TRUE(guide.progress().is_enough) << hint();
   EXPECT_GT(guide.samples().frames.size(), 500u);
 }
 

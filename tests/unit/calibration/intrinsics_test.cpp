@@ -2,7 +2,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <Eigen/LU>
+
+#include <array>
+#include <stdexcept>
 
 #include "calibration/intrinsics/bundle.hpp"
 #include "calibration/intrinsics/initial_state.hpp"
@@ -23,17 +25,12 @@ void quiet(const std::string&) {}
 
 /// Squared error of the estimated numbers in units of their covariance; its mean is their count.
 double nees(const IntrinsicsCalibration& c, const CameraModel& truth) {
-  const auto n = static_cast<Eigen::Index>(c.free.size());
-  Eigen::VectorXd e(n);
-  Eigen::MatrixXd P(n, n);
   const LensVector error = numbers_of(c.state.camera) - numbers_of(truth);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    e(i) = error(c.free[static_cast<std::size_t>(i)]);
-    for (Eigen::Index j = 0; j < n; ++j)
-      P(i, j) = c.uncertainty.covariance(c.free[static_cast<std::size_t>(i)],
-                                         c.free[static_cast<std::size_t>(j)]);
-  }
-  return e.dot(P.ldlt().solve(e));
+  return squared_distance(error(c.free), c.uncertainty.covariance(c.free, c.free));
+}
+
+double limit(const IntrinsicsCalibration& c, double probability) {
+  return chi_square_quantile(static_cast<int>(c.free.size()), probability);
 }
 
 TEST(LensDerivative, AgreesWithCentralDifferencesAndWithTheCameraModel) {
@@ -60,10 +57,45 @@ TEST(LensDerivative, AgreesWithCentralDifferencesAndWithTheCameraModel) {
 
 class BothLenses : public ::testing::TestWithParam<Distortion> {
  protected:
-  CameraModel truth() const {
+  static CameraModel truth() {
     return GetParam() == Distortion::kEquidistant ? fisheye_lens() : narrow_lens();
   }
-  IntrinsicsOptions this_lens() const { return {{GetParam()}, true}; }
+  static CalibrationScene with_tags(int columns = 3, int rows = 2, std::uint64_t seed = 1) {
+    CalibrationScene scene(truth(), seed);
+    scene.add_tags(columns, rows);
+    return scene;
+  }
+  static CalibrationScene with_board(int columns, int rows, double square_m,
+                                     std::uint64_t seed = 1) {
+    CalibrationScene scene(truth(), seed);
+    scene.add_checkerboard(columns, rows, square_m);
+    return scene;
+  }
+  /// Expects a result.
+  static IntrinsicsCalibration calibrated(const CalibrationScene& scene, bool any_lens = false) {
+    const IntrinsicsOptions this_lens{{GetParam()}, true};
+    const auto result =
+        calibrate_intrinsics(scene.data, any_lens ? IntrinsicsOptions{} : this_lens, quiet);
+    if (!result) throw std::runtime_error(result.error().text());
+    return *result;
+  }
+  static IntrinsicsVerdict verdict_of(const IntrinsicsCalibration& result) {
+    return assess(result, make_image_map(result));
+  }
+};
+
+/// Sum of the squared errors of several runs: chi-square, and not too small.
+struct ErrorSum {
+  void add(const IntrinsicsCalibration& result, const CameraModel& truth) {
+    sum += nees(result, truth);
+    numbers += static_cast<int>(result.free.size());
+  }
+  void expect_consistent() const {
+    EXPECT_LT(sum, chi_square_quantile(numbers, 0.999));
+    EXPECT_GT(sum, 0.4 * numbers);
+  }
+  double sum{0};
+  int numbers{0};
 };
 
 INSTANTIATE_TEST_SUITE_P(Intrinsics, BothLenses,
@@ -71,8 +103,7 @@ INSTANTIATE_TEST_SUITE_P(Intrinsics, BothLenses,
                                            Distortion::kEquidistant));
 
 TEST_P(BothLenses, FocalSearchNeedsNoStartValue) {
-  CalibrationScene scene(truth());
-  scene.add_tags(3, 2);
+  CalibrationScene scene = with_tags();
   scene.look(30, kNoise_px);
   const auto starts = search_focal_length(scene.data, GetParam());
   ASSERT_FALSE(starts.empty());
@@ -81,100 +112,75 @@ TEST_P(BothLenses, FocalSearchNeedsNoStartValue) {
   EXPECT_LT(ratio, 1.4);
 }
 
-// 8 runs of 8 numbers each: their sum is chi-square with 64 degrees of freedom.
+constexpr std::uint64_t kRuns = 8;
+
 TEST_P(BothLenses, TheErrorOfACheckerboardCalibrationMatchesItsCovariance) {
-  constexpr int kRuns = 8;
-  double sum = 0;
-  double numbers = 0;
+  ErrorSum errors;
   for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
-    CalibrationScene scene(truth(), seed);
-    scene.add_checkerboard(8, 6, 0.04);
+    CalibrationScene scene = with_board(8, 6, 0.04, seed);
     scene.look(40, kNoise_px);
-    const auto result = calibrate_intrinsics(scene.data, this_lens(), quiet);
-    ASSERT_TRUE(result) << result.error().text();
-    EXPECT_NEAR(result->sigma_px, kNoise_px, 0.1 * kNoise_px);
-    sum += nees(*result, truth());
-    numbers += static_cast<double>(result->free.size());
+    const auto result = calibrated(scene);
+    EXPECT_NEAR(result.sigma_px, kNoise_px, 0.1 * kNoise_px);
+    errors.add(result, truth());
   }
-  EXPECT_LT(sum, chi_square_quantile(static_cast<int>(numbers), 0.999));
-  EXPECT_GT(sum, 0.4 * numbers);  // not too large either
+  errors.expect_consistent();
 }
 
-TEST_P(BothLenses, TheErrorOfACalibrationFromTagsOfUnknownPosesMatchesItsCovariance) {
-  constexpr int kRuns = 8;
-  double sum = 0;
-  double numbers = 0;
+TEST_P(BothLenses, TheErrorOfACalibrationFromTagsMatchesItsCovariance) {
+  ErrorSum errors;
   for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
-    CalibrationScene scene(truth(), 100 + seed);
-    scene.add_tags(3, 2);
+    CalibrationScene scene = with_tags(3, 2, 100 + seed);
     scene.look(40, kNoise_px);
-    const auto result = calibrate_intrinsics(scene.data, this_lens(), quiet);
-    ASSERT_TRUE(result) << result.error().text();
-    EXPECT_TRUE(result->targets_joined);
-    sum += nees(*result, truth());
-    numbers += static_cast<double>(result->free.size());
+    const auto result = calibrated(scene);
+    EXPECT_TRUE(result.targets_joined);
+    errors.add(result, truth());
   }
-  EXPECT_LT(sum, chi_square_quantile(static_cast<int>(numbers), 0.999));
-  EXPECT_GT(sum, 0.4 * numbers);
+  errors.expect_consistent();
 }
 
 TEST_P(BothLenses, ASingleTagHeldEverywhereIsEnough) {
-  CalibrationScene scene(truth());
-  scene.add_tags(1, 1);
+  CalibrationScene scene = with_tags(1, 1);
   scene.look(150, kNoise_px);
-  const auto result = calibrate_intrinsics(scene.data, this_lens(), quiet);
-  ASSERT_TRUE(result) << result.error().text();
-  EXPECT_LT(nees(*result, truth()),
-            chi_square_quantile(static_cast<int>(result->free.size()), 0.9999));
-  EXPECT_NEAR(result->state.camera.fu / truth().fu, 1, 0.02);
+  const auto result = calibrated(scene);
+  EXPECT_LT(nees(result, truth()), limit(result, 0.9999));
+  EXPECT_NEAR(result.state.camera.fu / truth().fu, 1, 0.02);
 }
 
 TEST_P(BothLenses, TheRightLensIsChosen) {
-  CalibrationScene scene(truth());
-  scene.add_checkerboard(8, 6, 0.04);
+  CalibrationScene scene = with_board(8, 6, 0.04);
   scene.look(40, kNoise_px);
-  const auto result = calibrate_intrinsics(scene.data, {}, quiet);
-  ASSERT_TRUE(result) << result.error().text();
-  EXPECT_EQ(result->state.camera.distortion, GetParam());
-  EXPECT_EQ(result->trials.size(), 2U);
+  const auto result = calibrated(scene, true);
+  EXPECT_EQ(result.state.camera.distortion, GetParam());
+  EXPECT_EQ(result.trials.size(), 2U);
 }
 
 TEST_P(BothLenses, OutliersAreRemoved) {
-  CalibrationScene scene(truth());
-  scene.add_tags(3, 2);
+  CalibrationScene scene = with_tags();
   scene.look(40, kNoise_px);
-  std::size_t spoilt = 0;
-  for (std::size_t v = 0; v < scene.data.views.size(); v += 8) {
-    scene.data.views[v].sightings.front().points[1].raw_px += Eigen::Vector2d(12, -7);
-    scene.data.views[v].sightings.front().points[1].px += Eigen::Vector2d(12, -7);
-    ++spoilt;
+  std::size_t outliers = 0;
+  for (std::size_t v = 0; v < scene.data.views.size(); v += 8, ++outliers) {
+    auto& point = scene.data.views[v].sightings.front().points[1];
+    point.raw_px += Eigen::Vector2d(12, -7);
+    point.px += Eigen::Vector2d(12, -7);
   }
-  const auto result = calibrate_intrinsics(scene.data, this_lens(), quiet);
-  ASSERT_TRUE(result) << result.error().text();
-  EXPECT_GE(result->rejected, spoilt);
-  EXPECT_LT(nees(*result, truth()),
-            chi_square_quantile(static_cast<int>(result->free.size()), 0.9999));
+  const auto result = calibrated(scene);
+  EXPECT_GE(result.rejected, outliers);
+  EXPECT_LT(nees(result, truth()), limit(result, 0.9999));
 }
 
 TEST_P(BothLenses, TagsThatMoveRelativeToEachOtherAreDetected) {
-  CalibrationScene scene(truth());
-  scene.add_tags(3, 2);
+  CalibrationScene scene = with_tags();
   scene.look(60, kNoise_px, 0.95, 0.7, true);
-  const auto result = calibrate_intrinsics(scene.data, this_lens(), quiet);
-  ASSERT_TRUE(result) << result.error().text();
-  EXPECT_TRUE(result->targets_disagree);
-  EXPECT_FALSE(result->targets_joined);
-  EXPECT_LT(nees(*result, truth()),
-            chi_square_quantile(static_cast<int>(result->free.size()), 0.9999));
+  const auto result = calibrated(scene);
+  EXPECT_TRUE(result.targets_disagree);
+  EXPECT_FALSE(result.targets_joined);
+  EXPECT_LT(nees(result, truth()), limit(result, 0.9999));
 }
 
 TEST_P(BothLenses, AGoodRecordingIsGradedGood) {
-  CalibrationScene scene(truth());
-  scene.add_tags(3, 2);
+  CalibrationScene scene = with_tags();
   scene.look(80, kNoise_px);
-  const auto result = calibrate_intrinsics(scene.data, this_lens(), quiet);
-  ASSERT_TRUE(result) << result.error().text();
-  const auto verdict = assess(*result, make_image_map(*result));
+  const auto verdict = verdict_of(calibrated(scene));
   EXPECT_EQ(verdict.grade, IntrinsicsGrade::kGood)
       << (verdict.advice.empty() ? "" : verdict.advice.front());
   EXPECT_GT(verdict.covered, 0.8);
@@ -182,49 +188,37 @@ TEST_P(BothLenses, AGoodRecordingIsGradedGood) {
 }
 
 TEST_P(BothLenses, UncertaintyIsLargerWithoutPoints) {
-  CalibrationScene scene(truth(), 7);
-  scene.add_checkerboard(8, 6, 0.04);
+  CalibrationScene scene = with_board(8, 6, 0.04, 7);
   scene.look(40, kNoise_px, 0.5);  // corners are not seen: there it is worst
-  const auto result = calibrate_intrinsics(scene.data, this_lens(), quiet);
-  ASSERT_TRUE(result) << result.error().text();
-  const ImageMap map = make_image_map(*result);
-  double inside = 0, outside = 0;
-  int n_inside = 0, n_outside = 0;
+  std::array<double, 2> sum_px{};
+  std::array<int, 2> count{};
+  const ImageMap map = make_image_map(calibrated(scene));
   for (const ImageCell& cell : map.cells) {
     if (!cell.in_lens) continue;
-    (cell.points > 0 ? inside : outside) += cell.uncertainty_px;
-    ++(cell.points > 0 ? n_inside : n_outside);
+    const std::size_t has_points = cell.points > 0 ? 1 : 0;
+    sum_px[has_points] += cell.uncertainty_px;
+    ++count[has_points];
   }
-  ASSERT_GT(n_inside, 0);
-  ASSERT_GT(n_outside, 0);
-  EXPECT_GT(outside / n_outside, 1.5 * inside / n_inside);
+  EXPECT_THAT(count, ::testing::Each(::testing::Gt(0)));
+  EXPECT_GT(sum_px[0] / count[0], 1.5 * sum_px[1] / count[1]);
 }
 
 TEST_P(BothLenses, AdvisesToMoveABoardFromTheMiddleToTheCorners) {
-  CalibrationScene scene(truth());
-  scene.add_checkerboard(5, 4, 0.02);
+  CalibrationScene scene = with_board(5, 4, 0.02);
   scene.look(40, kNoise_px, 0.3);
-  const auto result = calibrate_intrinsics(scene.data, this_lens(), quiet);
-  ASSERT_TRUE(result) << result.error().text();
-  const auto verdict = assess(*result, make_image_map(*result));
+  const auto verdict = verdict_of(calibrated(scene));
   EXPECT_NE(verdict.grade, IntrinsicsGrade::kGood);
-  ASSERT_FALSE(verdict.advice.empty());
-  std::string all;
-  for (const std::string& advice : verdict.advice) all += advice;
-  EXPECT_THAT(all, HasSubstr("corner"));
+  EXPECT_THAT(verdict.advice, ::testing::Contains(HasSubstr("corner")));
 }
 
 TEST_P(BothLenses, ABoardThatIsNeverTiltedIsNotGood) {
-  CalibrationScene scene(truth());
-  scene.add_checkerboard(5, 4, 0.02);
+  CalibrationScene scene = with_board(5, 4, 0.02);
   scene.look(40, kNoise_px, 0.3, 0.0);
-  const auto result = calibrate_intrinsics(scene.data, this_lens(), quiet);
-  if (!result) {
+  const auto result = calibrate_intrinsics(scene.data, {{GetParam()}, true}, quiet);
+  if (result)
+    EXPECT_NE(verdict_of(*result).grade, IntrinsicsGrade::kGood);
+  else
     EXPECT_THAT(result.error().text(), HasSubstr("tilt"));
-    return;
-  }
-  const auto verdict = assess(*result, make_image_map(*result));
-  EXPECT_NE(verdict.grade, IntrinsicsGrade::kGood);
 }
 
 TEST(TargetLayout, GroupsWithoutCommonImagesAreSplitWithoutMotion) {

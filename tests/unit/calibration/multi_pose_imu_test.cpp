@@ -114,21 +114,19 @@ TEST(MultiPoseImu, FindsBiasScaleAndMisalignmentWithinTheirSigma) {
   EXPECT_LT(found->up_rms_after, 0.3 * found->up_rms_before);
 }
 
-TEST(MultiPoseImu, TooFewAttitudesAreCounted) {
-  const auto found = calibrate_multi_pose(in_many_attitudes(wrong_unit(), 6), kGravity, "test");
-  ASSERT_FALSE(found);
-  EXPECT_THAT(found.error().text(), HasSubstr("at rest in 7 places, at least 12 are needed"));
-}
-
-TEST(MultiPoseImu, SimilarAttitudesAreRefused) {
-  const auto found =
-      calibrate_multi_pose(in_many_attitudes(wrong_unit(), 30, false), kGravity, "test");
-  ASSERT_FALSE(found);
-  EXPECT_THAT(found.error().text(), HasSubstr("too similar"));
-}
-
-TEST(MultiPoseImu, AnEmptyRecordingIsRefused) {
-  EXPECT_FALSE(calibrate_multi_pose({}, kGravity, "test"));
+TEST(MultiPoseImu, RefusesTooFewOrSimilarAttitudes) {
+  struct Case {
+    std::vector<ImuSample> samples;
+    const char* text;
+  };
+  for (const auto& [samples, text] :
+       {Case{in_many_attitudes(wrong_unit(), 6), "at rest in 7 places, at least 12 are needed"},
+        {in_many_attitudes(wrong_unit(), 30, false), "too similar"},
+        {{}, ""}}) {
+    const auto found = calibrate_multi_pose(samples, kGravity, "test");
+    ASSERT_FALSE(found);
+    EXPECT_THAT(found.error().text(), HasSubstr(text));
+  }
 }
 
 /// The Xsens recording of imu_tk: raw counts, here divided by round numbers.

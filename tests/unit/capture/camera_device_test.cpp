@@ -1,7 +1,6 @@
 #include "capture/camera_device.hpp"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <opencv2/core.hpp>
 #include <opencv2/videoio.hpp>
@@ -10,6 +9,7 @@
 #include "support/fake_clock.hpp"
 #include "support/shared_data.hpp"
 #include "support/temporary_folder.hpp"
+#include "unit/capture/sample_stamps.hpp"
 
 namespace fiducap {
 namespace {
@@ -24,66 +24,49 @@ class CameraDeviceTest : public testing::Test {
  protected:
   // Five flat images at 20 Hz, each 40 levels brighter than the one before.
   void SetUp() override {
-    config_.open = (folder_.path() / "tiny.avi").string();
-    cv::VideoWriter video(config_.open, cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 20,
-                          cv::Size(64, 48));
-    ASSERT_TRUE(video.isOpened());
+    cv::VideoWriter video = new_video();
     for (int i = 0; i < 5; ++i) video.write(cv::Mat(48, 64, CV_8UC3, cv::Scalar::all(40 * i)));
   }
+  cv::VideoWriter new_video() const {
+    cv::VideoWriter video(config_.open, cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 20,
+                          cv::Size(64, 48));
+    EXPECT_TRUE(video.isOpened());
+    return video;
+  }
   std::unique_ptr<SensorSource> open() {
-    auto source = open_camera_device(config_, camera_, clock_);
-    EXPECT_TRUE(source) << source.error().text();
-    return std::move(source.value());
+    return value_of(open_camera_device(config_, camera_, clock_));
   }
   std::vector<CameraFrame> play(std::size_t at_most = 100) {
-    const auto source = open();
     std::vector<CameraFrame> frames;
-    while (frames.size() < at_most) {
-      auto sample = source->next({});
-      EXPECT_TRUE(sample);
-      if (!sample || !*sample) break;
-      frames.push_back(std::get<CameraFrame>(**sample));
-    }
+    for (const SensorSample& sample : play_all(*open(), at_most))
+      frames.push_back(std::get<CameraFrame>(sample));
     return frames;
   }
-  static std::vector<std::int64_t> stamps_ms(const std::vector<CameraFrame>& frames) {
-    std::vector<std::int64_t> stamps;
-    for (const CameraFrame& frame : frames) stamps.push_back(to_ns(frame.exposed_at) / 1'000'000);
-    return stamps;
-  }
-  std::string error() {
-    const auto source = open_camera_device(config_, camera_, clock_);
-    return source ? "none" : source.error().text();
-  }
+  std::string error() { return error_of(open_camera_device(config_, camera_, clock_)); }
 
   TemporaryFolder folder_;
-  CameraDeviceConfig config_;
-  CameraModel camera_{64, 48, 60, 60, 31.5, 23.5, Distortion::kNone, {}};
+  CameraDeviceConfig config_{.open = folder_.file("tiny.avi")};
+  CameraModel camera_{64, 48, 60, 60, 31.5, 23.5};
   FakeClock clock_{instant_from_ns(7'000'000'000)};
 };
 
-TEST_F(CameraDeviceTest, AFileGivesItsImagesInGray) {
+TEST_F(CameraDeviceTest, PlaysAFileInGrayWithTheTimesOfItsFrames) {
   config_.paced = false;
   const auto frames = play();
-  ASSERT_EQ(frames.size(), 5u);
-  for (int i = 0; i < 5; ++i) {
-    const GrayImage& image = *frames[static_cast<std::size_t>(i)].image;
+  EXPECT_THAT(stamps_ms(frames), ElementsAre(0, 50, 100, 150, 200));
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const GrayImage& image = *frames[i].image;
     EXPECT_EQ(image.width, 64);
     EXPECT_EQ(image.height, 48);
     ASSERT_EQ(image.pixels.size(), 64u * 48u);
-    EXPECT_NEAR(image.pixels[20 * 64 + 30], 40 * i, kJpegError);
+    EXPECT_NEAR(image.pixels[20 * 64 + 30], 40.0 * static_cast<double>(i), kJpegError);
   }
-}
-
-TEST_F(CameraDeviceTest, AnUnpacedFileHasTheTimesOfItsFrames) {
-  config_.paced = false;
-  EXPECT_THAT(stamps_ms(play()), ElementsAre(0, 50, 100, 150, 200));
   config_.time_shift = std::chrono::milliseconds(3);
   EXPECT_THAT(stamps_ms(play()), ElementsAre(3, 53, 103, 153, 203));
-  EXPECT_EQ(clock_.now(), instant_from_ns(7'000'000'000)) << "nobody waited";
+  EXPECT_EQ(clock_.now(), instant_from_ns(7'000'000'000)) << "without waiting";
 }
 
-TEST_F(CameraDeviceTest, APacedFilePlaysOnTheClock) {
+TEST_F(CameraDeviceTest, PlaysOnTheClockWhenPaced) {
   const auto source = open();
   for (const int expected_ms : {7000, 7050, 7100, 7150, 7200}) {
     const auto sample = source->next({}).value().value();
@@ -93,19 +76,19 @@ TEST_F(CameraDeviceTest, APacedFilePlaysOnTheClock) {
   EXPECT_FALSE(source->next({}).value());
 }
 
-TEST_F(CameraDeviceTest, TheConfiguredRateOverridesTheFiles) {
+TEST_F(CameraDeviceTest, PlaysAFileAtTheConfiguredRate) {
   config_.rate_hz = 10;
   EXPECT_THAT(stamps_ms(play()), ElementsAre(7000, 7100, 7200, 7300, 7400));
 }
 
-TEST_F(CameraDeviceTest, ALoopGoesOnWithStrictlyIncreasingStamps) {
+TEST_F(CameraDeviceTest, LoopsWithIncreasingStamps) {
   config_.loop = true;
   const auto frames = play(7);
   EXPECT_THAT(stamps_ms(frames), ElementsAre(7000, 7050, 7100, 7150, 7200, 7250, 7300));
   EXPECT_NEAR(frames[5].image->pixels[0], 0, kJpegError) << "the first image again";
 }
 
-TEST_F(CameraDeviceTest, AStopEndsAFile) {
+TEST_F(CameraDeviceTest, StopsWhenRequested) {
   config_.loop = true;
   std::stop_source stop;
   const auto source = open();
@@ -114,13 +97,13 @@ TEST_F(CameraDeviceTest, AStopEndsAFile) {
   EXPECT_FALSE(source->next(stop.get_token()).value());
 }
 
-TEST_F(CameraDeviceTest, ASizeThatIsNotTheCalibratedOneIsRefusedWithBothSizes) {
+TEST_F(CameraDeviceTest, RefusesASizeOtherThanTheCalibrated) {
   camera_.width = 128;
   EXPECT_THAT(error(),
               testing::AllOf(HasSubstr("tiny.avi"), HasSubstr("64 x 48"), HasSubstr("128 x 48")));
 }
 
-TEST_F(CameraDeviceTest, WhatCannotBeOpenedIsNamed) {
+TEST_F(CameraDeviceTest, NamesWhatCannotBeOpened) {
   config_.open = "/nowhere/video.mp4";
   EXPECT_THAT(error(), HasSubstr("/nowhere/video.mp4: no such video file"));
   config_.open = "/dev/video250";
@@ -131,10 +114,9 @@ TEST_F(CameraDeviceTest, WhatCannotBeOpenedIsNamed) {
   EXPECT_THAT(error(), HasSubstr("is no video that OpenCV can read"));
 }
 
-TEST_F(CameraDeviceTest, ATruncatedFileGivesTheImagesBeforeTheCutAndEnds) {
+TEST_F(CameraDeviceTest, PlaysATruncatedFileUpToTheCut) {
   {
-    cv::VideoWriter video(config_.open, cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 20,
-                          cv::Size(64, 48));
+    cv::VideoWriter video = new_video();
     cv::Mat noise(48, 64, CV_8UC3);
     for (int i = 0; i < 60; ++i) {
       cv::randu(noise, 0, 255);
@@ -142,12 +124,10 @@ TEST_F(CameraDeviceTest, ATruncatedFileGivesTheImagesBeforeTheCutAndEnds) {
     }
   }
   std::filesystem::resize_file(config_.open, std::filesystem::file_size(config_.open) / 2);
-  const std::size_t images = play().size();
-  EXPECT_GE(images, 20u);
-  EXPECT_LE(images, 31u);
+  EXPECT_THAT(play().size(), testing::AllOf(testing::Ge(20u), testing::Le(31u)));
 }
 
-TEST_F(CameraDeviceTest, APipelineIsStampedInTheMiddleOfTheExposureBeforeItsArrival) {
+TEST_F(CameraDeviceTest, StampsAPipelineByArrivalLessLatencyAndExposure) {
   config_.open =
       "videotestsrc num-buffers=2 ! video/x-raw,format=GRAY8,width=64,height=48 ! "
       "appsink sync=false";
@@ -172,28 +152,22 @@ TEST_F(CameraDeviceTest, CheckNamesEveryBrokenRule) {
   config.width = 640;
   config.rate_hz = -1;
   config.latency_s = std::numeric_limits<double>::quiet_NaN();
-  std::vector<std::string> paths;
-  for (const ConfigError& broken : config.check("camera.")) paths.push_back(broken.path);
-  EXPECT_THAT(paths,
+  EXPECT_THAT(paths_of(config.check("camera.")),
               ElementsAre("camera.open", "camera.height", "camera.rate_hz", "camera.latency_s"));
   EXPECT_TRUE(config_.check("").empty());
 }
 
-TEST_F(CameraDeviceTest, TheFieldVideoIsReadToItsEnd) {
+TEST_F(CameraDeviceTest, ReadsTheFieldVideoToItsEnd) {
   const auto data = shared_data();
   if (!data) GTEST_SKIP() << kNoSharedData;
-  config_.open = (*data / "detector/wpical/fieldvideo_long.mp4").string();
+  config_.open = *data / "detector/wpical/fieldvideo_long.mp4";
   config_.paced = false;
-  camera_ = read_camera_calibration((*data / "detector/wpical/calibration_derived.json").string())
-                .value();
+  camera_ = value_of(read_camera_calibration(*data / "detector/wpical/calibration_derived.json"));
   const auto source = open();
   int frames = 0;
-  std::optional<Instant> last;
-  for (auto sample = source->next({}); sample && *sample; sample = source->next({})) {
-    if (last) {
-      EXPECT_GT(time_of(**sample), *last);
-    }
-    last = time_of(**sample);
+  Instant last = instant_from_ns(-1);
+  while (const auto sample = value_of(source->next({}))) {
+    EXPECT_GT(time_of(*sample), std::exchange(last, time_of(*sample)));
     ++frames;
   }
   EXPECT_EQ(frames, 159);

@@ -1,11 +1,13 @@
 #include "capture/lens/camera_model.hpp"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <limits>
 #include <opencv2/calib3d.hpp>
 
 #include "support/jacobian_check.hpp"
+#include "support/lens_models.hpp"
+#include "support/results.hpp"
 
 namespace fiducap {
 namespace {
@@ -26,42 +28,18 @@ std::ostream& operator<<(std::ostream& out, const NamedCamera& camera) {
 }
 
 const NamedCamera kFisheye{"Fisheye",
-                           {1280,
-                            1024,
-                            465.609,
-                            465.632,
-                            622.637,
-                            513.902,
-                            Distortion::kEquidistant,
-                            {-0.0229515, 0.01625, -0.00961832, 0.00176252, 0}}};
+                           equidistant({1280, 1024, 465.609, 465.632, 622.637, 513.902},
+                                       {-0.0229515, 0.01625, -0.00961832, 0.00176252, 0})};
 const NamedCamera kTangential{"RadTanWithTangential",
-                              {1920,
-                               1200,
-                               1405.76,
-                               1404.8,
-                               958.042,
-                               607.615,
-                               Distortion::kRadialTangential,
-                               {-0.167373, 0.110745, 8.1e-5, 7.3e-5, -0.0286819}}};
+                              radial_tangential({1920, 1200, 1405.76, 1404.8, 958.042, 607.615},
+                                                {-0.167373, 0.110745, 8.1e-5, 7.3e-5, -0.0286819})};
 const NamedCamera kWebcam{"RadTanWebcam",
-                          {1920,
-                           1080,
-                           1826.12,
-                           1821.48,
-                           983.16,
-                           538.745,
-                           Distortion::kRadialTangential,
-                           {0.161179, -0.819752, 0, 0, 0}}};
+                          radial_tangential({1920, 1080, 1826.12, 1821.48, 983.16, 538.745},
+                                            {0.161179, -0.819752, 0, 0, 0})};
 const NamedCamera kEuroc{"RadTanStrongBarrel",
-                         {752,
-                          480,
-                          458.654,
-                          457.296,
-                          367.215,
-                          248.375,
-                          Distortion::kRadialTangential,
-                          {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05, 0}}};
-const NamedCamera kPlain{"NoDistortion", {752, 480, 460, 455, 376, 240, Distortion::kNone, {}}};
+                         radial_tangential({752, 480, 458.654, 457.296, 367.215, 248.375},
+                                           {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05})};
+const NamedCamera kPlain{"NoDistortion", {752, 480, 460, 455, 376, 240}};
 
 cv::Mat matrix_of(const CameraModel& c) {
   return (cv::Mat_<double>(3, 3) << c.fu, 0, c.cu, 0, c.fv, c.cv, 0, 0, 1);
@@ -88,13 +66,12 @@ Eigen::Vector2d project_by_opencv(const CameraModel& c, const Eigen::Vector3d& p
 Eigen::Vector2d undistort_by_opencv(const CameraModel& c, const Eigen::Vector2d& px) {
   const std::vector<cv::Point2d> points{{px.x(), px.y()}};
   std::vector<cv::Point2d> out;
+  const cv::Mat K = matrix_of(c);
   const cv::TermCriteria to_the_end(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 500, 1e-14);
   if (c.distortion == Distortion::kEquidistant) {
-    cv::fisheye::undistortPoints(points, out, matrix_of(c), coefficients_of(c), cv::noArray(),
-                                 matrix_of(c));
+    cv::fisheye::undistortPoints(points, out, K, coefficients_of(c), cv::noArray(), K);
   } else {
-    cv::undistortPoints(points, out, matrix_of(c), coefficients_of(c), cv::noArray(), matrix_of(c),
-                        to_the_end);
+    cv::undistortPoints(points, out, K, coefficients_of(c), cv::noArray(), K, to_the_end);
   }
   return {out[0].x, out[0].y};
 }
@@ -107,8 +84,8 @@ class LensTest : public testing::TestWithParam<NamedCamera> {
  protected:
   const CameraModel& camera() const { return GetParam().model; }
 
-  // Visits a grid over the whole image, edges included, as far as it sees less than 1.45 rad off
-  // the axis: the corners of the fisheye look backwards.
+  // Visits a grid over the whole image, edges included, up to 1.45 rad off the axis: the corners
+  // of the fisheye look backwards.
   template <typename Visit>
   int over_the_image(Visit visit) const {
     constexpr int kSteps = 24;
@@ -133,15 +110,11 @@ INSTANTIATE_TEST_SUITE_P(Cameras, LensTest,
                          testing::Values(kFisheye, kTangential, kWebcam, kEuroc, kPlain),
                          [](const auto& tested) { return std::string(tested.param.name); });
 
-TEST_P(LensTest, IsAcceptedByItsOwnCheck) { EXPECT_TRUE(camera().check().empty()); }
-
-TEST_P(LensTest, ProjectingAnUndistortedPixelGivesTheRawPixelBack) {
+TEST_P(LensTest, ProjectsAnUndistortedPixelToTheRawPixel) {
   const int visited = over_the_image([&](const Eigen::Vector2d& raw) {
-    const auto ideal = undistort(camera(), raw);
-    ASSERT_TRUE(ideal) << raw.transpose();
-    const auto back = camera().project(4.0 * ray_of(camera(), ideal->px));
-    ASSERT_TRUE(back) << raw.transpose();
-    EXPECT_NEAR((*back - raw).norm(), 0, kRoundTrip_px) << raw.transpose();
+    const auto ideal = undistort(camera(), raw).value();
+    const auto back = camera().project(4.0 * ray_of(camera(), ideal.px)).value();
+    EXPECT_NEAR((back - raw).norm(), 0, kRoundTrip_px) << raw.transpose();
   });
   EXPECT_GT(visited, 500);
 }
@@ -158,8 +131,7 @@ TEST_P(LensTest, UndistortsLikeOpenCvWhereOpenCvConverges) {
   int compared = 0;
   over_the_image([&](const Eigen::Vector2d& raw) {
     const Eigen::Vector2d other = undistort_by_opencv(camera(), raw);
-    // OpenCV does not say when it failed: only an answer that projects back onto the raw pixel is
-    // one.
+    // OpenCV does not report failure: an answer is valid if it projects onto the raw pixel.
     if ((project_by_opencv(camera(), ray_of(camera(), other)) - raw).norm() > 1e-8) return;
     ++compared;
     EXPECT_NEAR((undistort(camera(), raw).value().px - other).norm(), 0, kSameSolution_px)
@@ -178,25 +150,23 @@ TEST_P(LensTest, JacobianAgreesWithCentralDifferences) {
   });
 }
 
-TEST_P(LensTest, ThePrincipalPointStaysWhereItIs) {
+TEST_P(LensTest, IsValidAndKeepsThePrincipalPoint) {
+  EXPECT_TRUE(camera().check().empty());
   const Eigen::Vector2d centre(camera().cu, camera().cv);
   const auto ideal = undistort(camera(), centre).value();
   EXPECT_NEAR((ideal.px - centre).norm(), 0, kRoundTrip_px);
   EXPECT_NEAR((ideal.ideal_from_raw - Eigen::Matrix2d::Identity()).norm(), 0, 1e-9);
 }
 
-TEST_P(LensTest, NothingBehindTheCameraHasAPixel) {
-  EXPECT_FALSE(camera().project({0.1, 0.1, -1}));
-  EXPECT_FALSE(camera().project({0.1, 0.1, 0}));
-  EXPECT_FALSE(camera().project({0, 0, std::numeric_limits<double>::quiet_NaN()}));
-}
-
-TEST_P(LensTest, APixelThatIsNotANumberHasNoRay) {
-  EXPECT_FALSE(undistort(camera(), {std::numeric_limits<double>::quiet_NaN(), 3}));
+TEST_P(LensTest, RejectsPointsBehindTheCameraAndInvalidNumbers) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  for (const Eigen::Vector3d& p : {Eigen::Vector3d(0.1, 0.1, -1), {0.1, 0.1, 0}, {0, 0, kNan}})
+    EXPECT_FALSE(camera().project(p)) << p.transpose();
+  EXPECT_FALSE(undistort(camera(), {kNan, 3}));
   EXPECT_FALSE(undistort(camera(), {3, std::numeric_limits<double>::infinity()}));
 }
 
-TEST(CameraModel, RaysBeyondTheGivenAngleAreRefused) {
+TEST(CameraModel, RefusesRaysBeyondTheGivenAngle) {
   const double angle = 0.5;
   const CameraModel& fisheye = kFisheye.model;
   const auto edge = [&](double theta) {
@@ -212,56 +182,43 @@ TEST(CameraModel, RaysBeyondTheGivenAngleAreRefused) {
 // k1 = -0.3 alone: r (1 - 0.3 r²) has its summit at r = 1 / sqrt(0.9) with the value 2/3 r.
 class FoldedLensTest : public testing::Test {
  protected:
-  CameraModel camera_{
-      800, 800, 400, 400, 400, 400, Distortion::kRadialTangential, {-0.3, 0, 0, 0, 0}};
+  CameraModel camera_ = radial_tangential({800, 800, 400, 400, 400, 400}, {-0.3});
   const double summit_ = 1 / std::sqrt(0.9);
 };
 
-TEST_F(FoldedLensTest, APointBeyondTheSummitIsNotProjected) {
+TEST_F(FoldedLensTest, UsesNoPointOrPixelBeyondTheSummit) {
   EXPECT_TRUE(camera_.project({summit_ - 1e-6, 0, 1}));
   EXPECT_FALSE(camera_.project({summit_ + 1e-6, 0, 1}));
   EXPECT_FALSE(camera_.project({30, 0, 1}));
-}
-
-TEST_F(FoldedLensTest, APixelOutsideTheSummitIsNotUndistorted) {
   const double raw_summit_px = 400 * summit_ * 2 / 3;
   EXPECT_TRUE(undistort(camera_, {400 + raw_summit_px - 1e-3, 400}));
   EXPECT_FALSE(undistort(camera_, {400 + raw_summit_px + 1e-3, 400}));
 }
 
-TEST_F(FoldedLensTest, AFoldBetweenCentreAndPointIsFoundEvenWhenThePolynomialRisesAgain) {
-  camera_.coefficients = {-1.0, 0.4, 0, 0,
-                          0};  // slope 1 - 3s + 2s²: below zero only for r in 0.71 … 1
+TEST_F(FoldedLensTest, FindsAFoldBehindWhichThePolynomialRisesAgain) {
+  camera_.coefficients = {-1.0, 0.4};  // slope 1 - 3s + 2s²: below zero only for r in 0.71 … 1
   EXPECT_TRUE(camera_.project({0.6, 0, 1}));
   EXPECT_FALSE(camera_.project({0.8, 0, 1}));
   EXPECT_FALSE(camera_.project({1.2, 0, 1}));  // rises here, but an inner point has the same pixel
 }
 
-TEST_F(FoldedLensTest, AnEquidistantLensFoldsToo) {
-  camera_.distortion = Distortion::kEquidistant;
-  camera_.coefficients = {-0.3, 0, 0, 0, 0};
-  const auto at = [&](double theta) {
-    return camera_.project({0, std::sin(theta), std::cos(theta)});
-  };
-  EXPECT_TRUE(at(summit_ - 1e-6));
-  EXPECT_FALSE(at(summit_ + 1e-6));
+TEST_F(FoldedLensTest, FindsTheFoldOfAnEquidistantLens) {
+  camera_ = equidistant(camera_, {-0.3});
+  for (const double off : {-1e-6, 1e-6}) {
+    const double theta = summit_ + off;
+    EXPECT_EQ(camera_.project({0, std::sin(theta), std::cos(theta)}).has_value(), off < 0);
+  }
 }
 
 TEST(CameraModel, CheckNamesEveryBrokenRule) {
   CameraModel camera;
   camera.cu = std::numeric_limits<double>::quiet_NaN();
   camera.coefficients[1] = std::numeric_limits<double>::infinity();
-  std::vector<std::string> paths;
-  for (const ConfigError& error : camera.check()) paths.push_back(error.path);
-  EXPECT_EQ(paths,
-            (std::vector<std::string>{"width", "height", "fu", "fv", "cu", "coefficients[1]"}));
-}
-
-TEST(CameraModel, AFifthCoefficientOfAnEquidistantLensIsAMistake) {
-  CameraModel camera = kFisheye.model;
-  camera.coefficients[4] = 0.1;
-  ASSERT_EQ(camera.check().size(), 1u);
-  EXPECT_EQ(camera.check()[0].path, "coefficients[4]");
+  EXPECT_THAT(paths_of(camera.check()),
+              testing::ElementsAre("width", "height", "fu", "fv", "cu", "coefficients[1]"));
+  camera = kFisheye.model;
+  camera.coefficients[4] = 0.1;  // an equidistant lens has four
+  EXPECT_THAT(paths_of(camera.check()), testing::ElementsAre("coefficients[4]"));
 }
 
 }  // namespace

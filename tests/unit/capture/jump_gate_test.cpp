@@ -1,9 +1,9 @@
 #include "capture/sample_merger.hpp"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "support/allocation_counter.hpp"
+#include "unit/capture/sample_stamps.hpp"
 
 namespace fiducap {
 namespace {
@@ -22,11 +22,6 @@ class JumpGateTest : public testing::Test {
     if (sensor == kImu) return ImuSample{at, {0, 0, 0}, {0, 0, 9.81}};
     return CornerFrame{sensor, at, {}};
   }
-  static std::vector<std::int64_t> stamps_ms(const std::vector<SensorSample>& samples) {
-    std::vector<std::int64_t> stamps;
-    for (const SensorSample& one : samples) stamps.push_back(to_ns(time_of(one)) / 1'000'000);
-    return stamps;
-  }
   std::vector<std::int64_t> take(int sensor, std::int64_t ms) {
     return stamps_ms(gate_.take(sample(sensor, ms)));
   }
@@ -38,20 +33,20 @@ class JumpGateTest : public testing::Test {
   JumpGate gate_{seconds(1)};
 };
 
-TEST_F(JumpGateTest, TheFirstSampleWaitsForAnother) {
+TEST_F(JumpGateTest, HoldsTheFirstSampleUntilAnother) {
   EXPECT_THAT(take(kImu, 100), IsEmpty());
   EXPECT_THAT(take(0, 90), ElementsAre(100, 90));
   EXPECT_THAT(take(kImu, 105), ElementsAre(105)) << "nothing waits any more";
 }
 
-TEST_F(JumpGateTest, AFirstStampFromTheFutureCostsItself) {
+TEST_F(JumpGateTest, DropsAFirstStampOfTheFuture) {
   take(kImu, kFuture_ms);
-  EXPECT_THAT(take(kImu, 5), IsEmpty()) << "one says this, one that";
+  EXPECT_THAT(take(kImu, 5), IsEmpty()) << "the two disagree";
   EXPECT_THAT(take(kImu, 10), ElementsAre(5, 10));
   EXPECT_EQ(gate_.dropped(), 1u);
 }
 
-TEST_F(JumpGateTest, AStampFromTheFutureInTheMiddleCostsItself) {
+TEST_F(JumpGateTest, DropsALaterStampOfTheFuture) {
   start();
   for (const int sensor : {kImu, 0}) {
     take(sensor, 50);
@@ -61,14 +56,14 @@ TEST_F(JumpGateTest, AStampFromTheFutureInTheMiddleCostsItself) {
   EXPECT_EQ(gate_.dropped(), 2u);
 }
 
-TEST_F(JumpGateTest, AnotherSensorGoesOnWhileOneIsInDoubt) {
+TEST_F(JumpGateTest, PassesOtherSensorsWhileOneIsHeld) {
   start();
   EXPECT_THAT(take(0, kFuture_ms), IsEmpty());
   EXPECT_THAT(take(kImu, 10), ElementsAre(10));
   EXPECT_THAT(take(1, 8), ElementsAre(8));
 }
 
-TEST_F(JumpGateTest, AfterAPauseOfAllSensorsNothingIsLost) {
+TEST_F(JumpGateTest, LosesNothingAfterAPauseOfAllSensors) {
   start();
   EXPECT_THAT(take(0, 60'000), IsEmpty());
   EXPECT_THAT(take(kImu, 60'002), ElementsAre(60'000, 60'002)) << "two sensors agree";
@@ -76,14 +71,14 @@ TEST_F(JumpGateTest, AfterAPauseOfAllSensorsNothingIsLost) {
   EXPECT_EQ(gate_.dropped(), 0u);
 }
 
-TEST_F(JumpGateTest, ASlowCameraComesOneImageLate) {
+TEST_F(JumpGateTest, DelaysASlowCameraByOneImage) {
   take(0, 0);
   EXPECT_THAT(take(0, 15'000), ElementsAre(0));
   EXPECT_THAT(take(0, 30'000), ElementsAre(15'000));
   EXPECT_EQ(gate_.dropped(), 0u);
 }
 
-TEST_F(JumpGateTest, SensorsOnDifferentClocksPassAsTheyAre) {
+TEST_F(JumpGateTest, PassesSensorsOfDifferentClocks) {
   take(kImu, 0);
   take(0, 5'000'000);
   EXPECT_THAT(take(kImu, 5), ElementsAre(0, 5));
@@ -91,7 +86,7 @@ TEST_F(JumpGateTest, SensorsOnDifferentClocksPassAsTheyAre) {
   EXPECT_THAT(take(kImu, 10), ElementsAre(10));
 }
 
-TEST_F(JumpGateTest, AtTheEndALoneSamplePassesAndAnUnconfirmedOneDoesNot) {
+TEST_F(JumpGateTest, PassesASingleSampleButNoDoubtfulOneAtTheEnd) {
   take(0, 7);
   EXPECT_THAT(stamps_ms(gate_.finish()), ElementsAre(7));
   take(0, 57);

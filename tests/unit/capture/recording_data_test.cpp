@@ -1,5 +1,4 @@
-// Every recording of the shared data, read from end to end. The numbers are those of data/README.md
-// and of the files themselves.
+// Every recording of the shared data. The numbers are those of data/README.md and of the files.
 #include <gtest/gtest.h>
 
 #include <set>
@@ -7,6 +6,7 @@
 #include "capture/recording/recording.hpp"
 #include "support/fake_clock.hpp"
 #include "support/shared_data.hpp"
+#include "unit/capture/sample_stamps.hpp"
 
 namespace fiducap {
 namespace {
@@ -47,27 +47,20 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& tested) { return std::string(tested.param.name); });
 
 TEST_P(RecordingDataTest, IsReadToTheLastDetection) {
-  const auto info = read_recording_info(folder_);
-  ASSERT_TRUE(info) << info.error().text();
-  EXPECT_EQ(info->cameras.size(), GetParam().cameras);
-  EXPECT_EQ(info->imu.has_value(), GetParam().has_imu);
-  auto source = open_recording(*info, {}, clock_);
-  ASSERT_TRUE(source) << source.error().text();
+  const RecordingInfo info = value_of(read_recording_info(folder_));
+  EXPECT_EQ(info.cameras.size(), GetParam().cameras);
+  EXPECT_EQ(info.imu.has_value(), GetParam().has_imu);
+  const auto source = value_of(open_recording(info, {}, clock_));
   std::size_t imu = 0;
   std::size_t frames = 0;
   std::size_t detections = 0;
   Instant last{};
-  std::vector<Instant> last_of_camera(info->cameras.size());
-  for (;;) {
-    const auto sample = (*source)->next({});
-    ASSERT_TRUE(sample);
-    if (!*sample) break;
-    EXPECT_GE(time_of(**sample), last) << "merged by time";
-    last = time_of(**sample);
-    if (const auto* frame = std::get_if<CornerFrame>(&**sample)) {
-      auto& last_here = last_of_camera[static_cast<std::size_t>(frame->camera)];
-      EXPECT_GT(last, last_here);
-      last_here = last;
+  std::vector<Instant> last_of_camera(info.cameras.size());
+  while (const auto sample = value_of(source->next({}))) {
+    EXPECT_GE(time_of(*sample), last) << "merged by time";
+    last = time_of(*sample);
+    if (const auto* frame = std::get_if<CornerFrame>(&*sample)) {
+      EXPECT_GT(last, std::exchange(last_of_camera[static_cast<std::size_t>(frame->camera)], last));
       ++frames;
       detections += frame->tags.size();
       for (const TagSighting& tag : frame->tags) EXPECT_TRUE(tag.corners_px[0].allFinite());
@@ -80,21 +73,14 @@ TEST_P(RecordingDataTest, IsReadToTheLastDetection) {
   EXPECT_EQ(imu > 0, GetParam().has_imu);
 }
 
-TEST_P(RecordingDataTest, ItsTruthIsRead) {
-  const auto tags = read_truth_tags(folder_);
-  ASSERT_TRUE(tags) << tags.error().text();
-  EXPECT_EQ(tags->size(), GetParam().true_tags);
-  const auto X_BV = read_truth_extrinsics(folder_);
-  ASSERT_TRUE(X_BV) << X_BV.error().text();
-  EXPECT_TRUE(X_BV->empty() || X_BV->size() == GetParam().cameras);
-  const auto truth = read_truth(folder_);
-  ASSERT_TRUE(truth) << truth.error().text();
-  EXPECT_EQ(!truth->empty(), GetParam().has_imu) << "only the simulator knows the truth";
-  const auto reference = read_reference_poses(folder_);
-  ASSERT_TRUE(reference) << reference.error().text();
-  for (const auto* poses : {&*truth, &*reference}) {
-    for (std::size_t i = 1; i < poses->size(); ++i) EXPECT_GT((*poses)[i].at, (*poses)[i - 1].at);
-  }
+TEST_P(RecordingDataTest, HasReadableTruth) {
+  EXPECT_EQ(value_of(read_truth_tags(folder_)).size(), GetParam().true_tags);
+  const auto X_BV = value_of(read_truth_extrinsics(folder_));
+  EXPECT_TRUE(X_BV.empty() || X_BV.size() == GetParam().cameras);
+  const auto truth = value_of(read_truth(folder_));
+  EXPECT_EQ(!truth.empty(), GetParam().has_imu) << "only the simulator has truth";
+  for (const auto& poses : {truth, value_of(read_reference_poses(folder_))})
+    for (std::size_t i = 1; i < poses.size(); ++i) EXPECT_GT(poses[i].at, poses[i - 1].at);
 }
 
 }  // namespace

@@ -4,31 +4,46 @@
 
 #include <opencv2/imgcodecs.hpp>
 
-#include "base/log.hpp"
 #include "capture/recording/recording.hpp"
 #include "support/fake_clock.hpp"
+#include "support/new_log.hpp"
 #include "support/temporary_folder.hpp"
+#include "unit/capture/sample_stamps.hpp"
 
 namespace fiducap {
 
-inline constexpr const char* kCamera =
-    "sensor_type: camera\n"
-    "T_BS:\n  cols: 4\n  rows: 4\n  data: [0, -1, 0, 0.1, 1, 0, 0, 0.2, 0, 0, 1, 0.3, 0, 0, 0, 1]\n"
-    "rate_hz: 10\nresolution: [40, 30]\ncamera_model: pinhole\nintrinsics: [20, 21, 19.5, 14.5]\n"
-    "distortion_model: radial-tangential\ndistortion_coefficients: [-0.1, 0.01, 0.001, 0.002]\n"
-    "timeshift_cam_imu: 0.002\nT_BS_sigma: {translation_m: 0.01, rotation_rad: 0.02}\n";
-inline constexpr const char* kImu =
-    "sensor_type: imu\n"
-    "T_BS:\n  cols: 4\n  rows: 4\n  data: [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"
-    "rate_hz: 200\ngyroscope_noise_density: 1e-4\ngyroscope_random_walk: 2e-5\n"
-    "accelerometer_noise_density: 3e-3\naccelerometer_random_walk: 4e-4\n";
-inline constexpr const char* kTags =
-    "family: tag25h9\ndefault_size_m: 0.2\nreference_tag: 3\nsizes_m: {7: 0.05}\nignore_tags: [9, "
-    "11]  # twins\n"
-    "max_hamming: 1\nplane: {tags: [1, 2], normal: [0, 0, 1]}\nboards:\n  - {anything: 1}\n"
-    "known_tags:\n  - {id: 3, size_m: 0.2, position: [1, 2, 3], orientation_wxyz: [0.5, 0.5, 0.5, "
-    "0.5],"
-    " position_sigma_m: 0.01, rotation_sigma_rad: 0.02}\n";
+inline constexpr const char* kCamera = R"(sensor_type: camera
+T_BS: {cols: 4, rows: 4, data: [0, -1, 0, 0.1, 1, 0, 0, 0.2, 0, 0, 1, 0.3, 0, 0, 0, 1]}
+rate_hz: 10
+resolution: [40, 30]
+camera_model: pinhole
+intrinsics: [20, 21, 19.5, 14.5]
+distortion_model: radial-tangential
+distortion_coefficients: [-0.1, 0.01, 0.001, 0.002]
+timeshift_cam_imu: 0.002
+T_BS_sigma: {translation_m: 0.01, rotation_rad: 0.02}
+)";
+inline constexpr const char* kImu = R"(sensor_type: imu
+T_BS: {cols: 4, rows: 4, data: [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}
+rate_hz: 200
+gyroscope_noise_density: 1e-4
+gyroscope_random_walk: 2e-5
+accelerometer_noise_density: 3e-3
+accelerometer_random_walk: 4e-4
+)";
+inline constexpr const char* kTags = R"(family: tag25h9
+default_size_m: 0.2
+reference_tag: 3
+sizes_m: {7: 0.05}
+ignore_tags: [9, 11]  # twins
+max_hamming: 1
+plane: {tags: [1, 2], normal: [0, 0, 1]}
+boards:
+  - {anything: 1}
+known_tags:
+  - {id: 3, size_m: 0.2, position: [1, 2, 3], orientation_wxyz: [0.5, 0.5, 0.5, 0.5],
+     position_sigma_m: 0.01, rotation_sigma_rad: 0.02}
+)";
 inline constexpr const char* kCorners =
     "#timestamp [ns],tag_id [],hamming [],u0 [px],v0 [px],u1 [px],v1 [px],u2 [px],v2 [px],u3 "
     "[px],v3 [px]\n"
@@ -54,55 +69,51 @@ class RecordingTest : public testing::Test {
     folder_.write("mav0/imu0/sensor.yaml", kImu);
     folder_.write("mav0/imu0/data.csv", "#timestamp [ns],w,w,w,a,a,a\n" + rows);
   }
+  void write_truth(const std::string& rows) {
+    folder_.write("mav0/state_groundtruth_estimate0/data.csv", rows);
+  }
+  void write_truth_at(std::initializer_list<const char*> stamps) {
+    std::string rows;
+    for (const char* stamp : stamps) rows += stamp + std::string(",1,2,3,1,0,0,0\n");
+    write_truth(rows);
+  }
   void write_image(const std::string& name, int width = 40, int height = 30) {
     std::filesystem::create_directories(folder_.path() / "mav0/cam0/data");
     cv::Mat image(height, width, CV_8UC1);
-    for (int v = 0; v < height; ++v) {
+    for (int v = 0; v < height; ++v)
       for (int u = 0; u < width; ++u)
         image.at<std::uint8_t>(v, u) = static_cast<std::uint8_t>(3 * u + 2 * v);
-    }
     ASSERT_TRUE(cv::imwrite((folder_.path() / "mav0/cam0/data" / name).string(), image));
   }
+  RecordingInfo info() const { return value_of(read_recording_info(folder_.text())); }
+  std::string info_error() const { return error_of(read_recording_info(folder_.text())); }
   std::unique_ptr<SensorSource> open(const RecordingPlayback& playback = {}) {
-    const auto info = read_recording_info(folder_.text());
-    EXPECT_TRUE(info) << info.error().text();
-    auto source = open_recording(info.value(), playback, clock_);
-    EXPECT_TRUE(source) << source.error().text();
-    return std::move(source.value());
+    return value_of(open_recording(info(), playback, clock_));
   }
   std::vector<SensorSample> play(const RecordingPlayback& playback = {},
                                  std::size_t at_most = 1000) {
-    const auto source = open(playback);
-    std::vector<SensorSample> samples;
-    while (samples.size() < at_most) {
-      auto sample = source->next({});
-      EXPECT_TRUE(sample);
-      if (!sample || !*sample) break;
-      samples.push_back(std::move(**sample));
-    }
-    return samples;
+    return play_all(*open(playback), at_most);
   }
-  static std::vector<std::int64_t> stamps_ms(const std::vector<SensorSample>& samples) {
-    std::vector<std::int64_t> stamps;
-    for (const SensorSample& sample : samples) stamps.push_back(to_ns(time_of(sample)) / 1'000'000);
-    return stamps;
+  std::vector<std::int64_t> played_ms(const RecordingPlayback& playback = {},
+                                      std::size_t at_most = 1000) {
+    return stamps_ms(play(playback, at_most));
   }
-  // What the log said since the test began.
-  std::string log_text() const {
-    std::string all;
-    for (const log::Line& line : log::lines_after(first_log_line_)) all += line.text + "\n";
-    return all;
+  /// Number of tags in each image.
+  std::vector<std::size_t> played_tags() {
+    std::vector<std::size_t> tags;
+    for (const SensorSample& sample : play())
+      tags.push_back(std::get<CornerFrame>(sample).tags.size());
+    return tags;
   }
 
   TemporaryFolder folder_;
   FakeClock clock_{instant_from_ns(5'000'000'000)};
+  NewLog log_;
+};
 
- private:
-  static std::uint64_t newest_log_line() {
-    const auto lines = log::lines_after(0);
-    return lines.empty() ? 0 : lines.back().number;
-  }
-  std::uint64_t first_log_line_{newest_log_line()};
+class CornerRecordingTest : public RecordingTest {
+ protected:
+  CornerRecordingTest() { write_corners(); }
 };
 
 }  // namespace fiducap

@@ -1,10 +1,9 @@
 #include "capture/video/video_source.hpp"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
-#include "base/log.hpp"
 #include "support/fake_clock.hpp"
+#include "support/new_log.hpp"
 
 namespace fiducap::video {
 namespace {
@@ -48,7 +47,7 @@ class VideoFileTest : public testing::Test {
     std::uint64_t left_out{};
   };
   Played play(int grab_ms, int convert_ms, int images = 300) {
-    said_before_ = log::lines_after(0).empty() ? 0 : log::lines_after(0).back().number;
+    log_ = {};
     CameraDeviceConfig config;
     config.open = "/videos/field.mp4";
     VideoFile file(std::make_unique<SlowDecoder>(clock_, std::chrono::milliseconds(grab_ms),
@@ -62,62 +61,49 @@ class VideoFileTest : public testing::Test {
     played.left_out = file.left_out();
     return played;
   }
-  std::string said() const {
-    std::string all;
-    for (const log::Line& line : log::lines_after(said_before_)) all += line.text + "\n";
-    return all;
-  }
 
   FakeClock clock_{instant_from_ns(7'000'000'000)};
-  std::uint64_t said_before_{0};
+  NewLog log_;
 };
 
-TEST_F(VideoFileTest, OnAQuickComputerNothingIsLeftOut) {
-  const Played played = play(20, 5);
+TEST_F(VideoFileTest, DropsNothingOnAFastComputer) {
+  Played played = play(20, 5);
   EXPECT_EQ(played.frames.size(), 300u);
   EXPECT_EQ(played.left_out, 0u);
-  EXPECT_EQ(said(), "");
+  EXPECT_EQ(log_.text(), "");
+  clock_.advance(std::chrono::seconds(1));  // one pause
+  played = play(1, 1, 20);
+  EXPECT_EQ(played.left_out, 0u);
+  EXPECT_EQ(log_.text(), "");
 }
 
-TEST_F(VideoFileTest, WhatIsTooSlowToDecodeKeepsItsPaceByLeavingOutImages) {
+TEST_F(VideoFileTest, DropsImagesToKeepThePaceAndReportsItOnce) {
   const Instant began = clock_.now();
   const Played played = play(15, 26);  // 41 ms
-  const Duration lasted = clock_.now() - began;
-  EXPECT_LT(lasted, 300 * kPeriod + std::chrono::milliseconds(200));
+  EXPECT_LT(clock_.now() - began, 300 * kPeriod + std::chrono::milliseconds(200));
   EXPECT_EQ(played.frames.size() + played.left_out, 300u);
   EXPECT_LT(played.latest, 2 * kPeriod + std::chrono::milliseconds(41));
-  std::uint64_t told = 0;
+  std::uint64_t lost = 0;
   for (std::size_t i = 1; i < played.frames.size(); ++i) {
     const Duration step = played.frames[i].exposed_at - played.frames[i - 1].exposed_at;
     EXPECT_EQ(step, kPeriod * (1 + played.frames[i].lost_before)) << "the pace of the file";
-    told += played.frames[i].lost_before;
+    lost += played.frames[i].lost_before;
   }
-  EXPECT_EQ(told, played.left_out);
+  EXPECT_EQ(lost, played.left_out);
+  const std::string text = log_.text();
+  EXPECT_THAT(text, AllOf(HasSubstr("field.mp4 needs 41 ms to decode an image here, its images "
+                                    "come every 33 ms: 10 of the first "),
+                          HasSubstr("use a smaller video"), Not(HasSubstr("slower"))));
+  EXPECT_EQ(text.find("left out"), text.rfind("left out"));
 }
 
-TEST_F(VideoFileTest, ThatImagesAreLeftOutIsSaidOnceInWords) {
-  (void)play(15, 26);
-  EXPECT_THAT(said(),
-              AllOf(HasSubstr("field.mp4 needs 41 ms to decode an image here, its images come "
-                              "every 33 ms: 10 of the first "),
-                    HasSubstr("use a smaller video"), Not(HasSubstr("slower"))));
-  EXPECT_EQ(said().find("left out"), said().rfind("left out"));
-}
-
-TEST_F(VideoFileTest, WhatIsTooSlowEvenThenPlaysSlower) {
+TEST_F(VideoFileTest, PlaysSlowlyWhatItCannotDecodeInTime) {
   const Played played = play(50, 5);
   ASSERT_GT(played.frames.size(), 300u / 10);
-  EXPECT_LT(played.latest, std::chrono::milliseconds(500)) << "it does not fall behind for ever";
+  EXPECT_LT(played.latest, std::chrono::milliseconds(500)) << "bounded";
   for (std::size_t i = 1; i < played.frames.size(); ++i)
     EXPECT_GT(played.frames[i].exposed_at, played.frames[i - 1].exposed_at);
-  EXPECT_THAT(said(), HasSubstr("plays slower than it was taken"));
-}
-
-TEST_F(VideoFileTest, AComputerThatPausesOnceIsNotCalledSlow) {
-  clock_.advance(std::chrono::seconds(1));
-  const Played played = play(1, 1, 20);
-  EXPECT_EQ(played.left_out, 0u);
-  EXPECT_EQ(said(), "");
+  EXPECT_THAT(log_.text(), HasSubstr("plays slower than it was taken"));
 }
 
 }  // namespace

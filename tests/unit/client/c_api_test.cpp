@@ -1,6 +1,6 @@
 #include <fiducap.h>
+#include <gmock/gmock.h>
 
-#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <set>
@@ -8,6 +8,7 @@
 
 #include "support/allocation_counter.hpp"
 #include "support/fake_operator_api.hpp"
+#include "support/shell.hpp"
 #include "test_server.hpp"
 
 extern "C" int fiducap_layout_is_checked(void);
@@ -15,14 +16,8 @@ extern "C" int fiducap_layout_is_checked(void);
 namespace fiducap {
 namespace {
 
-std::string output_of(const std::string& command) {
-  std::string text;
-  std::FILE* pipe = ::popen(command.c_str(), "r");
-  if (pipe == nullptr) return text;
-  char buffer[512];
-  while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) text += buffer;
-  return ::pclose(pipe) == 0 ? text : "failed: " + text;
-}
+using testing::HasSubstr;
+using testing::Not;
 
 class CApiTest : public testing::Test {
  protected:
@@ -48,9 +43,10 @@ class CApiTest : public testing::Test {
   fiducap_client* client_{nullptr};
   fiducap_frame frame_ = fiducap_frame_init();
   fiducap_body bodies_[3]{};
+  char problem_[FIDUCAP_TEXT_SIZE] = "";
 };
 
-TEST_F(CApiTest, GivesTheNewestFrame) {
+TEST_F(CApiTest, ReturnsTheNewestFrame) {
   connect();
   EXPECT_EQ(frame_.body_count, 3u);
   EXPECT_GT(frame_.number, 0u);
@@ -59,9 +55,13 @@ TEST_F(CApiTest, GivesTheNewestFrame) {
   EXPECT_EQ(bodies_[1].valid, 1);
   EXPECT_EQ(bodies_[1].position_m[0], 2.0);
   EXPECT_EQ(bodies_[1].velocity_m_s[2], 0.125);
+  fiducap_body one[1]{};
+  ASSERT_EQ(fiducap_latest(client_, &frame_, one, 1), 1);
+  EXPECT_EQ(frame_.body_count, 3u) << "also those without room";
+  EXPECT_EQ(fiducap_latest(client_, &frame_, nullptr, 0), 1) << "only the header";
 }
 
-TEST_F(CApiTest, GivesAnOlderProgramOnlyTheFieldsItKnows) {
+TEST_F(CApiTest, OlderProgramsGetOnlyTheFieldsTheyKnow) {
   connect();
   // A body of a version that ended after the position, in an array of that stride.
   constexpr std::uint32_t kOldBody = offsetof(fiducap_body, orientation_wxyz);
@@ -74,26 +74,17 @@ TEST_F(CApiTest, GivesAnOlderProgramOnlyTheFieldsItKnows) {
   ASSERT_EQ(fiducap_latest(client_, &frame, reinterpret_cast<fiducap_body*>(old), 2), 1);
   double x = 0;
   std::memcpy(&x, old + kOldBody + offsetof(fiducap_body, position_m), sizeof(x));
-  EXPECT_EQ(x, 2.0) << "the second body is where the old program looks for it";
-  EXPECT_EQ(old[2 * kOldBody], 0xee) << "nothing behind its array is touched";
+  EXPECT_EQ(x, 2.0) << "the second body has the offset of the old version";
+  EXPECT_EQ(old[2 * kOldBody], 0xee) << "nothing behind its array is written";
   EXPECT_EQ(frame.at_client_ns, 42) << "nor behind its frame";
   EXPECT_EQ(frame.struct_size, offsetof(fiducap_frame, at_client_ns));
-}
-
-TEST_F(CApiTest, LeavesOutTheBodiesThereIsNoRoomFor) {
-  connect();
-  fiducap_body one[1]{};
-  ASSERT_EQ(fiducap_latest(client_, &frame_, one, 1), 1);
-  EXPECT_EQ(frame_.body_count, 3u);
-  EXPECT_EQ(fiducap_latest(client_, &frame_, nullptr, 0), 1) << "only the header";
 }
 
 TEST_F(CApiTest, LatestAndPredictAllocateNothing) {
   connect();
   fiducap_body body = fiducap_body_init();
   EXPECT_EQ(fiducap_predict(client_, "drone", 50'000'000, &body), 1);
-  // Other threads may renew a lease meanwhile; a thousand readings that allocated would show more
-  // than that.
+  // Other threads may renew a lease meanwhile; a thousand readings that allocated would be more.
   constexpr std::uint64_t kOfARenewal = 100;
   const AllocationCounter allocations;
   for (int i = 0; i < 1000; ++i) {
@@ -104,7 +95,7 @@ TEST_F(CApiTest, LatestAndPredictAllocateNothing) {
   EXPECT_NEAR(body.position_m[0], 1.025, 1e-9);
 }
 
-TEST_F(CApiTest, CountsAndFinds) {
+TEST_F(CApiTest, CountsAndDiscovers) {
   connect();
   fiducap_statistics statistics = fiducap_statistics_init();
   fiducap_get_statistics(client_, &statistics);
@@ -117,15 +108,14 @@ TEST_F(CApiTest, CountsAndFinds) {
   EXPECT_STREQ(found[0].address, "127.0.0.1");
 }
 
-TEST_F(CApiTest, SaysWhatCannotBeAndSurvivesNothing) {
+TEST_F(CApiTest, ReportsInvalidOptionsAndIgnoresNull) {
   const char* names[33];
   for (auto& name : names) name = "b";
   fiducap_options options = fiducap_options_init();
   options.bodies = names;
   options.body_count = 33;
-  char problem[FIDUCAP_TEXT_SIZE] = "";
-  EXPECT_EQ(fiducap_connect(&options, problem, sizeof(problem)), nullptr);
-  EXPECT_NE(std::string(problem).find("32 bodies"), std::string::npos) << problem;
+  EXPECT_EQ(fiducap_connect(&options, problem_, sizeof(problem_)), nullptr);
+  EXPECT_THAT(std::string(problem_), HasSubstr("32 bodies"));
   char tiny[5];
   EXPECT_EQ(fiducap_connect(&options, tiny, sizeof(tiny)), nullptr);
   EXPECT_STREQ(tiny, "fidu");
@@ -139,36 +129,35 @@ TEST_F(CApiTest, SaysWhatCannotBeAndSurvivesNothing) {
 TEST_F(CApiTest, Controls) {
   fiducap_control* control =
       fiducap_control_open("127.0.0.1", server_.port(), "correct horse", 20'000);
-  char problem[FIDUCAP_TEXT_SIZE] = "";
   fiducap_controlled_body bodies[2] = {fiducap_controlled_body_init(),
                                        fiducap_controlled_body_init()};
   std::uint32_t count = 2;
   int mapping = -1;
   char recording[FIDUCAP_NAME_SIZE];
-  ASSERT_EQ(
-      fiducap_control_list(control, bodies, &count, &mapping, recording, problem, sizeof(problem)),
-      1)
-      << problem;
+  ASSERT_EQ(fiducap_control_list(control, bodies, &count, &mapping, recording, problem_,
+                                 sizeof(problem_)),
+            1)
+      << problem_;
   EXPECT_EQ(count, 2u);
   EXPECT_STREQ(bodies[1].name, "arm");
   EXPECT_EQ(bodies[1].pivot_position_m[2], 0.3);
   EXPECT_EQ(mapping, 0);
   fiducap_recording recordings[2] = {fiducap_recording_init(), fiducap_recording_init()};
   count = 2;
-  ASSERT_EQ(fiducap_control_recordings(control, recordings, &count, problem, sizeof(problem)), 1);
+  ASSERT_EQ(fiducap_control_recordings(control, recordings, &count, problem_, sizeof(problem_)), 1);
   ASSERT_EQ(count, 1u);
   EXPECT_STREQ(recordings[0].name, "sunday");
   EXPECT_EQ(recordings[0].state, FIDUCAP_RECORDING_FAILED);
   EXPECT_STREQ(recordings[0].reason, "the disk is full");
   EXPECT_EQ(recordings[0].bytes, 34567u);
-  EXPECT_EQ(fiducap_control_rename(control, 5, "x", problem, sizeof(problem)), 0);
-  EXPECT_NE(std::string(problem).find("5"), std::string::npos) << problem;
+  EXPECT_EQ(fiducap_control_rename(control, 5, "x", problem_, sizeof(problem_)), 0);
+  EXPECT_THAT(std::string(problem_), HasSubstr("5"));
   EXPECT_EQ(fiducap_control_commit_map(control, nullptr, 0), 1);
   EXPECT_EQ(operator_api_.changes.size(), 1U);
   fiducap_control_close(control);
 }
 
-TEST_F(CApiTest, TellsEventsAndWhatStands) {
+TEST_F(CApiTest, ReportsEventsAndConditions) {
   board_.begin({.severity = Severity::kWarning,
                 .subject = "clock",
                 .kind = "unsynchronised",
@@ -177,21 +166,20 @@ TEST_F(CApiTest, TellsEventsAndWhatStands) {
   fiducap_events* events = fiducap_events_open(nullptr, server_.port(), 1);
   ASSERT_NE(events, nullptr);
   fiducap_event event = fiducap_event_init();
-  char problem[256] = "?";
-  constexpr std::uint32_t kLong_ms = 20'000;
-  ASSERT_EQ(fiducap_events_next(events, kLong_ms, &event, problem, sizeof(problem)), 1) << problem;
+  problem_[0] = '?';
+  ASSERT_EQ(fiducap_events_next(events, 20'000, &event, problem_, sizeof(problem_)), 1) << problem_;
   EXPECT_EQ(event.severity, FIDUCAP_EVENT_WARNING);
   EXPECT_EQ(event.number, 1u);
   EXPECT_EQ(event.at_utc_ms, 1'700'000'000'000);
   EXPECT_STREQ(event.subject, "clock");
   EXPECT_STREQ(event.kind, "unsynchronised");
   EXPECT_STREQ(event.remedy, "Start chrony.");
-  EXPECT_EQ(std::string(event.text), std::string(512, 'x')) << "what is too long is cut";
+  EXPECT_EQ(std::string(event.text), std::string(512, 'x')) << "long texts are cut";
   fiducap_event standing[2] = {fiducap_event_init(), fiducap_event_init()};
   EXPECT_EQ(fiducap_events_standing(events, standing, 2), 1u);
   EXPECT_STREQ(standing[0].kind, "unsynchronised");
-  EXPECT_EQ(fiducap_events_next(events, 0, &event, problem, sizeof(problem)), 0);
-  EXPECT_STREQ(problem, "");
+  EXPECT_EQ(fiducap_events_next(events, 0, &event, problem_, sizeof(problem_)), 0);
+  EXPECT_STREQ(problem_, "");
   fiducap_events_close(events);
 }
 
@@ -204,38 +192,34 @@ TEST_F(CApiTest, ServesThePythonPackage) {
 #ifdef FIDUCAP_SANITIZED
   GTEST_SKIP() << "python3 cannot load a library with a sanitizer in it";
 #endif
-  if (std::system("python3 -c 'import sys; sys.exit(sys.version_info < (3, 8))' 2>/dev/null") !=
-      0) {
+  if (!shell("python3 -c 'import sys; sys.exit(sys.version_info < (3, 8))'").done)
     GTEST_SKIP() << "no python3 (3.8 or newer)";
-  }
-  std::atomic<bool> done{false};
-  std::string output;
-  std::thread python([&] {
-    const std::string package = std::string(FIDUCAP_SOURCE_DIR) + "/client/python";
-    output = output_of("FIDUCAP_LIBRARY=" FIDUCAP_C_LIBRARY " FIDUCAP_TEST_PORT=" +
-                       std::to_string(server_.port()) + " PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" +
-                       package + " python3 -m unittest discover -s " + package + "/tests 2>&1");
-    done = true;
+  const std::string package = std::string(FIDUCAP_SOURCE_DIR) + "/client/python";
+  auto python = std::async(std::launch::async, [&] {
+    return shell("FIDUCAP_LIBRARY=" FIDUCAP_C_LIBRARY " FIDUCAP_TEST_PORT=" +
+                 std::to_string(server_.port()) + " PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" +
+                 package + " python3 -m unittest discover -s " + package + "/tests");
   });
-  EXPECT_TRUE(publish_until(server_, *scene_, [&] { return done.load(); }));
-  python.join();
-  EXPECT_NE(output.find("\nOK"), std::string::npos) << output;
-  EXPECT_EQ(output.find("Ran 0 tests"), std::string::npos) << output;
-  EXPECT_NE(output.find("Ran "), std::string::npos) << output;
+  EXPECT_TRUE(publish_until(server_, *scene_, [&] {
+    return python.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
+  }));
+  const Shell run = python.get();
+  EXPECT_TRUE(run.done) << run.output;
+  EXPECT_THAT(run.output,
+              testing::AllOf(HasSubstr("\nOK"), HasSubstr("Ran "), Not(HasSubstr("Ran 0 tests"))));
 }
 
-TEST(CAbi, ExportsExactlyTheFunctionsThatWerePromised) {
-  const std::string listed = output_of(std::string("nm -D --defined-only ") + FIDUCAP_C_LIBRARY);
+TEST(CAbi, ExportsExactlyTheListedFunctions) {
+  std::istringstream lines(shell(std::string("nm -D --defined-only ") + FIDUCAP_C_LIBRARY).output);
   std::set<std::string> exported;
-  std::istringstream lines(listed);
   std::string address, kind, name;
   while (lines >> address >> kind >> name) {
     if (kind != "A") exported.insert(name.substr(0, name.find('@')));  // A: the version's own name
   }
   std::ifstream file(std::string(FIDUCAP_SOURCE_DIR) + "/client/abi/fiducap.symbols");
-  std::set<std::string> promised;
-  while (file >> name) promised.insert(name);
-  EXPECT_EQ(exported, promised);
+  std::set<std::string> listed;
+  while (file >> name) listed.insert(name);
+  EXPECT_EQ(exported, listed);
   EXPECT_EQ(fiducap_abi_version(), FIDUCAP_ABI_VERSION);
   EXPECT_EQ(fiducap_layout_is_checked(), 1);
 }

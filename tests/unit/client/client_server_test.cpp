@@ -1,44 +1,37 @@
-// The server and the client library in one program, over real loopback sockets. The I/O thread is a
-// real one, the server's clock is moved by the test, and every wait ends as soon as what it waits
-// for is there.
-#include <gtest/gtest.h>
-#include <fiducap/client.hpp>
+// The server and the client library in one program, over real loopback sockets. The server's clock
+// is moved by the test, and every wait ends as soon as its condition holds.
+#include <gmock/gmock.h>
 
 #include <atomic>
-#include <boost/asio/io_context.hpp>
 #include <cmath>
-#include <functional>
-#include <future>
 #include <mutex>
-#include <thread>
 
-#include "base/pose.hpp"
+#include "support/loopback_socket.hpp"
 #include "unit/client/test_server.hpp"
 
 namespace fiducap {
 namespace {
 
+using testing::ElementsAre;
+using testing::StartsWith;
+
 /// Subscribes by hand and then neither reads nor renews.
 class ClientThatNeverReads {
  public:
   explicit ClientThatNeverReads(std::uint16_t port) : fd_(::socket(AF_INET, SOCK_DGRAM, 0)) {
-    sockaddr_in server{};
-    server.sin_family = AF_INET;
-    server.sin_port = htons(port);
-    server.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    EXPECT_EQ(::connect(fd_, reinterpret_cast<sockaddr*>(&server), sizeof(server)), 0);
-    std::array<std::uint8_t, 150> question{0x0d, 'F',  'D', 'C',
-                                           '1',  0x12, 142, 1};  // Subscribe, 142 bytes:
-    question[8] = 0x09;                                          // token
-    question[17] = 0x3a;                                         // padding,
-    question[18] = 130;                                          // 130 bytes
-    question[19] = 1;
-    EXPECT_EQ(::send(fd_, question.data(), question.size(), 0), 150);
+    const sockaddr_in server = loopback(port);
+    EXPECT_EQ(::connect(fd_, reinterpret_cast<const sockaddr*>(&server), sizeof(server)), 0);
+    // Subscribe, 142 bytes: token, padding of 130 bytes.
+    std::array<std::uint8_t, 150> request{0x0d, 'F', 'D', 'C', '1', 0x12, 142, 1, 0x09};
+    request[17] = 0x3a;
+    request[18] = 130;
+    request[19] = 1;
+    EXPECT_EQ(::send(fd_, request.data(), request.size(), 0), 150);
     std::array<std::uint8_t, 64> challenge{};
     EXPECT_GT(::recv(fd_, challenge.data(), challenge.size(), 0), 16);
     EXPECT_EQ(challenge[7], 0x09);
-    std::copy_n(challenge.begin() + 8, 8, question.begin() + 9);
-    EXPECT_EQ(::send(fd_, question.data(), question.size(), 0), 150);
+    std::copy_n(challenge.begin() + 8, 8, request.begin() + 9);
+    EXPECT_EQ(::send(fd_, request.data(), request.size(), 0), 150);
   }
   ~ClientThatNeverReads() { ::close(fd_); }
   ClientThatNeverReads(const ClientThatNeverReads&) = delete;
@@ -49,296 +42,250 @@ class ClientThatNeverReads {
 };
 
 TEST_F(ClientServerTest, FramesArriveAsTheyWereSent) {
-  TestServer server(*scene_);
-  const Client client(options_for(server.port()));
   scene_->bodies[1].valid = false;
   scene_->bodies[1].state = BodyState::kLost;
-  Frame frame;
-  ASSERT_TRUE(receives_frame(client, server, frame));
-  EXPECT_EQ(frame.at_utc_ns - frame.at_server_ns, scene_->utc_offset.count());
-  EXPECT_EQ(frame.rate_hz, 100.0);
-  EXPECT_GT(frame.received_ns, 0);
-  ASSERT_EQ(frame.bodies.size(), 2u);
-  const Body& drone = frame.bodies[0];
-  const BodyPose& sent = scene_->bodies[0];
+  connect();
+  EXPECT_EQ(frame_.at_utc_ns - frame_.at_server_ns, scene_->utc_offset.count());
+  EXPECT_EQ(frame_.rate_hz, 100.0);
+  EXPECT_GT(frame_.received_ns, 0);
+  ASSERT_EQ(frame_.bodies.size(), 2u);
+  const Body& drone = frame_.bodies[0];
+  const auto& [q, p] = scene_->bodies[0].X_WP;
   EXPECT_EQ(drone.name, "drone");
   EXPECT_EQ(drone.tracking, Tracking::kTracking);
   EXPECT_TRUE(drone.valid);
-  EXPECT_EQ(drone.position_m,
-            (std::array<double, 3>{sent.X_WP.p.x(), sent.X_WP.p.y(), sent.X_WP.p.z()}));
-  EXPECT_EQ(drone.orientation_wxyz, (std::array<double, 4>{sent.X_WP.q.w(), sent.X_WP.q.x(),
-                                                           sent.X_WP.q.y(), sent.X_WP.q.z()}));
-  EXPECT_EQ(drone.velocity_m_s, (std::array<double, 3>{0.5, -0.25, 0.125}));
-  constexpr double kFloat = 1e-6;  // sigmas travel as 32-bit floats
+  EXPECT_THAT(drone.position_m, ElementsAre(p.x(), p.y(), p.z()));
+  EXPECT_THAT(drone.orientation_wxyz, ElementsAre(q.w(), q.x(), q.y(), q.z()));
+  EXPECT_THAT(drone.velocity_m_s, ElementsAre(0.5, -0.25, 0.125));
+  constexpr double kFloat = 1e-6;  // sigmas are 32-bit floats on the wire
   EXPECT_NEAR(drone.position_sigma_m, 0.01, kFloat);
   EXPECT_DOUBLE_EQ(drone.age_s, 0.02);
-  EXPECT_EQ(frame.bodies[1].name, "arm");
-  EXPECT_EQ(frame.bodies[1].tracking, Tracking::kLost);
-  EXPECT_FALSE(frame.bodies[1].valid);
-  EXPECT_TRUE(std::isnan(frame.bodies[1].position_m[0]));
+  const Body& arm = frame_.bodies[1];
+  EXPECT_EQ(arm.name, "arm");
+  EXPECT_EQ(arm.tracking, Tracking::kLost);
+  EXPECT_FALSE(arm.valid);
+  EXPECT_TRUE(std::isnan(arm.position_m[0]));
 }
 
-TEST_F(ClientServerTest, TheServerListsItsClientsUntilTheyLeave) {
-  TestServer server(*scene_);
-  {
-    const Client client(options_for(server.port()));
-    Frame frame;
-    ASSERT_TRUE(receives_frame(client, server, frame));
-    const auto clients = server.clients();
-    ASSERT_EQ(clients.size(), 1u);
-    EXPECT_EQ(clients[0].protocol, "native");
-    EXPECT_EQ(clients[0].peer.rfind("127.0.0.1:", 0), 0u) << clients[0].peer;
-    EXPECT_EQ(clients[0].detail.rfind("test, z-up m", 0), 0u) << clients[0].detail;
-    EXPECT_GT(clients[0].frames_sent, 0u);
-    EXPECT_EQ(clients[0].frames_dropped, 0u);
-  }
-  EXPECT_TRUE(wait_until([&] { return server.clients().empty(); }))
-      << "the client did not say good-bye";
+TEST_F(ClientServerTest, ServerListsItsClientsUntilTheyLeave) {
+  connect();
+  const auto clients = server_->clients();
+  ASSERT_EQ(clients.size(), 1u);
+  EXPECT_EQ(clients[0].protocol, "native");
+  EXPECT_THAT(clients[0].peer, StartsWith("127.0.0.1:"));
+  EXPECT_THAT(clients[0].detail, StartsWith("test, z-up m"));
+  EXPECT_GT(clients[0].frames_sent, 0u);
+  EXPECT_EQ(clients[0].frames_dropped, 0u);
+  client_.reset();
+  EXPECT_TRUE(wait_until([&] { return server_->clients().empty(); })) << "it did not unsubscribe";
 }
 
-TEST_F(ClientServerTest, CountsFramesThatNeverCame) {
-  TestServer server(*scene_);
-  const Client client(options_for(server.port()));
-  Frame frame;
-  ASSERT_TRUE(receives_frame(client, server, frame));
-  const auto lost_before = client.statistics().lost;
+TEST_F(ClientServerTest, CountsLostFrames) {
+  connect();
+  const auto lost_before = statistics().lost;
   scene_->number += 41;  // as if 41 frames had been dropped on the way
-  ASSERT_TRUE(receives_frame(client, server, frame));
-  EXPECT_EQ(client.statistics().lost - lost_before, 41u);
+  ASSERT_TRUE(receives(*client_));
+  EXPECT_EQ(statistics().lost - lost_before, 41u);
 }
 
-TEST_F(ClientServerTest, ComesBackAfterARestartOfTheServer) {
-  auto server = std::make_unique<TestServer>(*scene_);
-  const std::uint16_t port = server->port();
-  Client client(options_for(port));
+TEST_F(ClientServerTest, ReconnectsToARestartedServer) {
+  start();
+  const std::uint16_t port = server_->port();
   std::mutex mutex;
   std::vector<bool> connections;
-  client.on_connection([&](bool connected) {
+  client_ = std::make_unique<Client>(options());
+  client_->on_connection([&](bool connected) {
     const std::lock_guard lock(mutex);
     connections.push_back(connected);
   });
   scene_->number = 5000;
-  Frame frame;
-  ASSERT_TRUE(receives_frame(client, *server, frame));
-  server.reset();
-  ASSERT_TRUE(wait_until([&] { return !client.statistics().connected; }));
-  EXPECT_NE(client.statistics().problem, "");
-  EXPECT_TRUE(client.latest(frame)) << "the last frame stays readable";
-  EXPECT_FALSE(client.wait_for_frame(frame.number, std::chrono::milliseconds(1)));
+  ASSERT_TRUE(receives(*client_));
+  server_.reset();
+  ASSERT_TRUE(wait_until([&] { return !statistics().connected; }));
+  EXPECT_NE(statistics().problem, "");
+  EXPECT_TRUE(client_->latest(frame_)) << "the last frame stays readable";
+  const std::uint64_t before_restart = frame_.number;
+  EXPECT_FALSE(client_->wait_for_frame(before_restart, std::chrono::milliseconds(1)));
 
-  auto renamed = make_scene_frame({"other", "arm"}, 1);
-  server = std::make_unique<TestServer>(*renamed, port);
-  const auto restarted = std::chrono::steady_clock::now();
-  scene_ = renamed;
-  ASSERT_TRUE(publish_until(*server, *scene_, [&] { return client.statistics().reconnects == 1; }));
-  const auto took = std::chrono::steady_clock::now() - restarted;
-  RecordProperty("reconnect_ms", static_cast<int>(took / std::chrono::milliseconds(1)));
-  const std::uint64_t before_restart = frame.number;
-  ASSERT_TRUE(receives_frame(client, *server, frame));
-  EXPECT_LT(frame.number, before_restart);
-  EXPECT_TRUE(client.wait_for_frame(before_restart, std::chrono::milliseconds(0)))
+  scene_ = make_scene_frame({"other", "arm"}, 1);
+  start({}, port);
+  const auto restarted_ns = monotonic_ns();
+  ASSERT_TRUE(publish_until([&] { return statistics().reconnects == 1; }));
+  RecordProperty("reconnect_ms", static_cast<int>((monotonic_ns() - restarted_ns) / 1'000'000));
+  ASSERT_TRUE(receives(*client_));
+  EXPECT_LT(frame_.number, before_restart);
+  EXPECT_TRUE(client_->wait_for_frame(before_restart, std::chrono::milliseconds(0)))
       << "newer than all before";
-  EXPECT_EQ(frame.bodies[0].name, "other");
-  const std::lock_guard lock(mutex);
+  EXPECT_EQ(frame_.bodies[0].name, "other");
+  client_->on_connection(nullptr);
   EXPECT_EQ(connections, (std::vector<bool>{true, false, true}));
 }
 
 TEST_F(ClientServerTest, FindsAServerThatStartsLater) {
-  std::uint16_t port = 0;
-  { port = TestServer(*scene_).port(); }
-  const Client client(options_for(port));
-  Frame frame;
-  EXPECT_FALSE(client.latest(frame));
+  start();
+  const std::uint16_t port = server_->port();
+  server_.reset();
+  client_ = std::make_unique<Client>(options_for(port));
+  EXPECT_FALSE(client_->latest(frame_));
   ASSERT_TRUE(wait_until([&] {
-    return client.statistics().problem.find("fiducapd") != std::string::npos;
-  })) << client.statistics().problem;
-  TestServer server(*scene_, port);
-  EXPECT_TRUE(receives_frame(client, server, frame));
-  EXPECT_EQ(client.statistics().reconnects, 0u);
-  EXPECT_EQ(client.statistics().problem, "");
+    return statistics().problem.find("fiducapd") != std::string::npos;
+  })) << statistics().problem;
+  start({}, port);
+  EXPECT_TRUE(receives(*client_));
+  EXPECT_EQ(statistics().reconnects, 0u);
+  EXPECT_EQ(statistics().problem, "");
 }
 
-TEST_F(ClientServerTest, SubscribesAgainWhenTheServerForgotIt) {
-  TestServer server(*scene_);
-  const Client client(options_for(server.port()));
-  Frame frame;
-  ASSERT_TRUE(receives_frame(client, server, frame));
-  server.clock().advance(std::chrono::minutes(5));  // lease and token are long over, for the server
+TEST_F(ClientServerTest, SubscribesAgainAfterItsLeaseHasEnded) {
+  connect();
+  server_->clock().advance(std::chrono::minutes(5));  // lease and token have timed out
   ++scene_->number;
-  server.publish(std::make_shared<SceneFrame>(*scene_));
-  EXPECT_TRUE(server.clients().empty());
-  EXPECT_TRUE(receives_frame(client, server, frame));
+  server_->publish(std::make_shared<SceneFrame>(*scene_));
+  EXPECT_TRUE(server_->clients().empty());
+  EXPECT_TRUE(receives(*client_));
 }
 
-TEST_F(ClientServerTest, ABigSceneArrivesWhole) {
-  scene_ = make_scene_frame(names(100), 1);
-  TestServer server(*scene_);
-  const Client client(options_for(server.port()));
-  Frame frame;
-  ASSERT_TRUE(receives_frame(client, server, frame));
-  ASSERT_EQ(frame.bodies.size(), 100u);
+TEST_F(ClientServerTest, LargeScenesAreComplete) {
+  scene_ = make_scene_frame(numbered_names(100), 1);
+  connect();
+  ASSERT_EQ(frame_.bodies.size(), 100u);
   for (std::size_t i = 0; i < 100; ++i) {
-    EXPECT_EQ(frame.bodies[i].id, static_cast<int>(i) + 1);
-    EXPECT_EQ(frame.bodies[i].name, "body" + std::to_string(i));
-    EXPECT_EQ(frame.bodies[i].position_m[0], 1.0 + static_cast<double>(i));
+    EXPECT_EQ(frame_.bodies[i].id, static_cast<int>(i) + 1);
+    EXPECT_EQ(frame_.bodies[i].name, "body" + std::to_string(i));
+    EXPECT_EQ(frame_.bodies[i].position_m[0], 1.0 + static_cast<double>(i));
   }
 }
 
 TEST_F(ClientServerTest, NewNamesArriveWhileFramesFlow) {
-  TestServer server(*scene_);
-  const Client client(options_for(server.port()));
-  Frame frame;
-  ASSERT_TRUE(receives_frame(client, server, frame));
+  connect();
   auto model = std::make_shared<SceneModel>(*scene_->model);
   model->generation = 2;
   model->bodies[0].name = "renamed";
   scene_->model = model;
-  ASSERT_TRUE(publish_until(
-      server, *scene_, [&] { return client.latest(frame) && frame.bodies[0].name == "renamed"; }));
-  EXPECT_TRUE(client.statistics().connected);
+  ASSERT_TRUE(
+      publish_until([&] { return client_->latest(frame_) && frame_.bodies[0].name == "renamed"; }));
+  EXPECT_TRUE(statistics().connected);
 }
 
 TEST_F(ClientServerTest, TwoClientsReceiveTheSame) {
-  TestServer server(*scene_);
-  const Client one(options_for(server.port()));
-  const Client two(options_for(server.port()));
-  Frame frame;
-  ASSERT_TRUE(
-      publish_until(server, *scene_, [&] { return one.latest(frame) && two.latest(frame); }));
-  EXPECT_EQ(server.clients().size(), 2u);
+  connect();
+  const Client two(options());
   Frame other;
-  ASSERT_TRUE(wait_until(
-      [&] { return one.latest(frame) && two.latest(other) && frame.number == other.number; }));
-  EXPECT_EQ(frame.bodies[1].position_m, other.bodies[1].position_m);
+  ASSERT_TRUE(publish_until([&] { return two.latest(other); }));
+  EXPECT_EQ(server_->clients().size(), 2u);
+  ASSERT_TRUE(wait_until([&] {
+    return client_->latest(frame_) && two.latest(other) && frame_.number == other.number;
+  }));
+  EXPECT_EQ(frame_.bodies[1].position_m, other.bodies[1].position_m);
 }
 
-TEST_F(ClientServerTest, OneClientTooManyIsToldWhy) {
+TEST_F(ClientServerTest, RefusedClientKnowsTheReason) {
   native::NativeConfig config;
   config.max_clients = 1;
-  TestServer server(*scene_, 0, config);
-  auto first = std::make_unique<Client>(options_for(server.port()));
-  Frame frame;
-  ASSERT_TRUE(receives_frame(*first, server, frame));
-  const Client second(options_for(server.port()));
+  start(config);
+  connect();
+  const Client second(options());
   ASSERT_TRUE(wait_until([&] {
     return second.statistics().problem.find("max_clients") != std::string::npos;
   })) << second.statistics().problem;
-  first.reset();
-  EXPECT_TRUE(receives_frame(second, server, frame)) << "a place is free now";
+  client_.reset();
+  EXPECT_TRUE(receives(second)) << "there is room now";
 }
 
-TEST_F(ClientServerTest, AClientThatNeverReadsDisturbsNobodyAndIsForgotten) {
-  scene_ = make_scene_frame(names(100), 1);
-  TestServer server(*scene_);
-  const ClientThatNeverReads dead(server.port());
-  ASSERT_TRUE(wait_until([&] { return server.clients().size() == 1; }));
-  const Client client(options_for(server.port()));
-  ASSERT_TRUE(publish_until(server, *scene_, [&] { return client.statistics().frames >= 200; }));
-  EXPECT_EQ(server.clients().size(), 2u);
-  server.clock().advance(std::chrono::milliseconds(2900));
-  ASSERT_TRUE(publish_until(server, *scene_, [&] {
-    server.clock().advance(std::chrono::milliseconds(1));
-    return server.clients().size() == 1;
+TEST_F(ClientServerTest, ClientThatNeverReadsDisturbsNoOtherAndIsRemoved) {
+  scene_ = make_scene_frame(numbered_names(100), 1);
+  start();
+  const ClientThatNeverReads dead(server_->port());
+  ASSERT_TRUE(wait_until([&] { return server_->clients().size() == 1; }));
+  connect();
+  ASSERT_TRUE(publish_until([&] { return statistics().frames >= 200; }));
+  EXPECT_EQ(server_->clients().size(), 2u);
+  server_->clock().advance(std::chrono::milliseconds(2900));
+  ASSERT_TRUE(publish_until([&] {
+    server_->clock().advance(std::chrono::milliseconds(1));
+    return server_->clients().size() == 1;
   }));
-  EXPECT_EQ(server.clients()[0].detail.rfind("test", 0), 0u);
+  EXPECT_THAT(server_->clients()[0].detail, StartsWith("test"));
 }
 
 TEST_F(ClientServerTest, CallsBackForEveryFrame) {
-  TestServer server(*scene_);
-  Client client(options_for(server.port()));
+  start();
+  client_ = std::make_unique<Client>(options());
   std::atomic<int> calls{0};
   std::atomic<std::uint64_t> last{0};
-  client.on_frame([&](const Frame& frame) {
+  client_->on_frame([&](const Frame& frame) {
     EXPECT_GT(frame.number, last.load());
     last = frame.number;
     ++calls;
   });
-  ASSERT_TRUE(publish_until(server, *scene_, [&] { return calls.load() >= 20; }));
-  client.on_frame(nullptr);
-  Frame frame;
-  ASSERT_TRUE(receives_frame(client, server, frame));
+  ASSERT_TRUE(publish_until([&] { return calls.load() >= 20; }));
+  client_->on_frame(nullptr);
+  ASSERT_TRUE(receives(*client_));
 }
 
-TEST_F(ClientServerTest, TellsANewListenerThatTheConnectionIsThere) {
-  TestServer server(*scene_);
-  Client client(options_for(server.port()));
-  ASSERT_TRUE(wait_until([&] { return client.statistics().connected; }));
-  std::promise<bool> told;
-  client.on_connection([&](bool connected) { told.set_value(connected); });
-  auto answer = told.get_future();
-  ASSERT_EQ(answer.wait_for(kPatience), std::future_status::ready);
+TEST_F(ClientServerTest, NewListenerIsCalledWhenConnected) {
+  connect();
+  std::promise<bool> called;
+  client_->on_connection([&](bool connected) { called.set_value(connected); });
+  auto answer = called.get_future();
+  ASSERT_EQ(answer.wait_for(kTimeout), std::future_status::ready);
   EXPECT_TRUE(answer.get());
-  client.on_connection(nullptr);
+  client_->on_connection(nullptr);
 }
 
 TEST_F(ClientServerTest, WaitsForTheNextFrame) {
-  TestServer server(*scene_);
-  const Client client(options_for(server.port()));
-  EXPECT_FALSE(client.wait_for_frame(0, std::chrono::milliseconds(1)));
-  Frame frame;
-  ASSERT_TRUE(receives_frame(client, server, frame));
-  ASSERT_TRUE(client.wait_for_frame(0, kPatience));
-  ASSERT_TRUE(client.latest(frame));
-  EXPECT_FALSE(client.wait_for_frame(scene_->number, std::chrono::milliseconds(1)));
+  start();
+  client_ = std::make_unique<Client>(options());
+  EXPECT_FALSE(client_->wait_for_frame(0, std::chrono::milliseconds(1)));
+  ASSERT_TRUE(receives(*client_));
+  ASSERT_TRUE(client_->wait_for_frame(0, kTimeout));
+  EXPECT_FALSE(client_->wait_for_frame(scene_->number, std::chrono::milliseconds(1)));
   auto waiting = std::async(std::launch::async,
-                            [&] { return client.wait_for_frame(scene_->number, kPatience); });
+                            [&] { return client_->wait_for_frame(scene_->number, kTimeout); });
   auto next = std::make_shared<SceneFrame>(*scene_);
   ++next->number;
-  server.publish(next);
+  server_->publish(next);
   EXPECT_TRUE(waiting.get());
 }
 
-TEST_F(ClientServerTest, MeasuresLatencyOnlyOnTheSameTimeLine) {
-  TestServer server(*scene_);
-  const Client client(options_for(server.port()));
-  scene_->at = instant_from_ns(5'000'000'000);
-  ++scene_->number;
-  Frame frame;
-  ASSERT_TRUE(wait_until([&] {  // frames of a recording: another time line
+TEST_F(ClientServerTest, LatencyIsUnknownOnAnotherTimeLine) {
+  start();
+  client_ = std::make_unique<Client>(options());
+  scene_->at = instant_from_ns(5'000'000'000);  // as in a recording
+  ASSERT_TRUE(wait_until([&] {
     ++scene_->number;
-    server.publish(std::make_shared<SceneFrame>(*scene_));
-    return client.latest(frame);
+    server_->publish(std::make_shared<SceneFrame>(*scene_));
+    return client_->latest(frame_);
   }));
   if (monotonic_ns() > 20'000'000'000) {
-    EXPECT_TRUE(std::isnan(client.statistics().latency_p50_s));
+    EXPECT_TRUE(std::isnan(statistics().latency_p50_s));
   }
-  ASSERT_TRUE(publish_until(server, *scene_,
-                            [&] { return std::isfinite(client.statistics().latency_p50_s); }));
-  EXPECT_GT(client.statistics().latency_p50_s, 0.0);
-  EXPECT_LT(client.statistics().latency_p50_s, to_seconds(kPatience));
-  EXPECT_GE(client.statistics().latency_p99_s, client.statistics().latency_p50_s);
-  EXPECT_GT(client.statistics().rate_hz, 0.0);
+  ASSERT_TRUE(publish_until([&] { return std::isfinite(statistics().latency_p50_s); }));
+  EXPECT_GT(statistics().latency_p50_s, 0.0);
+  EXPECT_LT(statistics().latency_p50_s, to_seconds(kTimeout));
+  EXPECT_GE(statistics().latency_p99_s, statistics().latency_p50_s);
+  EXPECT_GT(statistics().rate_hz, 0.0);
 }
 
-TEST_F(ClientServerTest, ResolvesAHostName) {
-  TestServer server(*scene_);
-  auto options = options_for(server.port());
-  options.server = "localhost";
-  const Client client(options);
-  Frame frame;
-  EXPECT_TRUE(receives_frame(client, server, frame)) << client.statistics().problem;
-}
-
-TEST(ClientTest, SaysThatAHostNameIsUnknown) {
-  ClientOptions options;
-  options.server = "no such host";
-  const Client client(options);
+TEST_F(ClientServerTest, ResolvesHostNames) {
+  connect([](ClientOptions& options) { options.server = "localhost"; });
+  ClientOptions unknown;
+  unknown.server = "no such host";
+  const Client client(unknown);
   EXPECT_TRUE(wait_until([&] {
     return client.statistics().problem.find("no such host") != std::string::npos;
   })) << client.statistics().problem;
   EXPECT_FALSE(client.statistics().connected);
 }
 
-TEST_F(ClientServerTest, AClientWithoutServerEndsAtOnce) {
-  std::uint16_t port = 0;
-  { port = TestServer(*scene_).port(); }
-  const auto start = std::chrono::steady_clock::now();
-  {
-    auto options = options_for(port);
-    options.reconnect_s = 60;
-    const Client client(options);
-  }
-  EXPECT_LT(std::chrono::steady_clock::now() - start, kPatience);
+TEST_F(ClientServerTest, ClientWithoutAServerEndsAtOnce) {
+  start();
+  auto options = options_for(server_->port());
+  server_.reset();
+  options.reconnect_s = 60;
+  const auto begin_ns = monotonic_ns();
+  { const Client client(options); }
+  EXPECT_LT(Duration{monotonic_ns() - begin_ns}, kTimeout);
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 #include "src/conversation.hpp"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 namespace fiducap::sdk {
 namespace {
@@ -14,12 +14,21 @@ class ConversationTest : public testing::Test {
  protected:
   ConversationTest() { conversation_.start(now_); }
 
-  /// @return the question that is due, or nothing
-  bool asks(std::uint64_t model = kModel) {
+  /// @return whether a request is due
+  bool requests(std::uint64_t model = kModel) {
     conversation_.tick(now_);
     if (!conversation_.due(now_)) return false;
-    question_ = conversation_.question(model, now_);
+    request_ = conversation_.question(model, now_);
     return true;
+  }
+  bool requests_after(Nanoseconds delay, std::uint64_t model = kModel) {
+    now_ += delay;
+    return requests(model);
+  }
+  /// A frame arrives.
+  bool heard_after(Nanoseconds delay, std::uint64_t session = kSession) {
+    now_ += delay;
+    return conversation_.heard(session, now_);
   }
   void challenge(std::uint64_t token, std::uint64_t session = kSession) {
     conversation_.on(Challenge{token, kNonce, session}, now_);
@@ -27,159 +36,143 @@ class ConversationTest : public testing::Test {
   void lease(std::uint64_t token, std::uint64_t session = kSession) {
     EXPECT_TRUE(conversation_.on(Lease{session, kNonce, token, 3 * kSecond, kModel}, now_));
   }
-  void connect() {
-    ASSERT_TRUE(asks(0));
+  void subscribe() {
+    ASSERT_TRUE(requests(0));
     challenge(1);
-    ASSERT_TRUE(asks(0));
+    ASSERT_TRUE(requests(0));
+    EXPECT_EQ(request_.token, 1u);
     lease(2);
-    now_ += 100 * kMillisecond;
-    conversation_.heard(kSession, now_);
-    ASSERT_TRUE(asks()) << "asks once more to tell that the model is here";
+  }
+  void connect() {
+    subscribe();
+    heard_after(100 * kMillisecond);
+    ASSERT_TRUE(requests()) << "once more, to confirm the model";
     lease(2);
   }
 
   Nanoseconds now_ = 1000 * kSecond;
   Conversation conversation_{kRetry, kNonce, "test"};
-  SubscribeRequest question_;
+  SubscribeRequest request_;
 };
 
-TEST_F(ConversationTest, AsksAtOnceAndThenOncePerPause) {
-  EXPECT_TRUE(asks());
-  EXPECT_EQ(question_.token, 0u);
-  EXPECT_EQ(question_.nonce, kNonce);
-  EXPECT_EQ(question_.client_name, "test");
-  EXPECT_FALSE(asks());
-  now_ += kRetry - 1;
-  EXPECT_FALSE(asks());
-  now_ += 1;
-  EXPECT_TRUE(asks());
+TEST_F(ConversationTest, RequestsAtOnceAndThenOncePerPause) {
+  EXPECT_TRUE(requests());
+  EXPECT_EQ(request_.token, 0u);
+  EXPECT_EQ(request_.nonce, kNonce);
+  EXPECT_EQ(request_.client_name, "test");
+  EXPECT_FALSE(requests());
+  EXPECT_FALSE(requests_after(kRetry - 1));
+  EXPECT_TRUE(requests_after(1));
   EXPECT_EQ(conversation_.unanswered(), 2);
 }
 
 TEST_F(ConversationTest, ReturnsTheTokenAtOnce) {
-  ASSERT_TRUE(asks());
-  challenge(99);
-  ASSERT_TRUE(asks());
-  EXPECT_EQ(question_.token, 99u);
-  lease(100);
+  subscribe();
   EXPECT_TRUE(conversation_.leased());
   EXPECT_EQ(conversation_.session(), kSession);
   EXPECT_EQ(conversation_.problem(), "");
 }
 
-TEST_F(ConversationTest, IgnoresAnswersToSomebodyElse) {
-  ASSERT_TRUE(asks());
+TEST_F(ConversationTest, IgnoresRepliesWithAnotherNonce) {
+  ASSERT_TRUE(requests());
   conversation_.on(Challenge{99, kNonce + 1, kSession}, now_);
-  EXPECT_FALSE(asks());
+  EXPECT_FALSE(requests());
   EXPECT_FALSE(conversation_.on(Lease{kSession, kNonce + 1, 1, kSecond, kModel}, now_));
   conversation_.on(Notice{kSession, kNonce + 1, true, "no"}, now_);
   EXPECT_FALSE(conversation_.leased());
 }
 
-TEST_F(ConversationTest, DoesNotSpinWhenEveryAnswerIsAChallenge) {
-  int questions = 0;
-  const Nanoseconds end = now_ + kSecond;
-  while (now_ < end) {
-    if (asks()) {
-      ++questions;
-      challenge(1);
-    }
-    now_ += kMillisecond;
+TEST_F(ConversationTest, RequestsAreBoundedWhenEveryReplyIsAChallenge) {
+  int count = 0;
+  for (int ms = 0; ms < 1000; ++ms, now_ += kMillisecond) {
+    if (!requests()) continue;
+    ++count;
+    challenge(1);
   }
-  EXPECT_LE(questions, 25);
+  EXPECT_LE(count, 25);
 }
 
-TEST_F(ConversationTest, AsksQuicklyForAModelThatDidNotArrive) {
-  ASSERT_TRUE(asks(0));
-  challenge(1);
-  ASSERT_TRUE(asks(0));
-  lease(2);
-  now_ += 100 * kMillisecond;
-  ASSERT_TRUE(asks(0));
-  EXPECT_EQ(question_.token, 2u);
-  EXPECT_EQ(question_.model_generation, 0u);
+TEST_F(ConversationTest, RequestsAMissingModelSoon) {
+  subscribe();
+  ASSERT_TRUE(requests_after(100 * kMillisecond, 0));
+  EXPECT_EQ(request_.token, 2u);
+  EXPECT_EQ(request_.model_generation, 0u);
 }
 
 TEST_F(ConversationTest, RenewsThreeTimesPerLeaseWhileFramesFlow) {
   connect();
-  int questions = 0;
+  int count = 0;
   for (int i = 0; i < 300; ++i) {
-    now_ += 10 * kMillisecond;
-    EXPECT_TRUE(conversation_.heard(kSession, now_));
-    if (asks()) {
-      ++questions;
+    EXPECT_TRUE(heard_after(10 * kMillisecond));
+    if (requests()) {
+      ++count;
       lease(2);
     }
     ASSERT_TRUE(conversation_.leased());
   }
-  EXPECT_EQ(questions, 3);
+  EXPECT_EQ(count, 3);
 }
 
-TEST_F(ConversationTest, ProbesASilentServerAndKeepsTheLeaseWhenItAnswers) {
+TEST_F(ConversationTest, ProbesASilentServerAndKeepsTheLease) {
   connect();
   for (int i = 0; i < 40; ++i) {
-    now_ += 250 * kMillisecond;
-    ASSERT_TRUE(asks());
+    ASSERT_TRUE(requests_after(250 * kMillisecond));
     lease(2);
   }
   EXPECT_TRUE(conversation_.leased());
 }
 
-TEST_F(ConversationTest, GivesASilentServerUpAfterASecond) {
+TEST_F(ConversationTest, LeaseOfASilentServerEndsAfterASecond) {
   connect();
   const Nanoseconds silent_since = now_;
   while (conversation_.leased() && now_ < silent_since + 10 * kSecond) {
     now_ = conversation_.wake_at();
-    asks();
+    requests();
   }
   EXPECT_EQ(now_ - silent_since, kSecond);
   EXPECT_NE(conversation_.problem(), "");
 }
 
-TEST_F(ConversationTest, EndsALeaseThatNobodyRenews) {
+TEST_F(ConversationTest, LeaseEndsUnlessRenewed) {
   connect();
-  for (int i = 0; i < 31; ++i) {  // frames still flow, but no answer comes
-    now_ += 100 * kMillisecond;
-    conversation_.heard(kSession, now_);
-    asks();
+  for (int i = 0; i < 31; ++i) {  // frames still flow, but no reply comes
+    heard_after(100 * kMillisecond);
+    requests();
   }
   EXPECT_FALSE(conversation_.leased());
 }
 
-TEST_F(ConversationTest, NoticesARestartByTheChallengeToItsProbe) {
+TEST_F(ConversationTest, ChallengeOfAnotherSessionIsARestart) {
   connect();
-  now_ += 250 * kMillisecond;
-  ASSERT_TRUE(asks());
+  ASSERT_TRUE(requests_after(250 * kMillisecond));
   challenge(50, kSession + 1);
   EXPECT_FALSE(conversation_.leased());
-  ASSERT_TRUE(asks());
-  EXPECT_EQ(question_.token, 50u);
+  ASSERT_TRUE(requests());
+  EXPECT_EQ(request_.token, 50u);
   lease(51, kSession + 1);
   EXPECT_TRUE(conversation_.leased());
-  EXPECT_FALSE(conversation_.heard(kSession, now_)) << "a frame of the server that is gone";
+  EXPECT_FALSE(heard_after(0)) << "a frame of the former server";
 }
 
-TEST_F(ConversationTest, KeepsTheLeaseWhenOnlyTheTokenIsTooOld) {
+TEST_F(ConversationTest, ChallengeOfTheSameSessionKeepsTheLease) {
   connect();
-  now_ += kSecond;
-  conversation_.heard(kSession, now_);
-  ASSERT_TRUE(asks());
+  heard_after(kSecond);
+  ASSERT_TRUE(requests());
   challenge(50);
   EXPECT_TRUE(conversation_.leased());
-  ASSERT_TRUE(asks());
-  EXPECT_EQ(question_.token, 50u);
+  ASSERT_TRUE(requests());
+  EXPECT_EQ(request_.token, 50u);
 }
 
-TEST_F(ConversationTest, SaysWhyItWasRefused) {
-  ASSERT_TRUE(asks());
+TEST_F(ConversationTest, RefusalIsReportedAndRetried) {
+  ASSERT_TRUE(requests());
   conversation_.on(Notice{kSession, kNonce, false, "full"}, now_);
   EXPECT_EQ(conversation_.problem(), "full");
-  EXPECT_FALSE(asks());
-  now_ += kRetry;
-  EXPECT_TRUE(asks());
+  EXPECT_FALSE(requests());
+  EXPECT_TRUE(requests_after(kRetry));
 }
 
-TEST_F(ConversationTest, EndsWithTheServer) {
+TEST_F(ConversationTest, LeaseEndsWithTheServer) {
   connect();
   conversation_.on(Notice{kSession + 1, 0, true, "another server ends"}, now_);
   EXPECT_TRUE(conversation_.leased());
@@ -188,11 +181,11 @@ TEST_F(ConversationTest, EndsWithTheServer) {
   EXPECT_EQ(conversation_.problem(), "the server ends");
 }
 
-TEST_F(ConversationTest, EndsWhenTheHostSaysThatNobodyListens) {
+TEST_F(ConversationTest, LeaseEndsWhenThePortIsClosed) {
   connect();
   conversation_.refused(now_);
   EXPECT_FALSE(conversation_.leased());
-  EXPECT_NE(conversation_.problem().find("fiducapd"), std::string::npos);
+  EXPECT_THAT(conversation_.problem(), testing::HasSubstr("fiducapd"));
   EXPECT_EQ(conversation_.wake_at(), now_ + kRetry);
 }
 

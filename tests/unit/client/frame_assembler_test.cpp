@@ -1,11 +1,14 @@
 #include "src/frame_assembler.hpp"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include "support/allocation_counter.hpp"
 
 namespace fiducap::sdk {
 namespace {
+
+using testing::IsNull;
+using testing::NotNull;
 
 constexpr std::uint64_t kSession = 9;
 constexpr std::uint32_t kBodies = 5;  // two parts: 3 + 2
@@ -19,10 +22,9 @@ class FrameAssemblerTest : public testing::Test {
   static PartPlace place(std::uint32_t index) { return {index, 2, index * 3, kBodies}; }
   void add_model_part(std::uint64_t generation, std::uint32_t index) {
     ModelPart part{kSession, generation, 0, place(index), {}};
-    for (std::uint32_t i = index * 3; i < (index == 0 ? 3 : kBodies); ++i) {
+    for (std::uint32_t i = index * 3; i < (index == 0 ? 3 : kBodies); ++i)
       part.bodies.emplace_back(static_cast<int>(i) + 1,
                                "body" + std::to_string(i) + "g" + std::to_string(generation));
-    }
     assembler_.add(part);
   }
   void add_model(std::uint64_t generation) {
@@ -46,115 +48,102 @@ class FrameAssemblerTest : public testing::Test {
   Frame* add(std::uint64_t number, std::uint32_t index, std::uint64_t generation = 1) {
     return assembler_.add(part(number, index, generation));
   }
+  /// Both parts.
+  Frame* add_frame(std::uint64_t number, std::uint64_t generation = 1) {
+    EXPECT_THAT(add(number, 0, generation), IsNull());
+    return add(number, 1, generation);
+  }
 
   FrameAssembler assembler_;
 };
 
-TEST_F(FrameAssemblerTest, JoinsPartsInOrder) {
-  EXPECT_EQ(add(1, 0), nullptr);
-  const Frame* frame = add(1, 1);
-  ASSERT_NE(frame, nullptr);
+TEST_F(FrameAssemblerTest, JoinsPartsInAnyOrder) {
+  EXPECT_THAT(add(1, 1), IsNull());
+  EXPECT_THAT(add(2, 0), IsNull());
+  ASSERT_THAT(add(1, 0), NotNull());
+  Frame* frame = add(2, 1);
+  ASSERT_THAT(frame, NotNull());
+  for (const Body& body : frame->bodies) EXPECT_EQ(body.position_m[0], 2.0);
+  EXPECT_EQ(assembler_.lost(), 0u);
+  frame = add_frame(3);
+  ASSERT_THAT(frame, NotNull());
   ASSERT_EQ(frame->bodies.size(), kBodies);
   EXPECT_EQ(frame->bodies[0].name, "body0g1");
   EXPECT_EQ(frame->bodies[4].name, "body4g1");
 }
 
-TEST_F(FrameAssemblerTest, JoinsPartsThatOvertakeEachOther) {
-  EXPECT_EQ(add(1, 1), nullptr);
-  EXPECT_EQ(add(2, 0), nullptr);
-  ASSERT_NE(add(1, 0), nullptr);
-  const Frame* frame = add(2, 1);
-  ASSERT_NE(frame, nullptr);
-  for (const Body& body : frame->bodies) EXPECT_EQ(body.position_m[0], 2.0);
-  EXPECT_EQ(assembler_.lost(), 0u);
+TEST_F(FrameAssemblerTest, IgnoresDuplicates) {
+  EXPECT_THAT(add(1, 0), IsNull());
+  EXPECT_THAT(add_frame(1), NotNull());
+  EXPECT_THAT(add(1, 1), IsNull()) << "the frame is complete";
 }
 
-TEST_F(FrameAssemblerTest, IgnoresAPartThatCameTwice) {
-  EXPECT_EQ(add(1, 0), nullptr);
-  EXPECT_EQ(add(1, 0), nullptr);
-  EXPECT_NE(add(1, 1), nullptr);
-  EXPECT_EQ(add(1, 1), nullptr) << "the frame is done";
-}
-
-TEST_F(FrameAssemblerTest, CountsFramesWithAMissingPart) {
-  add(1, 0);
-  add(1, 1);
-  for (std::uint64_t number = 2; number <= 10; ++number) EXPECT_EQ(add(number, 0), nullptr);
-  add(11, 0);
-  EXPECT_NE(add(11, 1), nullptr);
+TEST_F(FrameAssemblerTest, CountsIncompleteFrames) {
+  add_frame(1);
+  for (std::uint64_t number = 2; number <= 10; ++number) EXPECT_THAT(add(number, 0), IsNull());
+  EXPECT_THAT(add_frame(11), NotNull());
   EXPECT_EQ(assembler_.lost(), 9u);
   EXPECT_EQ(assembler_.received(), 2u);
 }
 
-TEST_F(FrameAssemblerTest, DropsWhatIsOlderThanAFinishedFrame) {
-  add(2, 0);
-  EXPECT_NE(add(2, 1), nullptr);
-  EXPECT_EQ(add(1, 0), nullptr);
-  EXPECT_EQ(add(1, 1), nullptr);
+TEST_F(FrameAssemblerTest, DropsFramesOlderThanACompleteOne) {
+  EXPECT_THAT(add_frame(2), NotNull());
+  EXPECT_THAT(add_frame(1), IsNull());
 }
 
-TEST_F(FrameAssemblerTest, IgnoresAnotherSession) {
+TEST_F(FrameAssemblerTest, IgnoresOtherSessions) {
   FramePart other = part(1, 0);
   other.session = kSession + 1;
-  EXPECT_EQ(assembler_.add(other), nullptr);
-  EXPECT_EQ(add(1, 1), nullptr);
-  EXPECT_NE(add(1, 0), nullptr);
+  EXPECT_THAT(assembler_.add(other), IsNull());
+  EXPECT_THAT(add(1, 1), IsNull());
+  EXPECT_THAT(add(1, 0), NotNull());
 }
 
-TEST_F(FrameAssemblerTest, IgnoresFramesWhoseNamesItDoesNotKnow) {
-  add(1, 0, 2);
-  EXPECT_EQ(add(1, 1, 2), nullptr);
+TEST_F(FrameAssemblerTest, WaitsForTheModelOfAFrame) {
+  EXPECT_THAT(add_frame(1, 2), IsNull());
   add_model_part(2, 0);
-  add(2, 0, 2);
-  EXPECT_EQ(add(2, 1, 2), nullptr) << "half a model is none";
+  EXPECT_THAT(add_frame(2, 2), IsNull()) << "half of the model is missing";
   add_model_part(2, 1);
   EXPECT_EQ(assembler_.model_generation(), 2u);
-  add(3, 0, 2);
-  const Frame* frame = add(3, 1, 2);
-  ASSERT_NE(frame, nullptr);
+  const Frame* frame = add_frame(3, 2);
+  ASSERT_THAT(frame, NotNull());
   EXPECT_EQ(frame->bodies[3].name, "body3g2");
 }
 
-TEST_F(FrameAssemblerTest, RefusesBodiesThatAreNotThoseOfTheModel) {
+TEST_F(FrameAssemblerTest, RefusesBodiesThatAreNotInTheModel) {
   FramePart wrong = part(1, 0);
   wrong.frame.bodies[1].id = 77;
-  EXPECT_EQ(assembler_.add(wrong), nullptr);
-  EXPECT_EQ(add(1, 1), nullptr);
+  EXPECT_THAT(assembler_.add(wrong), IsNull());
+  EXPECT_THAT(add(1, 1), IsNull());
 }
 
-TEST_F(FrameAssemblerTest, NeverShowsAnOldPoseInAPlaceThatNoPartFilled) {
-  add(1, 0);
-  ASSERT_NE(add(1, 1), nullptr);
+TEST_F(FrameAssemblerTest, FrameNeverHasPosesOfAnEarlierOne) {
+  ASSERT_THAT(add_frame(1), NotNull());
   for (std::uint64_t number = 2; number < 5; ++number) {
-    FramePart twice =
-        part(number, 0);  // claims to be the second part, fills the first places again
+    FramePart twice = part(number, 0);  // as the second part, with the bodies of the first
     twice.place = {1, 2, 0, kBodies};
     twice.frame.bodies.resize(2);
     add(number, 0);
-    EXPECT_EQ(assembler_.add(twice), nullptr);
+    EXPECT_THAT(assembler_.add(twice), IsNull());
   }
 }
 
-TEST_F(FrameAssemblerTest, StartsAgainWithANewSession) {
-  add(100, 0);
-  EXPECT_NE(add(100, 1), nullptr);
+TEST_F(FrameAssemblerTest, StartsAgainWithNewSession) {
+  EXPECT_THAT(add_frame(100), NotNull());
   assembler_.begin(kSession);
   EXPECT_EQ(assembler_.model_generation(), 0u);
   add_model(1);
-  add(1, 0);
-  EXPECT_NE(add(1, 1), nullptr);
+  EXPECT_THAT(add_frame(1), NotNull());
   EXPECT_EQ(assembler_.lost(), 0u);
 }
 
-TEST_F(FrameAssemblerTest, AnEmptySceneIsAFrame) {
+TEST_F(FrameAssemblerTest, EmptySceneIsAFrame) {
   assembler_.begin(kSession);
   assembler_.add(ModelPart{kSession, 1, 0, {0, 1, 0, 0}, {}});
-  FramePart empty;
-  empty.session = kSession;
-  empty.model_generation = 1;
+  FramePart empty = part(1, 0);
   empty.place = {0, 1, 0, 0};
-  empty.frame.number = 1;
-  EXPECT_NE(assembler_.add(empty), nullptr);
+  empty.frame.bodies.clear();
+  EXPECT_THAT(assembler_.add(empty), NotNull());
 }
 
 TEST_F(FrameAssemblerTest, AllocatesNothingAfterWarmUp) {

@@ -1,130 +1,152 @@
 #include "src/latest_frame.hpp"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <atomic>
+#include <cmath>
 #include <functional>
-#include <memory>
+#include <limits>
 #include <thread>
 #include <vector>
 
+#include "src/receive_statistics.hpp"
 #include "support/allocation_counter.hpp"
 
 namespace fiducap::sdk {
 namespace {
 
-Frame frame_of(std::uint64_t number, std::size_t bodies = 3) {
-  Frame frame;
+/// Every position is the frame's number.
+void fill(Frame& frame, std::uint64_t number, std::size_t bodies) {
   frame.number = number;
-  for (std::size_t i = 0; i < bodies; ++i) {
-    Body body;
+  frame.bodies.resize(bodies);
+  for (Body& body : frame.bodies) {
     body.name = "a name that is too long for the small string";
     body.position_m.fill(static_cast<double>(number));
-    frame.bodies.push_back(body);
   }
-  return frame;
 }
 
-TEST(LatestFrame, HasNothingBeforeTheFirst) {
-  const LatestFrame latest;
-  EXPECT_FALSE(latest.read([](const Frame&) { FAIL() << "there is no frame"; }));
-}
+class LatestFrameTest : public testing::Test {
+ protected:
+  bool publish(std::uint64_t n, std::size_t bodies = 3) {
+    Frame frame;
+    fill(frame, n, bodies);
+    return latest_.publish(frame) != nullptr;
+  }
+  LatestFrame latest_;
+};
 
-TEST(LatestFrame, GivesTheNewest) {
-  LatestFrame latest;
-  for (std::uint64_t number = 1; number < 50; ++number) {
-    Frame frame = frame_of(number);
-    ASSERT_NE(latest.publish(frame), nullptr);
+TEST_F(LatestFrameTest, IsTheNewest) {
+  EXPECT_FALSE(latest_.read([](const Frame&) { FAIL() << "there is no frame"; }));
+  for (std::uint64_t n = 1; n < 50; ++n) {
+    ASSERT_TRUE(publish(n));
     std::uint64_t read = 0;
-    EXPECT_TRUE(latest.read([&](const Frame& newest) { read = newest.number; }));
-    EXPECT_EQ(read, number);
+    EXPECT_TRUE(latest_.read([&](const Frame& newest) { read = newest.number; }));
+    EXPECT_EQ(read, n);
   }
 }
 
-TEST(LatestFrame, KeepsAFrameWhileItIsRead) {
-  LatestFrame latest;
-  Frame frame = frame_of(1);
-  latest.publish(frame);
-  latest.read([&](const Frame& held) {
-    for (std::uint64_t number = 2; number < 50; ++number) {
-      Frame next = frame_of(number);
-      ASSERT_NE(latest.publish(next), nullptr);
-    }
+TEST_F(LatestFrameTest, FrameIsKeptWhileItIsRead) {
+  publish(1);
+  latest_.read([&](const Frame& held) {
+    for (std::uint64_t n = 2; n < 50; ++n) ASSERT_TRUE(publish(n));
     EXPECT_EQ(held.number, 1u);
     EXPECT_EQ(held.bodies[2].position_m[1], 1.0);
   });
 }
 
-TEST(LatestFrame, SkipsAFrameOnlyWhenReadersStandInEveryPlace) {
-  LatestFrame latest;
+TEST_F(LatestFrameTest, FrameIsSkippedOnlyWhenAllPlacesAreRead) {
   std::uint64_t published = 0;
   const std::function<void()> nest = [&] {
-    Frame next = frame_of(published + 1);
-    if (latest.publish(next) == nullptr) return;
+    if (!publish(published + 1)) return;
     ++published;
-    latest.read([&](const Frame& held) {
-      const std::uint64_t number = held.number;
+    latest_.read([&](const Frame& held) {
+      const std::uint64_t n = held.number;
       nest();
-      EXPECT_EQ(held.number, number);
+      EXPECT_EQ(held.number, n);
     });
   };
   nest();
   EXPECT_EQ(published, 8u);
-  Frame next = frame_of(100);
-  EXPECT_NE(latest.publish(next), nullptr) << "all readers have left";
+  EXPECT_TRUE(publish(100)) << "all readers have left";
 }
 
-TEST(LatestFrame, ReadingAllocatesNothingOnceTheFrameHasRoom) {
-  LatestFrame latest;
+TEST_F(LatestFrameTest, ReadingAllocatesNothingOnceTheFrameHasRoom) {
+  for (std::uint64_t n = 1; n < 20; ++n) publish(n, 100);
   Frame copy;
-  for (std::uint64_t number = 1; number < 20; ++number) {
-    Frame frame = frame_of(number, 100);
-    latest.publish(frame);
-  }
-  latest.read([&](const Frame& newest) { copy = newest; });
+  latest_.read([&](const Frame& newest) { copy = newest; });
   const AllocationCounter allocations;
-  for (int i = 0; i < 100; ++i) latest.read([&](const Frame& newest) { copy = newest; });
+  for (int i = 0; i < 100; ++i) latest_.read([&](const Frame& newest) { copy = newest; });
   EXPECT_EQ(allocations.count(), 0u);
   EXPECT_EQ(copy.number, 19u);
 }
 
-TEST(LatestFrame, ReadersNeverSeeHalfAFrameOrAnOlderOne) {
-  LatestFrame latest;
+TEST_F(LatestFrameTest, ThreadsReadWholeFramesInOrder) {
   std::atomic<bool> done{false};
-  std::atomic<int> torn{0};
-  std::atomic<int> reads{0};
-  std::vector<std::thread> readers;
+  std::atomic<int> torn{0}, reads{0};
+  std::vector<std::jthread> readers;
   for (int i = 0; i < 3; ++i) {
     readers.emplace_back([&] {
       Frame copy;
       std::uint64_t last = 0;
       while (!done.load()) {
-        if (!latest.read([&](const Frame& newest) { copy = newest; })) continue;
+        if (!latest_.read([&](const Frame& newest) { copy = newest; })) continue;
         bool whole = copy.number >= last;
-        for (const Body& body : copy.bodies) {
+        for (const Body& body : copy.bodies)
           for (const double x : body.position_m)
             whole = whole && x == static_cast<double>(copy.number);
-        }
         torn += whole ? 0 : 1;
         ++reads;
         last = copy.number;
       }
     });
   }
-  Frame frame = frame_of(1, 20);
+  Frame frame;
   std::uint64_t published = 0;
-  std::uint64_t number = 0;
+  std::uint64_t n = 0;
   while (reads.load() < 3000) {
-    ++number;
-    frame.number = number;
-    frame.bodies.resize(20);
-    for (Body& body : frame.bodies) body.position_m.fill(static_cast<double>(number));
-    published += latest.publish(frame) != nullptr ? 1 : 0;
+    fill(frame, ++n, 20);
+    published += latest_.publish(frame) != nullptr ? 1 : 0;
   }
   done.store(true);
-  for (auto& reader : readers) reader.join();
+  readers.clear();
   EXPECT_EQ(torn.load(), 0);
-  EXPECT_EQ(published, number) << "three readers cannot stand in seven places";
+  EXPECT_EQ(published, n) << "three readers do not hold seven places";
+}
+
+TEST(ReceiveStatistics, RateIsOfTheLastSecond) {
+  ReceiveStatistics statistics;
+  EXPECT_EQ(statistics.rate_hz(kSecond), 0.0);
+  Nanoseconds now = 100 * kSecond;
+  for (int i = 0; i < 300; ++i) statistics.add(now += 10 * kMillisecond, 0.001);
+  EXPECT_EQ(statistics.rate_hz(now), 100.0);
+  EXPECT_EQ(statistics.rate_hz(now + kSecond / 2), 50.0);
+  EXPECT_EQ(statistics.rate_hz(now + 2 * kSecond), 0.0);
+}
+
+TEST(ReceiveStatistics, MeasuresRatesAboveItsMemory) {
+  ReceiveStatistics statistics;
+  Nanoseconds now = 100 * kSecond;
+  for (int i = 0; i < 5000; ++i) statistics.add(now += kMillisecond / 4, 0.001);
+  constexpr double kOneFrame_hz = 5.0;  // the edge of the window cuts one frame of a thousand
+  EXPECT_NEAR(statistics.rate_hz(now), 4000.0, kOneFrame_hz);
+}
+
+TEST(ReceiveStatistics, QuantilesAreOfTheLastThousand) {
+  ReceiveStatistics statistics;
+  for (int i = 0; i < 500; ++i) statistics.add(i, 7.0);
+  for (int i = 1; i <= 1000; ++i) statistics.add(i, i * 1e-3);
+  EXPECT_DOUBLE_EQ(statistics.latency_quantile_s(0.50), 0.500);
+  EXPECT_DOUBLE_EQ(statistics.latency_quantile_s(0.99), 0.990);
+  EXPECT_DOUBLE_EQ(statistics.latency_quantile_s(1.0), 1.0);
+}
+
+TEST(ReceiveStatistics, OmitsFramesWithoutACommonClock) {
+  ReceiveStatistics statistics;
+  EXPECT_TRUE(std::isnan(statistics.latency_quantile_s(0.5)));
+  statistics.add(1, std::numeric_limits<double>::quiet_NaN());
+  EXPECT_TRUE(std::isnan(statistics.latency_quantile_s(0.5)));
+  statistics.add(2, 0.25);
+  EXPECT_EQ(statistics.latency_quantile_s(0.5), 0.25);
 }
 
 }  // namespace

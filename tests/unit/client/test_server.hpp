@@ -3,12 +3,6 @@
 #include <gtest/gtest.h>
 #include <fiducap/client.hpp>
 
-#include <arpa/inet.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-#include <time.h>
-#include <unistd.h>
-
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
@@ -18,18 +12,16 @@
 
 #include "streaming/native/native.hpp"
 #include "support/fake_clock.hpp"
+#include "support/real_clock.hpp"
+#include "support/results.hpp"
 #include "support/scene_builder.hpp"
 
 namespace fiducap {
 
-// What takes longer than this on a loaded machine is broken.
-inline constexpr std::chrono::seconds kPatience{20};
+// A longer delay is a failure, also on a loaded machine.
+inline constexpr std::chrono::seconds kTimeout{20};
 
-inline std::int64_t monotonic_ns() {
-  timespec now{};
-  ::clock_gettime(CLOCK_MONOTONIC, &now);
-  return now.tv_sec * 1'000'000'000 + now.tv_nsec;
-}
+inline std::int64_t monotonic_ns() { return to_ns(RealClock{}.now()); }
 
 /// A server with its I/O thread, as in fiducapd.
 class TestServer {
@@ -38,15 +30,13 @@ class TestServer {
                       native::NativeConfig config = {}, OperatorApi* operator_api = nullptr,
                       const Clock* clock = nullptr, const EventBoard* events = nullptr) {
     config.port = port;
-    auto started = native::start_native_server(
-        io_, config, scene.model, clock != nullptr ? *clock : clock_, operator_api, events);
-    EXPECT_TRUE(started) << started.error().text();
-    server_ = std::move(*started);
+    server_ = value_of(native::start_native_server(
+        io_, config, scene.model, clock != nullptr ? *clock : clock_, operator_api, events));
     port_ = server_->port();
     thread_ = std::thread([this] { io_.run(); });
   }
   ~TestServer() {
-    on_io([this] { server_.reset(); });  // tells its clients
+    on_io([this] { server_.reset(); });  // notifies its clients
     work_.reset();
     thread_.join();
   }
@@ -83,27 +73,26 @@ class TestServer {
   std::thread thread_;
 };
 
-/// Publishes until the condition holds. @return false when patience ends.
-inline bool publish_until(TestServer& server, SceneFrame& scene,
-                          const std::function<bool()>& condition) {
-  const auto end = std::chrono::steady_clock::now() + kPatience;
+/// Repeats `step` until the condition holds. @return false after kTimeout
+inline bool wait_until(
+    const std::function<bool()>& condition, const std::function<void()>& step = [] {}) {
+  const auto end = std::chrono::steady_clock::now() + kTimeout;
   while (!condition()) {
     if (std::chrono::steady_clock::now() > end) return false;
-    ++scene.number;
-    scene.at = instant_from_ns(monotonic_ns());
-    server.publish(std::make_shared<SceneFrame>(scene));
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));  // the pace of a 500 Hz server
+    step();
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));  // the rate of a 500 Hz server
   }
   return true;
 }
 
-inline bool wait_until(const std::function<bool()>& condition) {
-  const auto end = std::chrono::steady_clock::now() + kPatience;
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
-  return true;
+/// Publishes until the condition holds. @return false after kTimeout
+inline bool publish_until(TestServer& server, SceneFrame& scene,
+                          const std::function<bool()>& condition) {
+  return wait_until(condition, [&] {
+    ++scene.number;
+    scene.at = instant_from_ns(monotonic_ns());
+    server.publish(std::make_shared<SceneFrame>(scene));
+  });
 }
 
 inline ClientOptions options_for(std::uint16_t port) {
@@ -114,22 +103,36 @@ inline ClientOptions options_for(std::uint16_t port) {
   return options;
 }
 
-inline std::vector<std::string> names(int count) {
-  std::vector<std::string> all;
-  for (int i = 0; i < count; ++i) all.push_back("body" + std::to_string(i));
-  return all;
-}
-
-/// Servers publish this scene until a client has what the test waits for.
+/// A server that publishes `scene_` until a client has what the test waits for.
 class ClientServerTest : public testing::Test {
  protected:
-  bool receives_frame(const Client& client, TestServer& server, Frame& frame) {
-    const auto before = client.statistics().frames;
-    return publish_until(server, *scene_, [&] { return client.statistics().frames > before; }) &&
-           client.latest(frame);
+  void start(const native::NativeConfig& config = {}, std::uint16_t port = 0) {
+    server_ = std::make_unique<TestServer>(*scene_, port, config);
   }
+  [[nodiscard]] ClientOptions options() const { return options_for(server_->port()); }
+  /// Starts a server if there is none, and a client, which receives a frame.
+  void connect(const std::function<void(ClientOptions&)>& change = [](ClientOptions&) {}) {
+    if (!server_) start();
+    ClientOptions changed = options();
+    change(changed);
+    client_ = std::make_unique<Client>(changed);
+    ASSERT_TRUE(receives(*client_)) << client_->statistics().problem;
+  }
+  bool publish_until(const std::function<bool()>& condition) {
+    return fiducap::publish_until(*server_, *scene_, condition);
+  }
+  /// The next frame.
+  bool receives(const Client& client) {
+    const auto before = client.statistics().frames;
+    return publish_until([&] { return client.statistics().frames > before; }) &&
+           client.latest(frame_);
+  }
+  [[nodiscard]] ClientStatistics statistics() const { return client_->statistics(); }
 
   std::shared_ptr<SceneFrame> scene_ = make_scene_frame({"drone", "arm"}, 1);
+  std::unique_ptr<TestServer> server_;
+  std::unique_ptr<Client> client_;
+  Frame frame_;
 };
 
 }  // namespace fiducap

@@ -1,96 +1,99 @@
-// Conditions of a body, and its restart after a failure.
+// Conditions of a body, its restart after a failure, and the report of its calibration.
 #include "body_worker_fixture.hpp"
 
 namespace fiducap {
 namespace {
 
+using testing::AllOf;
+using testing::Contains;
 using testing::ElementsAre;
+using testing::Field;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
 
-TEST_F(BodyWorkerTest, AnImuInAnotherUnitIsAConditionOfTheBody) {
+/// IMU readings in g up to an instant, then in m/s².
+std::vector<SensorSample> in_g_until(int change_ms, int end_ms) {
   std::vector<SensorSample> samples;
-  for (int t = 1000; t < 6000; t += 10) {
-    samples.emplace_back(ImuSample{ms(t), Eigen::Vector3d::Zero(), {0, 0, 1}});
+  for (int t = 1000; t < end_ms; t += 10) {
+    const double noise = 1e-3 * (t % 70);  // equal readings would be another fault
+    samples.emplace_back(
+        ImuSample{ms(t), Eigen::Vector3d::Zero(), {noise, 0, t < change_ms ? 1 : 9.81}});
     if (t % 100 == 0) samples.emplace_back(frame_at(ms(t)));
   }
-  build(std::move(samples));
-  run();
-  const auto told = events_.after(0);
-  ASSERT_EQ(told.size(), 2u);
-  EXPECT_EQ(told[0].kind, "imu_readings");
-  EXPECT_EQ(told[0].severity, Severity::kError);
-  EXPECT_THAT(told[0].text, testing::HasSubstr("9.80665"));
-  EXPECT_EQ(told[1].text, "its source has ended");
+  return samples;
 }
 
-TEST_F(BodyWorkerTest, AnImuThatWasMendedIsNoConditionAnyMore) {
+/// An IMU that gives no readings for some seconds, and a few images.
+std::vector<SensorSample> silent_from_2_s_to(int back_ms) {
   std::vector<SensorSample> samples;
-  for (int t = 1000; t < 30'000; t += 10) {
-    samples.emplace_back(ImuSample{ms(t), Eigen::Vector3d::Zero(), {0, 0, t < 9000 ? 1 : 9.81}});
-    if (t % 100 == 0) samples.emplace_back(frame_at(ms(t)));
+  for (int t = 1000; t < back_ms + 2000; t += 10) {
+    if (t < 2000 || t > back_ms) samples.emplace_back(imu_at(ms(t)));
+    if (t == 1500 || t == 2900 || t == 3300 || t == back_ms + 1000)
+      samples.emplace_back(frame_at(ms(t)));
   }
+  return samples;
+}
+
+TEST_F(BodyWorkerTest, ReportsAnImuInAnotherUnit) {
+  run(in_g_until(6000, 6000));
+  const auto events = events_.after(0);
+  ASSERT_EQ(events.size(), 2u);
+  EXPECT_EQ(events[0].kind, "imu_readings");
+  EXPECT_EQ(events[0].severity, Severity::kError);
+  EXPECT_THAT(events[0].text, HasSubstr("9.80665"));
+  EXPECT_EQ(events[1].text, "its source has ended");
+}
+
+TEST_F(BodyWorkerTest, EndsTheConditionOfARepairedImu) {
   std::atomic<int> images_done{0};
-  build(std::make_unique<PacedSource>(std::move(samples), images_done));
+  build(std::make_unique<PacedSource>(in_g_until(9000, 30'000), images_done));
   std::vector<std::size_t> standing;
   filter_->on_image = [&](int done) {
     images_done = done;
     if (done == 70 || done == 280) standing.push_back(events_.standing().size());
   };
-  std::thread reader([&] { worker_->read(0, {}); });
-  worker_->work({});
-  reader.join();
+  run_together();
   EXPECT_THAT(standing, ElementsAre(1U, 0U));
 }
 
-TEST_F(BodyWorkerTest, ASilentImuIsAConditionUntilItIsBack) {
-  std::vector<SensorSample> samples;
-  for (int t = 1000; t < 9000; t += 10) {
-    if (t < 2000 || t > 7000) samples.emplace_back(imu_at(ms(t)));
-    if (t == 1500 || t == 2900 || t == 3300 || t == 8000) samples.emplace_back(frame_at(ms(t)));
-  }
-  build(std::move(samples));
-  run();
-  std::vector<std::string> told;
-  for (const Event& event : events_.after(0))
-    if (event.kind == "imu_silent") told.push_back(event.over ? "back" : "silent");
-  EXPECT_THAT(told, ElementsAre("silent", "back"));
-  EXPECT_THAT(events_.standing(), testing::IsEmpty());
+TEST_F(BodyWorkerTest, ReportsASilentImuUntilItIsBack) {
+  run(silent_from_2_s_to(7000));
+  EXPECT_THAT(silences(), ElementsAre("silent", testing::Ne("silent")));
+  EXPECT_THAT(events_.standing(), IsEmpty());
 }
 
-TEST_F(BodyWorkerTest, ReadsOnAfterADriverThatThrewAndSaysSo) {
+TEST_F(BodyWorkerTest, ReadsOnAfterAnExceptionOfADriver) {
   auto source = std::make_unique<ScriptedSource>(
       std::vector<SensorSample>{imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))});
   source->throws = 3;
   build(std::move(source));
   EXPECT_NO_THROW(run());
   EXPECT_EQ(log_.updated.size(), 1u);
-  const auto told = events_.after(0);
-  const auto failed = std::find_if(told.begin(), told.end(),
-                                   [](const Event& e) { return e.kind == "source_failed"; });
-  ASSERT_NE(failed, told.end());
-  EXPECT_THAT(failed->text, testing::HasSubstr("the driver threw"));
-  for (const auto& event : events_.standing()) EXPECT_NE(event.kind, "source_failed");
+  EXPECT_THAT(events_.after(0),
+              Contains(AllOf(Field(&Event::kind, "source_failed"),
+                             Field(&Event::text, HasSubstr("the driver threw")))));
+  EXPECT_THAT(events_.standing(), Not(Contains(Field(&Event::kind, "source_failed"))));
 }
 
-TEST_F(BodyWorkerTest, BeginsAnewWhenItsFilterThrowsAndSaysWhenItIsBack) {
+TEST_F(BodyWorkerTest, RestartsAfterAnExceptionOfTheFilter) {
   int images = 0;
   build(std::make_unique<EndlessSource>([&](int k) -> std::optional<SensorSample> {
-    const auto told = events_.after(0);
-    if (!told.empty() && told.back().over) return std::nullopt;
+    const auto events = events_.after(0);
+    if (!events.empty() && events.back().over) return std::nullopt;
     if (k % 2 == 0) return imu_at(ms(1000 + 5 * k));
     return frame_at(ms(1000 + 5 * k - 2), {4 + images++ % 2});
   }));
   filter_->throws_at = 3;
-  std::thread reader([this] { worker_->read(0, {}); });
-  worker_->work({});
-  reader.join();
+  run_together();
   EXPECT_EQ(worker_->statistics().restarts, 1U);
-  const auto told = events_.after(0);
-  ASSERT_EQ(told.size(), 2U);
-  EXPECT_THAT(told[0].sentence(), testing::HasSubstr("robot: estimator failed (a matrix is"));
-  EXPECT_EQ(told[1].sentence(), "robot: is tracked again");
+  const auto events = events_.after(0);
+  ASSERT_EQ(events.size(), 2U);
+  EXPECT_THAT(events[0].sentence(), HasSubstr("robot: estimator failed (a matrix is"));
+  EXPECT_EQ(events[1].sentence(), "robot: is tracked again");
 }
 
-TEST_F(BodyWorkerTest, CountsOnAfterANewBeginning) {
+TEST_F(BodyWorkerTest, KeepsItsStatisticsAfterARestart) {
   build_three_images();
   filter_->throws_at = 1;
   worker_->read(0, {});
@@ -102,40 +105,32 @@ TEST_F(BodyWorkerTest, CountsOnAfterANewBeginning) {
   EXPECT_EQ(worker_->statistics().pipeline.imu_samples, log_.propagated.size());
 }
 
-TEST_F(BodyWorkerTest, NothingStandsThatTheEndOfItsSourceHasSettled) {
+TEST_F(BodyWorkerTest, EndsConditionsWithItsSource) {
   auto source = std::make_unique<ScriptedSource>(std::vector<SensorSample>{});
   source->throws = 1;
   build(std::move(source));
   run();
   ASSERT_FALSE(events_.after(0).empty());
   EXPECT_EQ(events_.after(0).front().kind, "source_failed");
-  EXPECT_THAT(events_.standing(), testing::IsEmpty());
+  EXPECT_THAT(events_.standing(), IsEmpty());
 
   build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))});
   filter_->throws_at = log_.updated.size() + 1;
   run();
-  EXPECT_THAT(events_.standing(), testing::IsEmpty());
+  EXPECT_THAT(events_.standing(), IsEmpty());
   EXPECT_EQ(events_.after(0).back().kind, "failed");
   EXPECT_EQ(events_.after(0).back().text, "its source has ended");
 }
 
-TEST_F(BodyWorkerTest, ANewBeginningLooksAtTheImuAnew) {
-  std::vector<SensorSample> samples;
-  for (int t = 1000; t < 7000; t += 10) {
-    if (t < 2000 || t > 6000) samples.emplace_back(imu_at(ms(t)));
-    if (t == 1500 || t == 2900 || t == 3300 || t == 6500) samples.emplace_back(frame_at(ms(t)));
-  }
-  build(std::move(samples));
+TEST_F(BodyWorkerTest, ChecksTheImuAgainAfterARestart) {
+  build(silent_from_2_s_to(6000));
   filter_->throws_at = 3;
   run();
   EXPECT_EQ(worker_->statistics().restarts, 1U);
-  std::vector<std::string> told;
-  for (const Event& event : events_.after(0))
-    if (event.kind == "imu_silent") told.push_back(event.over ? event.text : "silent");
-  EXPECT_THAT(told, ElementsAre("silent", testing::HasSubstr("estimator restarts")));
+  EXPECT_THAT(silences(), ElementsAre("silent", HasSubstr("estimator restarts")));
 }
 
-TEST_F(BodyWorkerTest, OneThatFailsAgainAndAgainWaitsLongerAndLonger) {
+TEST_F(BodyWorkerTest, RestartsWithGrowingDelays) {
   const Instant begin = clock_.now();
   build(std::make_unique<EndlessSource>([&](int k) -> std::optional<SensorSample> {
     if (clock_.now() - begin > std::chrono::seconds(120)) return std::nullopt;
@@ -144,13 +139,67 @@ TEST_F(BodyWorkerTest, OneThatFailsAgainAndAgainWaitsLongerAndLonger) {
   }));
   fails_always_ = true;
   filter_->throws_at = 1;
-  std::thread reader([this] { worker_->read(0, {}); });
-  worker_->work({});
-  reader.join();
+  run_together();
   EXPECT_LE(worker_->statistics().restarts, 13U) << "100 ms, 200 ms, … 30 s, 30 s";
   EXPECT_GE(worker_->statistics().restarts, 9U);
-  ASSERT_EQ(events_.after(0).size(), 2U) << "said once, and that it is over";
+  ASSERT_EQ(events_.after(0).size(), 2U) << "the condition and its end";
   EXPECT_EQ(events_.after(0)[1].text, "its source has ended");
+}
+
+CameraMount rough_mount() {
+  CameraMount mount;
+  mount.position_sigma_m = 0.01;
+  mount.rotation_sigma_rad = 0.01;
+  mount.time_shift_sigma_s = 0.02;
+  return mount;
+}
+
+ExtrinsicsEstimate learned(double position_m, double rotation_rad, double shift_sigma_s) {
+  ExtrinsicsEstimate camera;
+  camera.covariance.diagonal().head<3>().setConstant(position_m * position_m / 3);
+  camera.covariance.diagonal().tail<3>().setConstant(rotation_rad * rotation_rad / 3);
+  camera.clock.shift_s = 0.03124;
+  camera.clock.shift_sigma_s = shift_sigma_s;
+  return camera;
+}
+
+TEST(CalibrationReport, ShowsAllSigmas) {
+  EXPECT_EQ(calibration_text(0, learned(0.002, 0.0004, 0.0001), rough_mount()),
+            "camera 0: position ±2 mm, rotation ±0.4 mrad, clock +31.24 ±0.1 ms");
+}
+
+TEST(CalibrationReport, ShowsALearnedLens) {
+  ExtrinsicsEstimate camera = learned(0.002, 0.0004, 0.0001);
+  camera.lens = {{0.0812, {0, 0}}, 0.0012, {0.5, 0.5}};
+  EXPECT_EQ(calibration_text(0, camera, rough_mount()),
+            "camera 0: position ±2 mm, rotation ±0.4 mrad, clock +31.24 ±0.1 ms, focal length "
+            "+8.12 ±0.12 %");
+  camera.lens.offset.k1 = -0.05;
+  camera.lens.k1_sigma = 0.003;
+  EXPECT_TRUE(calibration_text(0, camera, rough_mount()).ends_with(", k1 -0.050 ±0.003"));
+  CameraMount guessed = rough_mount();
+  guessed.k1_sigma = 0.1;
+  camera.lens.k1_sigma = 0.09;
+  EXPECT_THAT(calibration_text(0, camera, guessed), Not(HasSubstr("k1"))) << "not shown";
+  guessed.focal_sigma = 0.1;
+  camera.lens.focal_sigma = 0.09;
+  EXPECT_THAT(calibration_text(0, camera, guessed), HasSubstr("lens not shown"));
+}
+
+TEST(CalibrationReport, NamesUnobservedParameters) {
+  EXPECT_THAT(calibration_text(1, learned(0.017, 0.0004, 0.019), rough_mount()),
+              AllOf(HasSubstr("position not shown by this motion (turn the body about two axes)"),
+                    HasSubstr("clock not shown")));
+}
+
+TEST(CalibrationReport, NamesExactParameters) {
+  CameraMount exact = rough_mount();
+  exact.position_sigma_m = 0;
+  ExtrinsicsEstimate camera = learned(0, 0.0004, 0);
+  camera.clock.readout_s = 0.015;
+  camera.clock.readout_sigma_s = 0.0005;
+  EXPECT_EQ(calibration_text(0, camera, exact),
+            "camera 0: position taken as exact, rotation ±0.4 mrad, readout 15.00 ±0.5 ms");
 }
 
 }  // namespace

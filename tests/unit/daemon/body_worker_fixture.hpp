@@ -1,7 +1,6 @@
 #pragma once
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
 
@@ -10,9 +9,10 @@
 #include "support/fake_clock.hpp"
 
 namespace fiducap {
+
 constexpr Instant ms(int n) { return instant_from_ns(std::int64_t{n} * 1'000'000); }
 
-/// At rest, and never twice the same: a sensor that lives has noise.
+/// At rest, with noise: equal readings would be reported.
 inline ImuSample imu_at(Instant at) {
   const double noise = 1e-6 * std::sin(0.37 * static_cast<double>(to_ns(at) / 1'000'000));
   return {at, {noise, 0, 0}, {0, 0, 9.81}};
@@ -27,6 +27,11 @@ inline CornerFrame frame_at(Instant at, std::vector<int> ids = {4}) {
   CornerFrame frame{0, at, {}};
   for (const int id : ids) frame.tags.push_back(sighting(id));
   return frame;
+}
+
+/// An image between two IMU readings.
+inline std::vector<SensorSample> one_image() {
+  return {imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))};
 }
 
 inline KnownTag known_tag(int id) {
@@ -90,10 +95,26 @@ class BodyWorkerTest : public testing::Test {
     }));
   }
 
-  /// Reader and worker one after the other: what the threads do, without threads.
+  /// Reader and worker at the same time.
+  void run_together() {
+    const std::jthread reader([this] { worker_->read(0, {}); });
+    worker_->work({});
+  }
+  /// Reader and worker one after the other, without threads.
   void run() {
     worker_->read(0, {});
     worker_->work({});
+  }
+  /// Conditions of a silent IMU: "silent", then the text of their end.
+  [[nodiscard]] std::vector<std::string> silences() const {
+    std::vector<std::string> texts;
+    for (const Event& event : events_.after(0))
+      if (event.kind == "imu_silent") texts.push_back(event.over ? event.text : "silent");
+    return texts;
+  }
+  void run(std::vector<SensorSample> samples) {
+    build(std::move(samples));
+    run();
   }
   BodyPose pose_at(Instant at) {
     return scene_->sample(at, at, {}, 100, map_->snapshot())->bodies.front();

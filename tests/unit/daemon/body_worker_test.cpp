@@ -1,4 +1,5 @@
 #include "body_worker_fixture.hpp"
+#include "daemon/bodies/body_reader.hpp"
 #include "support/allocation_counter.hpp"
 
 namespace fiducap {
@@ -6,7 +7,7 @@ namespace {
 
 using testing::ElementsAre;
 
-TEST_F(BodyWorkerTest, GivesTheFilterImuReadingsAndImagesInItsOrder) {
+TEST_F(BodyWorkerTest, GivesTheFilterSamplesInOrder) {
   build(
       {imu_at(ms(1000)), imu_at(ms(1005)), imu_at(ms(1010)), frame_at(ms(1004)), imu_at(ms(1015))});
   run();
@@ -17,29 +18,28 @@ TEST_F(BodyWorkerTest, GivesTheFilterImuReadingsAndImagesInItsOrder) {
   EXPECT_EQ(log_.updated[0].tags[0].tag_id, 4);
 }
 
-TEST_F(BodyWorkerTest, TellsTheFilterWhereSeenTagsAreThatTheMapKnows) {
+TEST_F(BodyWorkerTest, GivesTheFilterSeenTagsOfTheMap) {
   start_.tags = {{known_tag(4), TagState::kCalibrated, 0, 0, 0, 0},
                  {known_tag(9), TagState::kCalibrated, 0, 0, 0, 0}};
-  build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002), {4, 5})});
-  run();
+  run({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002), {4, 5})});
   ASSERT_EQ(log_.known.size(), 1u);
   ASSERT_EQ(log_.known[0].size(), 1u);
   EXPECT_EQ(log_.known[0][0].tag_id, 4);
 }
 
-TEST_F(BodyWorkerTest, BringsTheFiltersBeliefsIntoTheMap) {
-  build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))});
+TEST_F(BodyWorkerTest, AddsBeliefsOfTheFilterToTheMap) {
+  build(one_image());
   filter_->beliefs = {{known_tag(4), 100, ms(0), ms(1002)}};
   run();
   EXPECT_NE(map_->snapshot()->find(4), nullptr);
 }
 
-TEST_F(BodyWorkerTest, HandsTheTagUnseenForLongestOverToTheMapWhenTheFilterHoldsMany) {
+TEST_F(BodyWorkerTest, ReleasesTheTagUnseenForLongest) {
   estimator_.hand_over_above = 2;
   start_.tags = {{known_tag(4), TagState::kLocal, 0, 0, 0, 0},
                  {known_tag(6), TagState::kLocal, 0, 0, 0, 0}};
-  build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))});
-  // 5 is older, but the map does not have it; 4 is in view.
+  build(one_image());
+  // 5 is older, but not in the map; 4 is in view.
   filter_->beliefs = {{known_tag(4), 1, ms(0), ms(1002)},
                       {known_tag(5), 1, ms(0), ms(-5000)},
                       {known_tag(6), 1, ms(0), ms(-3000)}};
@@ -47,16 +47,16 @@ TEST_F(BodyWorkerTest, HandsTheTagUnseenForLongestOverToTheMapWhenTheFilterHolds
   EXPECT_THAT(filter_->released, ElementsAre(6));
 }
 
-TEST_F(BodyWorkerTest, KeepsTheFiltersTagsWhileTheyAreFew) {
+TEST_F(BodyWorkerTest, KeepsTagsWhileTheyAreFew) {
   start_.tags = {{known_tag(6), TagState::kLocal, 0, 0, 0, 0}};
-  build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))});
+  build(one_image());
   filter_->beliefs = {{known_tag(6), 1, ms(0), ms(-3000)}};
   run();
   EXPECT_TRUE(filter_->released.empty());
 }
 
-TEST_F(BodyWorkerTest, ShowsTheBodyWhileItIsFedAndLosesItWhenTheSourceHasEnded) {
-  build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))});
+TEST_F(BodyWorkerTest, LosesTheBodyWhenTheSourceHasEnded) {
+  build(one_image());
   worker_->read(0, {});
   EXPECT_FALSE(worker_->pulse().ended);
   worker_->work({});
@@ -65,11 +65,21 @@ TEST_F(BodyWorkerTest, ShowsTheBodyWhileItIsFedAndLosesItWhenTheSourceHasEnded) 
   EXPECT_FALSE(pose_at(ms(1006)).valid);
 }
 
+/// With an IMU at 200 Hz.
+std::vector<SensorSample> images_at_20_hz(int images, const std::vector<int>& ids) {
+  std::vector<SensorSample> samples;
+  for (int k = 0; k < images; ++k) {
+    for (int i = 0; i < 10; ++i) samples.push_back(imu_at(ms(1000 + 50 * k + 5 * i)));
+    samples.push_back(frame_at(ms(1000 + 50 * k + 42), ids));
+  }
+  return samples;
+}
+
 std::unique_ptr<SensorSource> giving(std::vector<SensorSample> samples) {
   return std::make_unique<ScriptedSource>(std::move(samples));
 }
 
-TEST_F(BodyWorkerTest, JoinsWhatItsSourcesGive) {
+TEST_F(BodyWorkerTest, JoinsItsSources) {
   std::vector<BodySource> sources;
   sources.push_back({giving({frame_at(ms(1002))}), "camera 0"});
   sources.push_back({giving({imu_at(ms(1000)), imu_at(ms(1005))}), "IMU", false});
@@ -84,7 +94,7 @@ TEST_F(BodyWorkerTest, JoinsWhatItsSourcesGive) {
   EXPECT_FALSE(worker_->reading(1));
 }
 
-TEST_F(BodyWorkerTest, HasEndedWhenNoSourceGivesImagesAnyMoreThoughItsImuGoesOn) {
+TEST_F(BodyWorkerTest, EndsWhenNoSourceGivesImages) {
   std::vector<BodySource> sources;
   sources.push_back({giving({frame_at(ms(1002))}), "camera 0"});
   sources.push_back({giving({frame_at(ms(1004))}), "camera 1"});
@@ -96,61 +106,55 @@ TEST_F(BodyWorkerTest, HasEndedWhenNoSourceGivesImagesAnyMoreThoughItsImuGoesOn)
   worker_->read(0, {});
   EXPECT_FALSE(worker_->pulse().ended);
   worker_->read(1, {});
-  worker_->read(2, {});  // returns: nothing is taken any more
+  worker_->read(2, {});  // returns: its samples are refused
   worker_->work({});
   EXPECT_TRUE(worker_->pulse().ended);
 }
 
-TEST_F(BodyWorkerTest, LosesTheBodyWhenTheDeviceFailsAfterAllItGaveWasUsed) {
+TEST_F(BodyWorkerTest, UsesAllSamplesBeforeADeviceFails) {
   build(std::make_unique<ScriptedSource>(
-      std::vector<SensorSample>{imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))},
-      Error{ErrorCode::kUnavailable, "unplugged", "/dev/video0"}));
+      one_image(), Error{ErrorCode::kUnavailable, "unplugged", "/dev/video0"}));
   run();
   EXPECT_EQ(log_.updated.size(), 1u);
   EXPECT_EQ(pose_at(ms(1006)).state, BodyState::kLost);
 }
 
-TEST_F(BodyWorkerTest, TellsTheFilterThatMotionWasLostWhenTagsComeBackAfterTheBodyWasLost) {
+TEST_F(BodyWorkerTest, ResetsMotionWhenTagsAreBackAfterALoss) {
   const int lost = 1000 + 6000;  // BodyLimits::lose_after_s is 5
-  build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002)), imu_at(ms(lost)),
-         imu_at(ms(lost + 5)), frame_at(ms(lost + 2))});
-  run();
+  run({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002)), imu_at(ms(lost)),
+       imu_at(ms(lost + 5)), frame_at(ms(lost + 2))});
   EXPECT_EQ(log_.losses, 1);
   EXPECT_EQ(log_.updated.size(), 2u);
 }
 
-TEST_F(BodyWorkerTest, KeepsBrokenImuReadingsAwayFromEverybody) {
+TEST_F(BodyWorkerTest, DropsBrokenImuReadings) {
   ImuSample broken = imu_at(ms(1003));
   broken.f_B.x() = std::nan("");
-  build({imu_at(ms(1000)), broken, imu_at(ms(1005)), frame_at(ms(1002))});
-  run();
+  run({imu_at(ms(1000)), broken, imu_at(ms(1005)), frame_at(ms(1002))});
   EXPECT_THAT(log_.propagated, ElementsAre(ms(1000), ms(1005)));
   EXPECT_EQ(worker_->statistics().pipeline.merger.bad_dropped, 1u);
 }
 
-TEST_F(BodyWorkerTest, IgnoresTheImuOfABodyThatShallHaveNone) {
+TEST_F(BodyWorkerTest, IgnoresTheImuOfABodyWithoutOne) {
   sensors_.imu.reset();
-  build({imu_at(ms(1000)), frame_at(ms(1002)), imu_at(ms(1005))});
-  run();
+  run({imu_at(ms(1000)), frame_at(ms(1002)), imu_at(ms(1005))});
   EXPECT_TRUE(log_.propagated.empty());
   EXPECT_EQ(log_.updated.size(), 1u);
 }
 
-TEST_F(BodyWorkerTest, LeavesImagesOfACameraOutThatTheBodyDoesNotHave) {
+TEST_F(BodyWorkerTest, IgnoresImagesOfAnUnknownCamera) {
   CornerFrame second = frame_at(ms(1002));
   second.camera = 1;
-  build({imu_at(ms(1000)), second, imu_at(ms(1005))});
-  run();
+  run({imu_at(ms(1000)), second, imu_at(ms(1005))});
   EXPECT_TRUE(log_.updated.empty());
 }
 
-TEST_F(BodyWorkerTest, CountsWhatItDid) {
-  build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002), {4, 5}), imu_at(ms(1010)),
-         frame_at(ms(1008), {})});
-  run();
+TEST_F(BodyWorkerTest, KeepsStatistics) {
+  run({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002), {4, 5}), imu_at(ms(1010)),
+       frame_at(ms(1008), {})});
   const BodyStatistics done = worker_->statistics();
   EXPECT_EQ(done.pipeline.frames, 2u);
-  EXPECT_EQ(done.pipeline.frames_with_pose, 0u) << "a new room's poses wait";
+  EXPECT_EQ(done.pipeline.frames_with_pose, 0u) << "poses of a new room are withheld";
   EXPECT_EQ(done.pipeline.tags_used, 2u);
   EXPECT_EQ(done.pipeline.imu_samples, 3u);
   EXPECT_GT(done.pipeline.update_cpu.count(), 0);
@@ -159,25 +163,20 @@ TEST_F(BodyWorkerTest, CountsWhatItDid) {
   EXPECT_EQ(worker_->learned().size(), 1u);
 }
 
-TEST_F(BodyWorkerTest, WhenItDoesNotKeepUpTheOldestImagesGoAndNoImuReading) {
+TEST_F(BodyWorkerTest, DropsTheOldestImagesUnderOverload) {
   constexpr int kImages = 20;
-  std::vector<SensorSample> samples;
-  for (int k = 0; k < kImages; ++k) {
-    for (int i = 0; i < 10; ++i) samples.push_back(imu_at(ms(1000 + 50 * k + 5 * i)));
-    samples.push_back(frame_at(ms(1000 + 50 * k + 42)));
-  }
-  build(std::move(samples));
-  run();  // everything has been read before the worker looks for the first time
+  build(images_at_20_hz(kImages, {4}));
+  run();  // all is read before the worker begins
   EXPECT_EQ(log_.propagated.size(), 10u * kImages);
   ASSERT_FALSE(log_.updated.empty());
   EXPECT_EQ(log_.updated.back().exposed_at, ms(1000 + 50 * (kImages - 1) + 42))
-      << "the newest is not the one to go";
+      << "the newest is kept";
   EXPECT_EQ(log_.updated.size() + worker_->statistics().images_dropped,
             static_cast<std::size_t>(kImages));
   EXPECT_LE(log_.updated.size(), 4u);
 }
 
-TEST_F(BodyWorkerTest, AnImageThatWaitedTooLongIsLeftOutWhenANewerOneHasCome) {
+TEST_F(BodyWorkerTest, SkipsAnOldImageWhenThereIsANewerOne) {
   build_three_images();
   worker_->read(0, {});
   clock_.advance(std::chrono::milliseconds(500));  // the worker gets no time meanwhile
@@ -188,8 +187,8 @@ TEST_F(BodyWorkerTest, AnImageThatWaitedTooLongIsLeftOutWhenANewerOneHasCome) {
   EXPECT_EQ(worker_->statistics().images_dropped, 2U);
 }
 
-TEST_F(BodyWorkerTest, EndsWithoutLosingTheBodyWhenTheServerStops) {
-  build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))});
+TEST_F(BodyWorkerTest, KeepsTheBodyWhenTheServerStops) {
+  build(one_image());
   std::stop_source stop;
   stop.request_stop();
   worker_->read(0, stop.get_token());
@@ -203,14 +202,9 @@ TEST_F(BodyWorkerTest, AllocatesNothingPerSampleAfterWarmUp) {
   constexpr int kWarm = 150;
   constexpr int kCounted =
       kImages - 2 * PacedSource::kAhead;  // the end of the source is a line in the log
-  std::vector<SensorSample> samples;
-  for (int k = 0; k < kImages; ++k) {
-    for (int i = 0; i < 10; ++i) samples.push_back(imu_at(ms(1000 + 50 * k + 5 * i)));
-    samples.push_back(frame_at(ms(1000 + 50 * k + 42), {4, 5, 6}));
-  }
   start_.tags = {{known_tag(4), TagState::kCalibrated, 0, 0, 0, 0}};
   std::atomic<int> images_done{0};
-  build(std::make_unique<PacedSource>(std::move(samples), images_done));
+  build(std::make_unique<PacedSource>(images_at_20_hz(kImages, {4, 5, 6}), images_done));
   filter_->quiet = true;
   filter_->beliefs = {{known_tag(5), 100, ms(0), ms(1002)}};
   std::uint64_t at_warm = 0;
@@ -220,12 +214,67 @@ TEST_F(BodyWorkerTest, AllocatesNothingPerSampleAfterWarmUp) {
     if (done == kCounted) at_end = g_allocations;
     images_done = done;
   };
-  std::thread reader([&] { worker_->read(0, {}); });
-  worker_->work({});
-  reader.join();
+  run_together();
   EXPECT_EQ(filter_->images_done, kImages);
   ASSERT_GT(at_warm, 0u);
   EXPECT_EQ(at_end - at_warm, 0u);
+}
+
+class BodyInboxTest : public testing::Test {
+ protected:
+  BodyInbox inbox_{2};
+  std::vector<Delivery> taken_;
+};
+
+TEST_F(BodyInboxTest, KeepsTheOrderOfArrival) {
+  ASSERT_TRUE(inbox_.push(imu_at(ms(12)), ms(13)));
+  ASSERT_TRUE(inbox_.push(frame_at(ms(10)), ms(14)));
+  ASSERT_TRUE(inbox_.take(taken_, {}));
+  ASSERT_EQ(taken_.size(), 2u);
+  EXPECT_EQ(time_of(taken_[0].sample), ms(12));
+  EXPECT_EQ(time_of(taken_[1].sample), ms(10));
+  EXPECT_EQ(taken_[1].arrived, ms(14));
+}
+
+TEST_F(BodyInboxTest, GivesTheRestAfterTheEnd) {
+  ASSERT_TRUE(inbox_.push(frame_at(ms(10)), ms(14)));
+  inbox_.finish();
+  EXPECT_TRUE(inbox_.take(taken_, {}));
+  EXPECT_FALSE(inbox_.take(taken_, {}));
+  EXPECT_TRUE(taken_.empty());
+}
+
+TEST_F(BodyInboxTest, DropsTheOldestImages) {
+  for (int i = 0; i < 5; ++i) {
+    ASSERT_TRUE(inbox_.push(imu_at(ms(9 + 50 * i)), ms(9 + 50 * i)));
+    ASSERT_TRUE(inbox_.push(frame_at(ms(10 + 50 * i)), ms(10 + 50 * i)));
+  }
+  EXPECT_EQ(inbox_.images_dropped(), 3u);
+  ASSERT_TRUE(inbox_.take(taken_, {}));
+  ASSERT_EQ(taken_.size(), 7u);
+  EXPECT_EQ(time_of(taken_[4].sample), ms(160)) << "the oldest remaining image";
+}
+
+TEST_F(BodyInboxTest, DropsAllWhenImuReadingsPileUp) {
+  EXPECT_TRUE(inbox_.push(frame_at(ms(1)), ms(0)));
+  const int all = static_cast<int>(BodyInbox::kMaxImu) + 5;
+  for (int i = 0; i < all; ++i) ASSERT_TRUE(inbox_.push(imu_at(ms(i)), ms(0)));
+  EXPECT_EQ(inbox_.overflows(), 1U);
+  ASSERT_TRUE(inbox_.take(taken_, {}));
+  ASSERT_EQ(taken_.size(), 5U) << "without a gap";
+  EXPECT_EQ(time_of(taken_.front().sample), ms(all - 5));
+}
+
+TEST_F(BodyInboxTest, RefusesSamplesAfterItWasClosed) {
+  inbox_.close();
+  EXPECT_FALSE(inbox_.push(frame_at(ms(10)), ms(14)));
+  EXPECT_FALSE(inbox_.take(taken_, {}));
+}
+
+TEST_F(BodyInboxTest, DoesNotWaitForSamplesWhenStopped) {
+  std::stop_source stop;
+  stop.request_stop();
+  EXPECT_FALSE(inbox_.take(taken_, stop.get_token()));
 }
 
 }  // namespace

@@ -34,7 +34,7 @@ class CameraPreviewTest : public testing::Test {
   void expose(int ms, bool with_pixels = true) {
     SensorSample sample = CameraFrame{0, at_ms(ms), image_};
     if (!with_pixels) sample = CornerFrame{0, at_ms(ms), {}};
-    // Alone, so that it need not wait for the next one to confirm its stamp.
+    // Alone, so that it does not wait for the next one.
     pipeline_.emplace(setup_);
     ASSERT_TRUE(pipeline_->push(std::move(sample)));
     pipeline_->finish();
@@ -55,6 +55,7 @@ class CameraPreviewTest : public testing::Test {
     return Json::parse(message.substr(
         4, static_cast<unsigned char>(message[0]) | static_cast<unsigned char>(message[1]) << 8));
   }
+  void watch() { preview_.watch(0, ViewRequest{320, 10, false}); }
 
   FakeClock clock_{at_ms(60'000)};
   PipelineSetup setup_;
@@ -70,41 +71,41 @@ TEST_F(CameraPreviewTest, ListsTheCameras) {
   EXPECT_EQ(preview_.cameras()[0].width, 640);
 }
 
-TEST_F(CameraPreviewTest, MakesNothingAndKeepsNothingWhileNobodyWatches) {
+TEST_F(CameraPreviewTest, KeepsNoImagesWhileNotWatched) {
   const long held = image_.use_count();
   for (int i = 0; i < 5; ++i) EXPECT_EQ(look(1000 + 50 * i), nullptr);
   EXPECT_EQ(preview_.pictures(), 0u);
   EXPECT_EQ(image_.use_count(), held);
 }
 
-TEST_F(CameraPreviewTest, MakesAPictureOfWhatIsWatched) {
-  preview_.watch(0, ViewRequest{320, 10, false});
+TEST_F(CameraPreviewTest, MakesAPictureOfAWatchedCamera) {
+  watch();
   const auto picture = look(1000);
   ASSERT_TRUE(picture);
-  const Json told = header(*picture);
-  EXPECT_EQ(told["body"], 7);
-  EXPECT_EQ(told["width"], 640);
-  EXPECT_EQ(told["shown"], Json::parse("[320, 240]"));
-  EXPECT_EQ(told["outlines"][0]["id"], 4);
-  EXPECT_EQ(told["blur"]["tags"], 1);
-  EXPECT_FALSE(told["candidates"]);
+  const Json shown = header(*picture);
+  EXPECT_EQ(shown["body"], 7);
+  EXPECT_EQ(shown["width"], 640);
+  EXPECT_EQ(shown["shown"], Json::parse("[320, 240]"));
+  EXPECT_EQ(shown["outlines"][0]["id"], 4);
+  EXPECT_EQ(shown["blur"]["tags"], 1);
+  EXPECT_FALSE(shown["candidates"]);
   const auto jpeg = picture->find("\xff\xd8\xff");
   ASSERT_NE(jpeg, std::string::npos);
   EXPECT_EQ(picture->substr(picture->size() - 2), "\xff\xd9") << "a whole JPEG";
-  EXPECT_EQ(preview_.take(0), nullptr) << "once is enough";
+  EXPECT_EQ(preview_.take(0), nullptr) << "each picture once";
 }
 
-TEST_F(CameraPreviewTest, LooksForCandidatesWhenTheyAreWished) {
+TEST_F(CameraPreviewTest, ShowsCandidatesOnRequest) {
   preview_.watch(0, ViewRequest{640, 10, true});
   const auto picture = look(1000);
   ASSERT_TRUE(picture);
-  const Json told = header(*picture);
-  EXPECT_TRUE(told["candidates"]);
-  EXPECT_EQ(told["outlines"][0]["kind"], "candidate");
-  EXPECT_EQ(told["outlines"][0]["why"], "unread");
+  const Json shown = header(*picture);
+  EXPECT_TRUE(shown["candidates"]);
+  EXPECT_EQ(shown["outlines"][0]["kind"], "candidate");
+  EXPECT_EQ(shown["outlines"][0]["why"], "unread");
 }
 
-TEST_F(CameraPreviewTest, ACornersOnlySourceHasOutlinesAndNoPicture) {
+TEST_F(CameraPreviewTest, ShowsOutlinesWithoutPixels) {
   preview_.watch(0, ViewRequest{});
   const auto message = look(1000, false);
   ASSERT_TRUE(message);
@@ -112,15 +113,15 @@ TEST_F(CameraPreviewTest, ACornersOnlySourceHasOutlinesAndNoPicture) {
   EXPECT_EQ(message->find("\xff\xd8\xff"), std::string::npos);
 }
 
-TEST_F(CameraPreviewTest, MakesNoMorePicturesThanWished) {
+TEST_F(CameraPreviewTest, LimitsTheRateOfPictures) {
   preview_.watch(0, ViewRequest{320, 2, false});
   int made = 0;
   for (int i = 0; i < 40; ++i) made += look(1000 + 50 * i) ? 1 : 0;  // 20 Hz for two seconds
   EXPECT_EQ(made, 4);
 }
 
-TEST_F(CameraPreviewTest, TellsTheRateOfTheImages) {
-  preview_.watch(0, ViewRequest{320, 10, false});
+TEST_F(CameraPreviewTest, ShowsTheRateOfImages) {
+  watch();
   CameraViews::Picture last;
   for (int i = 0; i < 20; ++i) {
     if (const auto picture = look(1000 + 50 * i)) last = picture;
@@ -129,18 +130,18 @@ TEST_F(CameraPreviewTest, TellsTheRateOfTheImages) {
   EXPECT_NEAR(header(*last)["rate_hz"], 20, 0.1);
 }
 
-TEST_F(CameraPreviewTest, AClockThatRunsBackwardsDoesNotStopTheView) {
-  preview_.watch(0, ViewRequest{320, 10, false});
+TEST_F(CameraPreviewTest, ContinuesWithAnEarlierClock) {
+  watch();
   EXPECT_TRUE(look(50'000));
-  pipeline_.emplace(setup_);  // the body restarts, by another clock
+  pipeline_.emplace(setup_);  // the body restarts with another clock
   EXPECT_TRUE(look(1000));
 }
 
-TEST_F(CameraPreviewTest, TheNewestWinsAndImagesAreLetGo) {
+TEST_F(CameraPreviewTest, UsesTheNewestImageAndReleasesOthers) {
   const long held = image_.use_count();
-  preview_.watch(0, ViewRequest{320, 10, false});
+  watch();
   for (int i = 0; i < 10; ++i) expose(1000 + 100 * i);
-  EXPECT_LE(image_.use_count(), held + 1) << "one waits, whoever is late";
+  EXPECT_LE(image_.use_count(), held + 1) << "one image waits";
   preview_.make_pictures();
   EXPECT_EQ(preview_.pictures(), 1u);
   const auto picture = preview_.take(0);
@@ -149,20 +150,20 @@ TEST_F(CameraPreviewTest, TheNewestWinsAndImagesAreLetGo) {
   EXPECT_LE(image_.use_count(), held + 2);
 }
 
-TEST_F(CameraPreviewTest, WhoStopsWatchingStopsTheWork) {
-  preview_.watch(0, ViewRequest{320, 10, false});
+TEST_F(CameraPreviewTest, StopsWhenNotWatched) {
+  watch();
   EXPECT_TRUE(look(1000));
   expose(1100);
   preview_.watch(0, std::nullopt);
   preview_.make_pictures();
-  EXPECT_EQ(preview_.pictures(), 1u) << "what waited is not looked at any more";
+  EXPECT_EQ(preview_.pictures(), 1u) << "the waiting image is dropped";
   EXPECT_EQ(look(1200), nullptr);
-  preview_.watch(0, ViewRequest{320, 10, false});
-  EXPECT_EQ(preview_.take(0), nullptr) << "and nothing old comes later";
+  watch();
+  EXPECT_EQ(preview_.take(0), nullptr) << "no old picture";
 }
 
-TEST_F(CameraPreviewTest, TheWorkersPartAllocatesNothingAfterWarmUp) {
-  preview_.watch(0, ViewRequest{320, 10, false});
+TEST_F(CameraPreviewTest, AllocatesNothingInTheWorkerAfterWarmUp) {
+  watch();
   for (int i = 0; i < 5; ++i) look(1000 + 100 * i);
   pipeline_.emplace(setup_);
   ASSERT_TRUE(pipeline_->push(CameraFrame{0, at_ms(2000), image_}));
@@ -179,8 +180,8 @@ TEST_F(CameraPreviewTest, TheWorkersPartAllocatesNothingAfterWarmUp) {
   EXPECT_EQ(allocations.count(), 0u);
 }
 
-TEST_F(CameraPreviewTest, TheThreadMakesPicturesUntilItIsStopped) {
-  preview_.watch(0, ViewRequest{320, 10, false});
+TEST_F(CameraPreviewTest, MakesPicturesOnItsThreadUntilStopped) {
+  watch();
   std::jthread making([&](std::stop_token stop) { preview_.run(std::move(stop)); });
   expose(1000);
   CameraViews::Picture picture;

@@ -1,8 +1,7 @@
-// Every mistake that people make in a configuration is planted once, and has to be named.
+// Every usual mistake in a configuration is named.
 #include "daemon/review/config_review.hpp"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <filesystem>
 #include <fstream>
@@ -10,6 +9,7 @@
 #include <opencv2/videoio.hpp>
 
 #include "streaming/net/bind.hpp"
+#include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {
@@ -18,8 +18,9 @@ namespace {
 using testing::Contains;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::UnorderedElementsAre;
 
-constexpr const char* kSound = R"(
+constexpr const char* kValid = R"(
 tags: {family: tag36h11, size_m: 0.16}
 map: {mode: mapping, store: map.sqlite, reference_tag: 0}
 bodies:
@@ -38,7 +39,7 @@ streaming:
   web: {port: 0}
 )";
 
-/// A folder with all that the sound configuration names.
+/// A folder with all files of the valid configuration.
 class ConfigReviewTest : public testing::Test {
  protected:
   ConfigReviewTest() {
@@ -49,7 +50,7 @@ class ConfigReviewTest : public testing::Test {
 
   ConfigReview look(std::vector<std::string> sets) {
     sets.push_back("recorder.folder=" + folder_.file("recordings"));
-    const auto config = parse_config(kSound, folder_.file("robot.yaml"), sets);
+    const auto config = parse_config(kValid, folder_.file("robot.yaml"), sets);
     if (config) return review(*config);
     return {.faults = config.error(), .doubts = {}, .plan = {}};
   }
@@ -62,7 +63,7 @@ class ConfigReviewTest : public testing::Test {
   TemporaryFolder folder_;
 };
 
-TEST_F(ConfigReviewTest, SaysOfASoundOneWhatWillRun) {
+TEST_F(ConfigReviewTest, ShowsThePlanOfAValidConfiguration) {
   const ConfigReview found = look({});
   EXPECT_THAT(lines(found.faults), IsEmpty());
   EXPECT_THAT(lines(found.doubts), IsEmpty());
@@ -71,18 +72,18 @@ TEST_F(ConfigReviewTest, SaysOfASoundOneWhatWillRun) {
   EXPECT_THAT(found.plan, Contains(HasSubstr("filmed (id 2): 1 camera, 64 x 48, without IMU")));
   EXPECT_THAT(found.plan, Contains("a growing map; tags tag36h11, 160 mm"));
   EXPECT_THAT(found.plan, Contains(HasSubstr("vrpn on 127.0.0.1: 0 tcp 0 udp")));
-  EXPECT_FALSE(std::filesystem::exists(folder_.file("map.sqlite"))) << "it only looks";
-  EXPECT_FALSE(std::filesystem::exists(folder_.file("recordings"))) << "it only looks";
+  EXPECT_FALSE(std::filesystem::exists(folder_.file("map.sqlite"))) << "nothing is written";
+  EXPECT_FALSE(std::filesystem::exists(folder_.file("recordings"))) << "nothing is written";
 }
 
 struct Mistake {
   std::vector<std::string> sets;
-  std::string said;
+  std::string text;
   bool is_doubt{false};
 };
 
 const std::vector<Mistake> kMistakes{
-    // Words
+    // Names and keys
     {{"tags.famly=tag36h11"}, "tags.famly = tag36h11: unknown key; did you mean family?"},
     {{"streaming.rate=100"}, "unknown key; did you mean rate_hz?"},
     {{"map.mode=frosen"},
@@ -106,7 +107,7 @@ const std::vector<Mistake> kMistakes{
     {{"bodies.0.cameras.0.model.fu=7000", "bodies.0.cameras.0.model.fv=7000"},
      "means a view of 6.1",
      true},
-    // What is not there
+    // Missing files and devices
     {{"bodies.1.source.open=field.mp4"}, "no such video file"},
     {{"bodies.1.source.open=/dev/video63"}, "/dev/video63: "},
     {{"bodies.1.source={type: recording, folder: nothing}"}, "bodies.1 = filmed: "},
@@ -115,15 +116,15 @@ const std::vector<Mistake> kMistakes{
     {{"map.store=/no/such/folder/map.sqlite"}, "its folder does not exist"},
     {{"operator.token_file=/no/such/token"}, "operator.token_file = /no/such/token"},
     {{"dds.interface=eth77"}, "dds.interface = eth77: is no network interface"},
-    // What can never track
+    // Configurations that can never track
     {{"map.mode=frozen"}, "has no map: nothing will ever be tracked"},
     {{"map.reference_tag=900"},
      "map.reference_tag = 900: is no tag of tag36h11, which has 0 to 586"},
     {{"tags.ignore=[0]"}, "map.reference_tag = 0: is in tags.ignore"},
     {{"tags.sizes_m={5000: 0.2}"}, "tags.sizes_m = 5000: is no tag of tag36h11"},
     {{"map.floor_tags=[-3]"}, "map.floor_tags = -3: is no tag"},
-    // What is forgotten
-    {{"map.store="}, "the map is forgotten when the server ends", true},
+    // Lost at the end
+    {{"map.store="}, "the map is lost when the server ends", true},
     {{"map.reference_tag=~"}, "the first tag that is seen becomes the origin", true},
     {{"bodies.0.use_imu=false"}, "the vertical is unknown", true},
     // Ports
@@ -132,12 +133,12 @@ const std::vector<Mistake> kMistakes{
      "streaming.vrpn = 21988: "},
 };
 
-TEST_F(ConfigReviewTest, NamesEveryPlantedMistake) {
+TEST_F(ConfigReviewTest, NamesEveryMistake) {
   ASSERT_GE(kMistakes.size(), 25u);
   for (const Mistake& mistake : kMistakes) {
     const ConfigReview found = look(mistake.sets);
     const auto& where = mistake.is_doubt ? found.doubts : found.faults;
-    EXPECT_THAT(lines(where), Contains(HasSubstr(mistake.said))) << mistake.sets.front();
+    EXPECT_THAT(lines(where), Contains(HasSubstr(mistake.text))) << mistake.sets.front();
     if (mistake.is_doubt) {
       EXPECT_THAT(lines(found.faults), IsEmpty()) << mistake.sets.front();
     }
@@ -150,11 +151,22 @@ TEST_F(ConfigReviewTest, NamesAllMistakesOfOneFileAtOnce) {
   EXPECT_EQ(found.faults.size(), 3u) << testing::PrintToString(lines(found.faults));
 }
 
-TEST_F(ConfigReviewTest, NamesAPortThatSomebodyHas) {
+TEST_F(ConfigReviewTest, FindsAllFaultsOfOneBodyAtOnce) {
+  const auto files = lines(
+      look({"bodies.1.cameras.0.calibration=lens.json", "bodies.1.source.open=field.mp4"}).faults);
+  EXPECT_THAT(files, UnorderedElementsAre(HasSubstr("lens.json: no such file"),
+                                          HasSubstr("no such video file")));
+  const auto device = lines(look({"bodies.1.source.open=/dev/video63", "bodies.1.source.width=640",
+                                  "bodies.1.source.height=480"})
+                                .faults);
+  EXPECT_THAT(device, UnorderedElementsAre(HasSubstr("the calibration is for 64 x 48"),
+                                           HasSubstr("/dev/video63: ")));
+}
+
+TEST_F(ConfigReviewTest, NamesATakenPort) {
   boost::asio::io_context io;
-  const auto taken = net::listen_tcp(io, {"127.0.0.1", 0, "test"});
-  ASSERT_TRUE(taken);
-  const std::string port = std::to_string(taken->local_endpoint().port());
+  const auto taken = value_of(net::listen_tcp(io, {"127.0.0.1", 0, "test"}));
+  const std::string port = std::to_string(taken.local_endpoint().port());
   EXPECT_THAT(lines(look({"streaming.web.port=" + port}).faults),
               Contains(HasSubstr("streaming.web = " + port)));
   const ConfigReview optional = look({"streaming.web.port=" + port, "streaming.optional=[web]"});
@@ -162,25 +174,24 @@ TEST_F(ConfigReviewTest, NamesAPortThatSomebodyHas) {
   EXPECT_THAT(lines(optional.doubts), Contains(HasSubstr("the server runs without")));
 }
 
-TEST_F(ConfigReviewTest, SaysWhenAnImuBelongsToTheFirstSender) {
+TEST_F(ConfigReviewTest, WarnsOfAnImuOfTheFirstSender) {
   const std::string imu = "bodies.1.imu={part: icm-42688-p}";
   const std::string port = "bodies.1.imu_source={type: line, port: 47115";
   EXPECT_THAT(lines(look({imu, port + "}"}).doubts),
-              Contains(HasSubstr("readings of the first sender are used")));
+              Contains(HasSubstr("belongs to the first sender")));
   EXPECT_THAT(lines(look({imu, port + ", peer: 10.0.0.7}"}).doubts), IsEmpty());
 }
 
-TEST_F(ConfigReviewTest, NamesAFolderForRecordingsThatCannotBe) {
+TEST_F(ConfigReviewTest, NamesAnInvalidRecordingFolder) {
   EXPECT_THAT(lines(look({}).faults), IsEmpty());
-  const auto config = parse_config(kSound, folder_.file("robot.yaml"));
-  ASSERT_TRUE(config);
-  EXPECT_THAT(lines(review(*config).faults), IsEmpty()) << "the working directory";
-  ServerConfig wrong = *config;
+  const auto config = value_of(parse_config(kValid, folder_.file("robot.yaml")));
+  EXPECT_THAT(lines(review(config).faults), IsEmpty()) << "the working directory";
+  ServerConfig wrong = config;
   wrong.recorder.folder = folder_.file("clip.avi");
   EXPECT_THAT(lines(review(wrong).faults), Contains(HasSubstr("is no folder")));
 }
 
-TEST_F(ConfigReviewTest, TellsScriptsTheSame) {
+TEST_F(ConfigReviewTest, PrintsJson) {
   const std::string text = review_json(look({"map.mode=frozen"}));
   EXPECT_THAT(text, HasSubstr("\"usable\": false"));
   EXPECT_THAT(text, HasSubstr("\"path\": \"map.mode\""));

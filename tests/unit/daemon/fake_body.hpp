@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "capture/sensor_source.hpp"
-#include "estimation/body_filter.hpp"
+#include "support/idle_filter.hpp"
 
 namespace fiducap {
 
@@ -46,7 +46,7 @@ class ScriptedSource final : public SensorSource {
   std::optional<Error> error_;
 };
 
-/// Gives what is made for each turn, until that is nothing.
+/// Gives a made sample for each turn, until there is none.
 class EndlessSource final : public SensorSource {
  public:
   using Make = std::function<std::optional<SensorSample>(int turn)>;
@@ -83,8 +83,8 @@ class PacedSource final : public SensorSource {
   int images_given_{0};
 };
 
-/// Writes down what it is asked, and answers with a body at rest in the workspace.
-class RecordingFilter final : public BodyFilter {
+/// Records its input; its estimate is a body at rest in the workspace.
+class RecordingFilter final : public IdleFilter<> {
  public:
   struct Log {
     std::vector<Instant> propagated;
@@ -110,9 +110,7 @@ class RecordingFilter final : public BodyFilter {
     report.running = true;
     return report;
   }
-  void set_tag_priors(std::vector<KnownTag>) override {}
   void lose_motion() override { ++log_.losses; }
-  [[nodiscard]] bool running() const override { return true; }
   [[nodiscard]] BodyEstimate estimate() const override {
     BodyEstimate estimate = estimate_;
     estimate.anchored = true;
@@ -121,7 +119,6 @@ class RecordingFilter final : public BodyFilter {
   }
   void tag_beliefs(std::vector<TagBelief>& out) const override { out = beliefs; }
   void release_tag(int tag_id) override { released.push_back(tag_id); }
-  [[nodiscard]] ClockEstimate clock(int) const override { return {}; }
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override {
     if (quiet) return {};
     return {{Pose{}, Matrix6d::Identity()}};
@@ -130,7 +127,7 @@ class RecordingFilter final : public BodyFilter {
   std::vector<TagBelief> beliefs;
   std::vector<int> released;
   std::size_t throws_at{0};
-  bool quiet{false};  ///< Writes nothing down, so that it allocates nothing.
+  bool quiet{false};  ///< Records nothing, so that it allocates nothing.
   std::atomic<int> images_done{0};
   std::function<void(int images_done)> on_image;
 

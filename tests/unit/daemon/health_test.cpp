@@ -1,5 +1,4 @@
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -21,7 +20,7 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::UnorderedElementsAre;
 
-/// A robot whose images come ten times a second and are looked at twice a second.
+/// A robot with ten images per second, checked twice a second.
 class BodyHealthTest : public testing::Test {
  protected:
   /// @param each  done before each look
@@ -35,14 +34,24 @@ class BodyHealthTest : public testing::Test {
   void healthy() {
     pulse_.image_came_ns = to_ns(now_);
     pulse_.images += 5;
-    pulse_.lateness_ns = std::chrono::nanoseconds(20ms).count();
-    pulse_.on_the_way_ns = std::chrono::nanoseconds(8ms).count();
+    set_late(20ms, 8ms);
     pose_.state = BodyState::kTracking;
+  }
+  /// @param on_arrival  age of the images when they arrive
+  void set_late(std::chrono::nanoseconds late, std::chrono::nanoseconds on_arrival) {
+    pulse_.lateness_ns = late.count();
+    pulse_.on_the_way_ns = on_arrival.count();
   }
   void pass(Duration d) {
     pass(d, [this] { healthy(); });
   }
-  std::vector<std::string> told() {
+  void pass_in(Duration d, BodyState state) {
+    pass(d, [this, state] {
+      healthy();
+      pose_.state = state;
+    });
+  }
+  std::vector<std::string> kinds() {
     std::vector<std::string> all;
     for (const Event& event : events_.after(0))
       all.push_back((event.over ? "over: " : "") + event.kind);
@@ -57,21 +66,21 @@ class BodyHealthTest : public testing::Test {
   BodyHealth health_{"drone", 1, pulse_, events_};
 };
 
-TEST_F(BodyHealthTest, SaysNothingOfARobotThatIsWell) {
+TEST_F(BodyHealthTest, ReportsNothingOfAHealthyRobot) {
   pass(60s);
-  EXPECT_THAT(told(), IsEmpty());
+  EXPECT_THAT(kinds(), IsEmpty());
 }
 
-TEST_F(BodyHealthTest, SaysThatACameraIsSilentAndThatItIsBack) {
+TEST_F(BodyHealthTest, ReportsASilentCameraUntilItIsBack) {
   pass(5s);
   pass(4s, [] {});
-  EXPECT_THAT(told(), ElementsAre("silent"));
+  EXPECT_THAT(kinds(), ElementsAre("silent"));
   EXPECT_THAT(text(), HasSubstr("drone: no more images from its camera. Check its"));
   pass(5s);
-  EXPECT_THAT(told(), ElementsAre("silent", "over: silent"));
+  EXPECT_THAT(kinds(), ElementsAre("silent", "over: silent"));
 }
 
-TEST_F(BodyHealthTest, OfSeveralCamerasTheSilentOneIsNamed) {
+TEST_F(BodyHealthTest, NamesTheSilentCameraOfSeveral) {
   BodyHealth health("drone", 2, pulse_, events_);
   const auto pass_with = [&](Duration d, bool second) {
     for (const Instant end = now_ + d; now_ < end; now_ += 500ms) {
@@ -82,136 +91,119 @@ TEST_F(BodyHealthTest, OfSeveralCamerasTheSilentOneIsNamed) {
     }
   };
   pass_with(5s, true);
-  EXPECT_THAT(told(), IsEmpty());
+  EXPECT_THAT(kinds(), IsEmpty());
   pass_with(4s, false);
-  EXPECT_THAT(told(), ElementsAre("silent_1"));
+  EXPECT_THAT(kinds(), ElementsAre("silent_1"));
   EXPECT_THAT(text(), HasSubstr("drone: no more images from its camera 1"));
   pass_with(5s, true);
-  EXPECT_THAT(told(), ElementsAre("silent_1", "over: silent_1"));
+  EXPECT_THAT(kinds(), ElementsAre("silent_1", "over: silent_1"));
 }
 
-TEST_F(BodyHealthTest, ACameraThatNeverGaveAnImageIsSilentToo) {
+TEST_F(BodyHealthTest, ReportsACameraWithoutAnyImage) {
   pose_.state = BodyState::kSearching;
   pass(6s, [] {});
   EXPECT_THAT(text(), HasSubstr("no image so far"));
 }
 
-TEST_F(BodyHealthTest, ASourceThatHasEndedIsNotSilent) {
+TEST_F(BodyHealthTest, DoesNotReportAnEndedSource) {
   pass(5s);
   pulse_.ended = true;
   pass(10s, [] {});
-  EXPECT_THAT(told(), IsEmpty());
+  EXPECT_THAT(kinds(), IsEmpty());
 }
 
-TEST_F(BodyHealthTest, LateImagesAreTheSourcesFaultWhenTheyWereLateOnArrival) {
+TEST_F(BodyHealthTest, ReportsImagesThatAreLateOnArrival) {
   pass(5s, [this] {
     healthy();
-    pulse_.lateness_ns = std::chrono::nanoseconds(400ms).count();
-    pulse_.on_the_way_ns = std::chrono::nanoseconds(380ms).count();
+    set_late(400ms, 380ms);
   });
-  EXPECT_THAT(told(), ElementsAre("source_late"));
+  EXPECT_THAT(kinds(), ElementsAre("source_late"));
   EXPECT_THAT(text(), HasSubstr("380 ms old when they arrive"));
   pass(5s);
-  EXPECT_THAT(told(), ElementsAre("source_late", "over: source_late"));
+  EXPECT_THAT(kinds(), ElementsAre("source_late", "over: source_late"));
 }
 
-TEST_F(BodyHealthTest, OtherwiseTheyAreOverload) {
+TEST_F(BodyHealthTest, ReportsOtherLateImagesAsOverload) {
   pass(5s, [this] {
     healthy();
-    pulse_.lateness_ns = std::chrono::nanoseconds(400ms).count();
+    set_late(400ms, 8ms);
   });
-  EXPECT_THAT(told(), ElementsAre("overload"));
+  EXPECT_THAT(kinds(), ElementsAre("overload"));
   EXPECT_THAT(text(), HasSubstr("does not keep up: 0 % of its images are left out, poses are 400"));
 }
 
-TEST_F(BodyHealthTest, ImagesLeftOutAreOverloadToo) {
+TEST_F(BodyHealthTest, ReportsSkippedImagesAsOverload) {
   pass(10s, [this] {
     healthy();
     pulse_.skipped += 3;
   });
-  EXPECT_THAT(told(), ElementsAre("overload"));
+  EXPECT_THAT(kinds(), ElementsAre("overload"));
   EXPECT_THAT(events_.standing().front().text, HasSubstr("60 % of its images"));
 }
 
-TEST_F(BodyHealthTest, ASingleLateImageIsNotWorthAWord) {
+TEST_F(BodyHealthTest, IgnoresSingleLateImages) {
   int looks = 0;
   pass(60s, [&] {
     healthy();
-    if (++looks % 4 == 0) pulse_.lateness_ns = std::chrono::nanoseconds(400ms).count();
+    if (++looks % 4 == 0) set_late(400ms, 8ms);
   });
-  EXPECT_THAT(told(), IsEmpty());
+  EXPECT_THAT(kinds(), IsEmpty());
 }
 
-TEST_F(BodyHealthTest, APoseThatIsCarriedForLongIsToldAndAgainWhenItIsLost) {
+TEST_F(BodyHealthTest, ReportsCoastingAndLoss) {
   pass(5s);
-  const auto untracked = [this](BodyState state) {
-    return [this, state] {
-      healthy();
-      pose_.state = state;
-    };
-  };
-  pass(1s, untracked(BodyState::kCoasting));
-  EXPECT_THAT(told(), IsEmpty());
-  pass(3s, untracked(BodyState::kCoasting));
-  pass(3s, untracked(BodyState::kLost));
+  pass_in(1s, BodyState::kCoasting);
+  EXPECT_THAT(kinds(), IsEmpty());
+  pass_in(3s, BodyState::kCoasting);
+  pass_in(3s, BodyState::kLost);
   pass(3s);
-  EXPECT_THAT(told(), ElementsAre("tracking", "tracking", "over: tracking"));
+  EXPECT_THAT(kinds(), ElementsAre("tracking", "tracking", "over: tracking"));
   EXPECT_EQ(events_.after(0)[1].severity, Severity::kError);
   EXPECT_EQ(text(), "drone: is tracked again");
 }
 
-TEST_F(BodyHealthTest, WhatEndsBecauseNothingComesAnyMoreSaysSo) {
+TEST_F(BodyHealthTest, EndsConditionsWhenNoImagesCome) {
   const auto late_and_too_many = [this] {
     healthy();
-    pulse_.lateness_ns = std::chrono::nanoseconds(400ms).count();
-    pulse_.on_the_way_ns = std::chrono::nanoseconds(380ms).count();
+    set_late(400ms, 380ms);
     pulse_.skipped += 3;
   };
   pass(10s, late_and_too_many);
-  EXPECT_THAT(told(), UnorderedElementsAre("source_late", "overload"));
+  EXPECT_THAT(kinds(), UnorderedElementsAre("source_late", "overload"));
   pass(5s, [] {});
-  EXPECT_THAT(told(), UnorderedElementsAre("source_late", "overload", "silent", "over: source_late",
-                                           "over: overload"));
-  for (const Event& event : events_.after(2)) {
-    if (event.over) {
-      EXPECT_EQ(event.text, "no images come any more");
-    }
-  }
+  EXPECT_THAT(kinds(), UnorderedElementsAre("source_late", "overload", "silent",
+                                            "over: source_late", "over: overload"));
+  for (const Event& event : events_.after(2))
+    EXPECT_EQ(event.over, event.text == "no images come any more");
   pulse_.ended = true;
   pass(1s, [] {});
   EXPECT_EQ(text(), "drone: its source has ended");
 }
 
-TEST_F(BodyHealthTest, NeverMoreThanAllImagesAreLeftOut) {
+TEST_F(BodyHealthTest, ReportsAtMostAllImagesAsSkipped) {
   pass(5s);
   pass(3s, [this] {
     healthy();
-    pulse_.skipped += 9;  // that waited from before
+    pulse_.skipped += 9;  // older images among them
   });
   EXPECT_THAT(events_.standing().at(0).text, HasSubstr(" 100 % of its images"));
 }
 
-TEST_F(BodyHealthTest, ABodyThatIsStreamedNoMoreIsNoAlarm) {
+TEST_F(BodyHealthTest, EndsConditionsOfABodyThatIsNotStreamed) {
   pass(5s);
-  pass(3s, [this] {
-    healthy();
-    pose_.state = BodyState::kLost;
-  });
-  EXPECT_THAT(told(), ElementsAre("tracking"));
+  pass_in(3s, BodyState::kLost);
+  EXPECT_THAT(kinds(), ElementsAre("tracking"));
   health_.look(nullptr, now_);
   EXPECT_EQ(text(), "drone: is not streamed any more");
   EXPECT_THAT(events_.standing(), IsEmpty());
 }
 
-TEST_F(BodyHealthTest, ARobotThatDoesNotFindItsPlaceIsTold) {
-  pass(12s, [this] {
-    healthy();
-    pose_.state = BodyState::kSearching;
-  });
+TEST_F(BodyHealthTest, ReportsARobotWithoutAPose) {
+  pass_in(12s, BodyState::kSearching);
   EXPECT_THAT(text(), HasSubstr("has found no pose"));
 }
 
-TEST(FrameWatchdog, GivesUpAfterSoManyLooksInARowWithoutAFrame) {
+TEST(FrameWatchdog, FiresAfterThreeLooksWithoutAFrame) {
   FrameWatchdog watchdog(3);
   std::uint64_t frames = 0;
   using Verdict = FrameWatchdog::Verdict;
@@ -224,14 +216,18 @@ TEST(FrameWatchdog, GivesUpAfterSoManyLooksInARowWithoutAFrame) {
   EXPECT_EQ(watchdog.look(frames), Verdict::kDead);
 }
 
-TEST(HealthWatch, GivesTheServerUpOnceWhenFramesReachNobody) {
-  FakeClock clock(instant_from_ns(1'000'000'000));
-  EventBoard events{[] { return std::int64_t{0}; }};
-  Scene scene({});
-  MapBuilder map(MapConfig{}, TagMap{});
-  Publisher publisher(100, scene, map, clock, [](auto) {});
+class HealthWatchTest : public testing::Test {
+ protected:
+  FakeClock clock_{instant_from_ns(1'000'000'000)};
+  EventBoard events_{[] { return std::int64_t{0}; }};
+  Scene scene_{std::vector<SceneBody>{}};
+  MapBuilder map_{MapConfig{}, TagMap{}};
+  Publisher publisher_{100, scene_, map_, clock_, [](auto) {}};
+};
+
+TEST_F(HealthWatchTest, StopsTheServerOnceWhenNoFrameIsDelivered) {
   int given_up = 0;
-  HealthWatch watch(events, publisher, clock, [&] { ++given_up; });
+  HealthWatch watch(events_, publisher_, clock_, [&] { ++given_up; });
   for (int i = 0; i < 3 * HealthWatch::kMissedLooks; ++i) {
     watch.delivered(nullptr);
     watch.look();
@@ -239,27 +235,22 @@ TEST(HealthWatch, GivesTheServerUpOnceWhenFramesReachNobody) {
   EXPECT_EQ(given_up, 0);
   for (int i = 0; i < 3 * HealthWatch::kMissedLooks; ++i) watch.look();
   EXPECT_EQ(given_up, 1);
-  EXPECT_EQ(events.standing().back().kind, "stalled");
+  EXPECT_EQ(events_.standing().back().kind, "stalled");
 }
 
-TEST(HealthWatch, GivesTheServerUpAlsoWhenThereIsNoMemoryToSaySo) {
-  FakeClock clock(instant_from_ns(1'000'000'000));
-  EventBoard events{[] { return std::int64_t{0}; }};
-  Scene scene({});
-  MapBuilder map(MapConfig{}, TagMap{});
-  Publisher publisher(100, scene, map, clock, [](auto) {});
+TEST_F(HealthWatchTest, StopsTheServerWithoutMemory) {
   int asked = 0;
-  HealthWatch watch(events, publisher, clock, [&] {
+  HealthWatch watch(events_, publisher_, clock_, [&] {
     if (++asked == 1) throw std::bad_alloc();
   });
   for (int i = 0; i + 1 < HealthWatch::kMissedLooks; ++i) watch.look();
   AllocationFault::reach_this_thread();
   AllocationFault::arm(1);
   EXPECT_THROW(watch.look(), std::bad_alloc);
-  EXPECT_TRUE(AllocationFault::disarm()) << "nothing was to be said";
+  EXPECT_TRUE(AllocationFault::disarm()) << "no allocation failed";
   EXPECT_EQ(asked, 1);
   watch.look();
-  EXPECT_EQ(asked, 2) << "who has not given up tries again";
+  EXPECT_EQ(asked, 2) << "tried again";
   watch.look();
   EXPECT_EQ(asked, 2);
 }
@@ -277,7 +268,7 @@ class MachineHealthTest : public testing::Test {
   MachineHealth health_{events_};
 };
 
-TEST_F(MachineHealthTest, SaysWhatIsWrongAsLongAsItIs) {
+TEST_F(MachineHealthTest, ReportsConditionsWhileTheyHold) {
   MachineState state;
   look(state);
   EXPECT_THAT(standing(), IsEmpty());
@@ -290,16 +281,16 @@ TEST_F(MachineHealthTest, SaysWhatIsWrongAsLongAsItIs) {
   EXPECT_THAT(standing(), IsEmpty());
 }
 
-TEST_F(MachineHealthTest, AClockThatMayNotBeAskedIsSaidOnceAndIsNoAlarm) {
+TEST_F(MachineHealthTest, ReportsAnUnreadableClockOnce) {
   look({});
   look({});
   EXPECT_THAT(standing(), IsEmpty());
-  const auto told = events_.after(0);
-  ASSERT_EQ(told.size(), 1U);
-  EXPECT_EQ(told[0].kind, "unknown");
+  const auto events = events_.after(0);
+  ASSERT_EQ(events.size(), 1U);
+  EXPECT_EQ(events[0].kind, "unknown");
 }
 
-TEST_F(MachineHealthTest, FramesLeftOutAreOverload) {
+TEST_F(MachineHealthTest, ReportsMissedFramesAsOverload) {
   MachineState state;
   for (int i = 0; i < 5; ++i) {
     state.frames += 190;
@@ -320,7 +311,7 @@ TEST(MachineState, IsReadFromThisMachine) {
   EXPECT_GT(state.most_descriptors, state.open_descriptors);
 }
 
-TEST(ServiceManager, IsToldThroughItsSocket) {
+TEST(ServiceManager, IsNotifiedThroughItsSocket) {
   const TemporaryFolder folder;
   const std::string path = folder.file("notify");
   const int socket = ::socket(AF_UNIX, SOCK_DGRAM, 0);

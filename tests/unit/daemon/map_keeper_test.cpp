@@ -15,6 +15,7 @@
 #include "support/allocation_counter.hpp"
 #include "support/fake_clock.hpp"
 #include "support/fault_disk.hpp"
+#include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 #include "unit/daemon/certain_belief.hpp"
 
@@ -23,23 +24,41 @@ namespace {
 
 class MapKeeperTest : public testing::Test {
  protected:
-  void build(MapMode mode) {
+  MapKeeperTest() { build(); }
+  void build(MapMode mode = MapMode::kMapping) {
+    keeper_.reset();
     MapConfig config;
     config.mode = mode;
     config.refine_period_s = 0;
     map_ = std::make_unique<MapBuilder>(config, TagMap{});
-    auto store = MapStore::open(file_);
-    ASSERT_TRUE(store) << store.error().text();
-    keeper_ = std::make_unique<MapKeeper>(std::move(*store), *map_, 10.0, clock_, events_,
-                                          [this] { return learned_; });
+    keeper_ = std::make_unique<MapKeeper>(value_of(MapStore::open(file_)), *map_, 10.0, clock_,
+                                          events_, [this] { return learned_; });
+  }
+  void run_stopped() {
+    std::stop_source stop;
+    stop.request_stop();
+    keeper_->run(stop.get_token());
   }
   void see(int id, double x = 1.0) {
     const TagBelief one = belief(id, x);
     map_->absorb({.body_id = 1, .beliefs = std::span(&one, 1)}, 1'700'000'000'000'000'000);
   }
+  void commit_with(int id, double x = 1.0) {
+    see(id, x);
+    keeper_->commit();
+  }
+  template <class Request>
+  void commit_request(const Request& request) {
+    ASSERT_TRUE(keeper_->request(request));
+    keeper_->commit();
+  }
   [[nodiscard]] std::vector<MapVersionInfo> stored() const {
     auto store = MapStore::open(file_);
     return store ? store->log().value() : std::vector<MapVersionInfo>{};
+  }
+
+  [[nodiscard]] std::vector<StoredExtrinsics> stored_extrinsics() const {
+    return value_of(value_of(MapStore::open(file_)).extrinsics());
   }
 
   TemporaryFolder folder_;
@@ -51,33 +70,27 @@ class MapKeeperTest : public testing::Test {
   std::unique_ptr<MapKeeper> keeper_;
 };
 
-TEST_F(MapKeeperTest, StoresAChangedMapAndOnlyOnce) {
-  build(MapMode::kMapping);
-  see(4);
-  keeper_->commit();
+TEST_F(MapKeeperTest, StoresAChangedMapOnce) {
+  commit_with(4);
   keeper_->commit();
   ASSERT_EQ(stored().size(), 1u);
   EXPECT_EQ(stored().front().tags, 1);
-  see(5);
-  keeper_->commit();
+  commit_with(5);
   EXPECT_EQ(stored().size(), 2u);
 }
 
-TEST_F(MapKeeperTest, StoresNothingWhileNothingIsKnown) {
-  build(MapMode::kMapping);
+TEST_F(MapKeeperTest, StoresNoEmptyMap) {
   keeper_->commit();
   EXPECT_TRUE(stored().empty());
 }
 
-TEST_F(MapKeeperTest, LeavesTheStoreAloneWhenTheMapIsFrozen) {
+TEST_F(MapKeeperTest, StoresNothingWhileTheMapIsFrozen) {
   build(MapMode::kFrozen);
-  see(4);
-  keeper_->commit();
+  commit_with(4);
   EXPECT_TRUE(stored().empty());
 }
 
-TEST_F(MapKeeperTest, StoresWhatJoinedBeforeTheMapWasFrozen) {
-  build(MapMode::kMapping);
+TEST_F(MapKeeperTest, StoresTagsFromBeforeTheMapWasFrozen) {
   see(4);
   map_->set_mode(MapMode::kFrozen);
   keeper_->commit();
@@ -85,39 +98,29 @@ TEST_F(MapKeeperTest, StoresWhatJoinedBeforeTheMapWasFrozen) {
   EXPECT_EQ(stored().front().tags, 1);
 }
 
-TEST_F(MapKeeperTest, StoresOnceMoreAtTheEnd) {
-  build(MapMode::kMapping);
+TEST_F(MapKeeperTest, StoresTheMapAtTheEnd) {
   see(4);
-  std::stop_source stop;
-  stop.request_stop();
-  keeper_->run(stop.get_token());
+  run_stopped();
   EXPECT_EQ(stored().size(), 1u);
 }
 
-TEST_F(MapKeeperTest, SaysHowACommitWentThatAPersonHasAskedFor) {
-  build(MapMode::kMapping);
-  see(4, 1.0);
-  keeper_->commit();
-  EXPECT_TRUE(events_.after(0).empty()) << "nobody has asked";
-  ASSERT_TRUE(keeper_->request(CommitVersion{"before the fair"}));
-  keeper_->commit();
+TEST_F(MapKeeperTest, ReportsARequestedCommit) {
+  commit_with(4, 1.0);
+  EXPECT_TRUE(events_.after(0).empty()) << "without a request";
+  commit_request(CommitVersion{"before the fair"});
   ASSERT_FALSE(events_.after(0).empty());
   EXPECT_EQ(events_.after(0).back().kind, "version_stored");
   EXPECT_EQ(events_.after(0).back().text, "is stored as version 2");
-  ASSERT_TRUE(keeper_->request(CommitVersion{}));
-  keeper_->commit();
+  commit_request(CommitVersion{});
   EXPECT_EQ(events_.after(0).back().text, "is stored already, as version 2");
 }
 
-TEST_F(MapKeeperTest, ARollBackIsTheNewestVersionAndIsServed) {
-  build(MapMode::kMapping);
-  see(4, 1.0);
-  keeper_->commit();
+TEST_F(MapKeeperTest, MakesARollBackTheNewestVersion) {
+  commit_with(4, 1.0);
   see(5);
-  ASSERT_TRUE(keeper_->request(RollBack{1}));
-  keeper_->commit();
+  commit_request(RollBack{1});
   const auto log = stored();
-  ASSERT_EQ(log.size(), 3u) << "what was served and not stored is not lost either";
+  ASSERT_EQ(log.size(), 3u) << "the served map is stored, too";
   EXPECT_EQ(log[0].comment, "rolled back to version 1");
   EXPECT_EQ(log[0].parent, 1);
   EXPECT_EQ(log[0].tags, 1);
@@ -129,56 +132,44 @@ TEST_F(MapKeeperTest, ARollBackIsTheNewestVersionAndIsServed) {
   EXPECT_EQ(events_.after(0).back().text, "was rolled back to version 1, stored as 3 with 1 tags");
 }
 
-TEST_F(MapKeeperTest, ARollBackLeavesTheOriginWhereClientsKnowIt) {
-  build(MapMode::kMapping);
-  see(4, 1.0);
-  keeper_->commit();
+TEST_F(MapKeeperTest, KeepsTheOriginAtARollBack) {
+  commit_with(4, 1.0);
   const Pose X_RW{Eigen::Quaterniond::Identity(), {5, 4, 0}};
   map_->align(X_RW, 1);
-  ASSERT_TRUE(keeper_->request(RollBack{1}));
-  keeper_->commit();
+  commit_request(RollBack{1});
   EXPECT_EQ(map_->snapshot()->X_RW.p, X_RW.p);
   EXPECT_EQ(map_->snapshot()->tags.size(), 1u);
 }
 
-TEST_F(MapKeeperTest, ARollBackThatFailsLeavesTheMapAndSaysWhy) {
-  build(MapMode::kMapping);
-  see(4);
-  keeper_->commit();
-  ASSERT_TRUE(keeper_->request(RollBack{12}));
-  keeper_->commit();
+TEST_F(MapKeeperTest, KeepsTheMapWhenARollBackFails) {
+  commit_with(4);
+  commit_request(RollBack{12});
   EXPECT_EQ(stored().size(), 1u);
   EXPECT_EQ(events_.after(0).back().kind, "refused");
   map_->set_mode(MapMode::kFrozen);
-  ASSERT_TRUE(keeper_->request(RollBack{1}));
-  keeper_->commit();
+  commit_request(RollBack{1});
   EXPECT_EQ(stored().size(), 1u);
   EXPECT_NE(events_.after(0).back().text.find("the map is frozen"), std::string::npos);
 }
 
-TEST_F(MapKeeperTest, StoresUnderANameAndNamesVersions) {
-  build(MapMode::kMapping);
-  see(4);
-  keeper_->commit();
+TEST_F(MapKeeperTest, StoresWithANameAndNamesVersions) {
+  commit_with(4);
   ASSERT_TRUE(keeper_->request(NameVersion{1, "before the move"}));
-  ASSERT_TRUE(keeper_->request(CommitVersion{"after it"}));
-  keeper_->commit();
+  commit_request(CommitVersion{"after it"});
   const auto log = stored();
-  ASSERT_EQ(log.size(), 2u) << "though nothing has changed";
+  ASSERT_EQ(log.size(), 2u) << "without a change";
   EXPECT_EQ(log[0].comment, "after it");
   EXPECT_EQ(log[1].comment, "before the move");
   keeper_->update_cache();
   EXPECT_EQ(keeper_->versions().log()->front().comment, "after it");
 }
 
-TEST_F(MapKeeperTest, VersionsAreReadForThoseWhoMayNotWait) {
-  build(MapMode::kMapping);
-  see(4);
-  keeper_->commit();
+TEST_F(MapKeeperTest, ReadsVersionsInTheBackground) {
+  commit_with(4);
   keeper_->update_cache();
   auto content = keeper_->versions().version(1);
   ASSERT_TRUE(content);
-  EXPECT_EQ(*content, nullptr) << "asked for";
+  EXPECT_EQ(*content, nullptr) << "is being read";
   std::jthread thread([&](const std::stop_token& stop) { keeper_->run(stop); });
   while (*content == nullptr) {
     clock_.advance(std::chrono::seconds(1));
@@ -189,78 +180,63 @@ TEST_F(MapKeeperTest, VersionsAreReadForThoseWhoMayNotWait) {
   EXPECT_EQ(keeper_->versions().version(2).error().code, ErrorCode::kNotFound);
 }
 
-TEST_F(MapKeeperTest, RequestsThatADiskDoesNotTakeAreLimited) {
-  build(MapMode::kMapping);
+TEST_F(MapKeeperTest, LimitsWaitingRequests) {
   for (int i = 0; i < 16; ++i) EXPECT_TRUE(keeper_->request(CommitVersion{}));
   EXPECT_EQ(keeper_->request(CommitVersion{}).error().code, ErrorCode::kUnavailable);
 }
 
-TEST_F(MapKeeperTest, StoresWhatWasLearnedAtTheEndAlthoughTheMapIsTheSame) {
-  build(MapMode::kMapping);
+TEST_F(MapKeeperTest, StoresLearnedClocksWithoutAChangeOfTheMap) {
   ExtrinsicsEstimate camera;
   camera.clock = {.shift_s = 0.02, .shift_sigma_s = 1e-4, .readout_s = 0.0, .readout_sigma_s = 0.0};
   ExtrinsicsEstimate unsure = camera;
   unsure.clock.shift_sigma_s = 0.01;
   learned_ = {{"robot", {camera, unsure}}};
-  std::stop_source stop;
-  stop.request_stop();
-  keeper_->run(stop.get_token());
-  auto store = MapStore::open(file_);
-  ASSERT_TRUE(store);
-  const auto extrinsics = store->extrinsics();
-  ASSERT_TRUE(extrinsics);
-  ASSERT_EQ(extrinsics->size(), 2U);
-  ASSERT_TRUE(extrinsics->front().clock);
-  EXPECT_EQ(extrinsics->front().clock->shift_s, 0.02);
-  EXPECT_FALSE(extrinsics->back().clock);
+  run_stopped();
+  const auto extrinsics = stored_extrinsics();
+  ASSERT_EQ(extrinsics.size(), 2U);
+  ASSERT_TRUE(extrinsics.front().clock);
+  EXPECT_EQ(extrinsics.front().clock->shift_s, 0.02);
+  EXPECT_FALSE(extrinsics.back().clock);
 }
 
 TEST_F(MapKeeperTest, StoresTheWholeShiftOfAClock) {
-  build(MapMode::kMapping);
   see(4);
   ExtrinsicsEstimate camera;
   camera.clock = {.shift_s = 0.02, .shift_sigma_s = 1e-4, .readout_s = 0.0, .readout_sigma_s = 0.0};
   learned_ = {{"robot", {camera}, {std::chrono::milliseconds(30)}}};
   keeper_->commit();
-  const auto extrinsics = MapStore::open(file_)->extrinsics();
-  ASSERT_TRUE(extrinsics && extrinsics->front().clock);
-  EXPECT_NEAR(extrinsics->front().clock->shift_s, 0.05, 1e-12);
+  const auto extrinsics = stored_extrinsics();
+  ASSERT_TRUE(extrinsics.front().clock);
+  EXPECT_NEAR(extrinsics.front().clock->shift_s, 0.05, 1e-12);
 }
 
-TEST_F(MapKeeperTest, StoresWhatWasLearnedAboutTheCameras) {
-  build(MapMode::kMapping);
+TEST_F(MapKeeperTest, StoresLearnedExtrinsics) {
   see(4);
   learned_ = {
       {"robot", {{Pose{Eigen::Quaterniond::Identity(), {0.1, 0.2, 0.3}}, Matrix6d::Identity()}}}};
   keeper_->commit();
-  auto store = MapStore::open(file_);
-  ASSERT_TRUE(store);
-  const auto extrinsics = store->extrinsics();
-  ASSERT_TRUE(extrinsics);
-  ASSERT_EQ(extrinsics->size(), 1u);
-  EXPECT_EQ(extrinsics->front().body, "robot");
-  EXPECT_EQ(extrinsics->front().X_BV.p.z(), 0.3);
+  const auto extrinsics = stored_extrinsics();
+  ASSERT_EQ(extrinsics.size(), 1u);
+  EXPECT_EQ(extrinsics.front().body, "robot");
+  EXPECT_EQ(extrinsics.front().X_BV.p.z(), 0.3);
 }
 
-TEST_F(MapKeeperTest, StoresWhatIsWrongAboutALensAndNothingThatIsNot) {
-  build(MapMode::kMapping);
+TEST_F(MapKeeperTest, StoresSignificantErrorsOfALens) {
   see(4);
   ExtrinsicsEstimate camera;
   camera.lens.offset = {0.01, {0.5, -3.0}, 0.02};
   camera.lens.focal_sigma = 1e-3;
-  camera.lens.centre_sigma_px = {0.4, 0.4};  // to the right: by chance
+  camera.lens.centre_sigma_px = {0.4, 0.4};  // of u: noise
   learned_ = {{"robot", {camera}}};
   keeper_->commit();
-  const auto extrinsics = MapStore::open(file_)->extrinsics();
-  ASSERT_TRUE(extrinsics);
-  const StoredLens& lens = extrinsics->front().lens;
+  const StoredLens lens = stored_extrinsics().front().lens;
   EXPECT_EQ(lens.focal, 0.01);
   EXPECT_EQ(lens.centre_u_px, std::nullopt);
   EXPECT_EQ(lens.centre_v_px, -3.0);
-  EXPECT_EQ(lens.k1, std::nullopt) << "it is as configured";
+  EXPECT_EQ(lens.k1, std::nullopt) << "as configured";
 }
 
-/// Files of this process cannot grow beyond this while it lives: what a full disk looks like.
+/// While it lives, files of this process cannot grow, as on a full disk.
 class FullDisk final {
  public:
   FullDisk() {
@@ -277,10 +253,8 @@ class FullDisk final {
   rlimit before_{};
 };
 
-TEST_F(MapKeeperTest, GoesOnWhenTheDiskIsFullAndStoresWhenThereIsRoomAgain) {
-  build(MapMode::kMapping);
-  see(4);
-  keeper_->commit();
+TEST_F(MapKeeperTest, SurvivesAFullDisk) {
+  commit_with(4);
   see(5);
   {
     const FullDisk full;
@@ -290,9 +264,9 @@ TEST_F(MapKeeperTest, GoesOnWhenTheDiskIsFullAndStoresWhenThereIsRoomAgain) {
     EXPECT_EQ(events_.standing().front().subject, "map");
     EXPECT_EQ(events_.standing().front().kind, "not_stored");
     EXPECT_FALSE(events_.standing().front().remedy.empty());
-    EXPECT_EQ(events_.after(0).size(), 1u) << "said once";
+    EXPECT_EQ(events_.after(0).size(), 1u) << "one event";
   }
-  ASSERT_EQ(stored().size(), 1u) << "the stored map must stay as it was";
+  ASSERT_EQ(stored().size(), 1u) << "the stored map is unchanged";
   EXPECT_EQ(stored().front().tags, 1);
   keeper_->commit();
   ASSERT_EQ(stored().size(), 2u);
@@ -300,10 +274,8 @@ TEST_F(MapKeeperTest, GoesOnWhenTheDiskIsFullAndStoresWhenThereIsRoomAgain) {
   EXPECT_TRUE(events_.standing().empty());
 }
 
-TEST_F(MapKeeperTest, WhatAnOperatorAsksForKeepsItsNameUntilTheDiskTakesIt) {
-  build(MapMode::kMapping);
-  see(4);
-  keeper_->commit();
+TEST_F(MapKeeperTest, KeepsTheNameOfARequestOnAFullDisk) {
+  commit_with(4);
   keeper_->request_commit();
   {
     const FullDisk full;
@@ -314,8 +286,7 @@ TEST_F(MapKeeperTest, WhatAnOperatorAsksForKeepsItsNameUntilTheDiskTakesIt) {
   EXPECT_EQ(stored().front().comment, "stored by an operator");
 }
 
-TEST_F(MapKeeperTest, NoMemoryCostsARoundAndNothingElse) {
-  build(MapMode::kMapping);
+TEST_F(MapKeeperTest, SurvivesFailedAllocations) {
   learned_ = {{"robot", {{Pose{}, Matrix6d::Identity()}}}};
   AllocationFault::reach_this_thread();
   std::size_t versions = 0;
@@ -335,8 +306,7 @@ TEST_F(MapKeeperTest, NoMemoryCostsARoundAndNothingElse) {
   EXPECT_GT(versions, 20u);
 }
 
-TEST_F(MapKeeperTest, CamerasThatWereNotStoredAreNoMapThatWasNot) {
-  build(MapMode::kMapping);
+TEST_F(MapKeeperTest, StoresTheMapWhenCamerasAreNotStored) {
   see(4);
   ASSERT_TRUE(SqliteFile::open(file_)->execute("ALTER TABLE extrinsics RENAME TO elsewhere"));
   learned_ = {{"robot", {{Pose{}, Matrix6d::Identity()}}}};
@@ -346,27 +316,23 @@ TEST_F(MapKeeperTest, CamerasThatWereNotStoredAreNoMapThatWasNot) {
   EXPECT_EQ(events_.standing().front().kind, "cameras_not_stored");
   ASSERT_TRUE(SqliteFile::open(file_)->execute("ALTER TABLE elsewhere RENAME TO extrinsics"));
   keeper_->commit();
-  EXPECT_TRUE(events_.standing().empty()) << "tried again though the map is the same";
+  EXPECT_TRUE(events_.standing().empty()) << "tried again without a change of the map";
 }
 
-TEST_F(MapKeeperTest, WhatAnOperatorAsksForIsKeptUnderItsOwnName) {
-  build(MapMode::kMapping);
-  see(4);
-  keeper_->commit();
+TEST_F(MapKeeperTest, StoresARequestWithItsName) {
+  commit_with(4);
   keeper_->request_commit();
-  std::stop_source stop;
-  stop.request_stop();
-  keeper_->run(stop.get_token());
-  ASSERT_EQ(stored().size(), 2u) << "although nothing has changed since the last";
+  run_stopped();
+  ASSERT_EQ(stored().size(), 2u) << "without a change";
   EXPECT_EQ(stored().front().comment, "stored by an operator");
   EXPECT_EQ(stored().back().comment, kAutomaticComment);
 }
 
 /// A slow disk delays the keeper only.
-TEST_F(MapKeeperTest, AMapGrowsWhileTheDiskIsBusy) {
+TEST_F(MapKeeperTest, DoesNotBlockTheMapOnASlowDisk) {
   test::FaultDisk disk;
   file_ = "map.sqlite";
-  build(MapMode::kMapping);
+  build();
   see(4);
   std::promise<void> busy;
   std::promise<void> free;
@@ -383,7 +349,7 @@ TEST_F(MapKeeperTest, AMapGrowsWhileTheDiskIsBusy) {
   EXPECT_EQ(map_->snapshot()->tags.size(), 2u);
   free.set_value();
   keeping.join();
-  EXPECT_TRUE(map_->changed()) << "what came meanwhile is in no version yet";
+  EXPECT_TRUE(map_->changed()) << "the new tag is in no version yet";
   keeper_.reset();
 }
 

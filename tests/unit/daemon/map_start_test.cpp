@@ -1,16 +1,20 @@
 #include "daemon/map_start.hpp"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <filesystem>
 
 #include "mapping/store/sqlite_file.hpp"
+#include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 #include "unit/daemon/certain_belief.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
 namespace fiducap {
 namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
 
 class MapStartTest : public testing::Test {
  protected:
@@ -26,6 +30,7 @@ class MapStartTest : public testing::Test {
     EXPECT_TRUE(store->commit(map, "second"));
     return settings_.store;
   }
+  [[nodiscard]] Expected<StartMap> open() { return open_start_map(settings_, tags_, events_); }
   [[nodiscard]] std::vector<Event> rolled_back() const {
     auto all = events_.after(0);
     std::erase_if(all,
@@ -40,55 +45,47 @@ class MapStartTest : public testing::Test {
 
 TEST_F(MapStartTest, IsEmptyWithoutStoreAndFile) {
   settings_.reference_tag = 3;
-  const auto start = open_start_map(settings_, tags_, events_);
-  ASSERT_TRUE(start) << start.error().text();
-  EXPECT_TRUE(start->map.tags.empty());
-  EXPECT_EQ(start->map.reference_tag, 3);
-  EXPECT_FALSE(start->store.has_value());
+  const auto start = value_of(open());
+  EXPECT_TRUE(start.map.tags.empty());
+  EXPECT_EQ(start.map.reference_tag, 3);
+  EXPECT_FALSE(start.store.has_value());
 }
 
-TEST_F(MapStartTest, ImportsASurveyOnceAndThenUsesTheStore) {
+TEST_F(MapStartTest, ImportsASurveyOnce) {
   settings_.store = folder_.file("map.sqlite");
   settings_.file =
       folder_.write("survey.csv", "id,size,px,py,pz,qw,qx,qy,qz\n4,0.16,1,2,3,1,0,0,0\n");
   {
-    const auto first = open_start_map(settings_, tags_, events_);
-    ASSERT_TRUE(first) << first.error().text();
-    ASSERT_EQ(first->map.tags.size(), 1u);
-    EXPECT_EQ(first->map.version, 1);
-    const auto beside = open_start_map(settings_, tags_, events_);
-    ASSERT_FALSE(beside) << "another server has it";
-    EXPECT_NE(beside.error().text().find("is in use by process"), std::string::npos);
+    const auto first = value_of(open());
+    ASSERT_EQ(first.map.tags.size(), 1u);
+    EXPECT_EQ(first.map.version, 1);
+    EXPECT_THAT(error_of(open()), HasSubstr("is in use by process"));
   }
   settings_.file = folder_.file("gone.csv");
-  const auto second = open_start_map(settings_, tags_, events_);
-  ASSERT_TRUE(second) << second.error().text();
-  EXPECT_EQ(second->map.version, 1);
-  ASSERT_NE(second->map.find(4), nullptr);
-  EXPECT_EQ(second->map.find(4)->tag.X_WT.p.y(), 2);
+  const auto second = value_of(open());
+  EXPECT_EQ(second.map.version, 1);
+  ASSERT_NE(second.map.find(4), nullptr);
+  EXPECT_EQ(second.map.find(4)->tag.X_WT.p.y(), 2);
 }
 
-TEST_F(MapStartTest, NamesADamagedStoreAndLeavesItAlone) {
+TEST_F(MapStartTest, NamesADamagedStoreAndKeepsIt) {
   settings_.store = folder_.write("map.sqlite", std::string(10'000, 'x'));
-  const auto start = open_start_map(settings_, tags_, events_);
-  ASSERT_FALSE(start);
-  EXPECT_NE(start.error().text().find("map.sqlite"), std::string::npos) << start.error().text();
+  EXPECT_THAT(error_of(open()), HasSubstr("map.sqlite"));
   EXPECT_EQ(std::filesystem::file_size(settings_.store), 10'000u);
 }
 
-TEST_F(MapStartTest, GoesBackToTheLastSoundVersionAndSaysSo) {
+TEST_F(MapStartTest, RollsBackToTheLastSoundVersion) {
   const std::string path = two_versions();
   ASSERT_TRUE(SqliteFile::open(path)->execute("UPDATE tag SET px = 9 WHERE version = 2"));
-  const auto start = open_start_map(settings_, tags_, events_);
-  ASSERT_TRUE(start) << start.error().text();
-  EXPECT_EQ(start->map.version, 1);
+  const auto start = value_of(open());
+  EXPECT_EQ(start.map.version, 1);
   ASSERT_EQ(rolled_back().size(), 1u);
-  EXPECT_NE(rolled_back().front().text.find("went back to version 1"), std::string::npos);
-  EXPECT_NE(rolled_back().front().text.find("version 2 is damaged"), std::string::npos);
-  EXPECT_EQ(start->store->log()->size(), 2u) << "kept";
+  EXPECT_THAT(rolled_back().front().text,
+              AllOf(HasSubstr("went back to version 1"), HasSubstr("version 2 is damaged")));
+  EXPECT_EQ(start.store->log()->size(), 2u) << "kept";
 }
 
-TEST_F(MapStartTest, RepairsADamagedFileKeepsItAsideAndSaysSo) {
+TEST_F(MapStartTest, RepairsADamagedFileAndKeepsIt) {
   const std::string path = two_versions();
   {
     auto store = MapStore::open(path);  // many pages
@@ -99,33 +96,27 @@ TEST_F(MapStartTest, RepairsADamagedFileKeepsItAsideAndSaysSo) {
   const auto size = std::filesystem::file_size(path);
   std::filesystem::resize_file(path, size - 4096);
   ASSERT_FALSE(MapStore::open(path));
-  const auto start = open_start_map(settings_, tags_, events_);
-  ASSERT_TRUE(start) << start.error().text();
-  EXPECT_EQ(start->map.version, 2);
+  const auto start = value_of(open());
+  EXPECT_EQ(start.map.version, 2);
   EXPECT_EQ(std::filesystem::file_size(path + ".damaged-1"), size - 4096);
   ASSERT_EQ(rolled_back().size(), 1u);
-  EXPECT_NE(rolled_back().front().text.find("version 3"), std::string::npos)
-      << rolled_back().front().sentence();
-  EXPECT_NE(rolled_back().front().remedy.find(path + ".damaged-1"), std::string::npos);
+  EXPECT_THAT(rolled_back().front().text, HasSubstr("version 3"));
+  EXPECT_THAT(rolled_back().front().remedy, HasSubstr(path + ".damaged-1"));
 }
 
 TEST_F(MapStartTest, RefusesAMapOfAnotherTagFamily) {
   settings_.file =
       folder_.write("survey.csv", "id,size,px,py,pz,qw,qx,qy,qz\n4,0.16,1,2,3,1,0,0,0\n");
   tags_.family = "tag25h9";
-  const auto start = open_start_map(settings_, tags_, events_);
-  ASSERT_FALSE(start);
-  EXPECT_NE(start.error().text().find("tag25h9"), std::string::npos) << start.error().text();
+  EXPECT_THAT(error_of(open()), HasSubstr("tag25h9"));
 }
 
-TEST_F(MapStartTest, NamesASurveyThatIsNotThere) {
+TEST_F(MapStartTest, NamesAMissingSurvey) {
   settings_.file = folder_.file("survey.json");
-  const auto start = open_start_map(settings_, tags_, events_);
-  ASSERT_FALSE(start);
-  EXPECT_NE(start.error().text().find("survey.json"), std::string::npos);
+  EXPECT_THAT(error_of(open()), HasSubstr("survey.json"));
 }
 
-TEST(UseLearned, TakesOverWhatWasLearnedUnlessTheCameraWasMoved) {
+TEST(UseLearned, UsesLearnedExtrinsicsUnlessTheCameraWasMoved) {
   BodySensors sensors;
   sensors.cameras.resize(2);
   std::vector<CameraMount>& cameras = sensors.cameras;
@@ -139,7 +130,7 @@ TEST(UseLearned, TakesOverWhatWasLearnedUnlessTheCameraWasMoved) {
   EXPECT_EQ(cameras[1].X_BV.p.x(), 0.1);
 }
 
-TEST(UseLearned, LeavesOutWhatADiskHasDamaged) {
+TEST(UseLearned, IgnoresInvalidPoses) {
   BodySensors sensors;
   sensors.cameras.resize(2);
   Pose nowhere;
@@ -150,7 +141,7 @@ TEST(UseLearned, LeavesOutWhatADiskHasDamaged) {
   EXPECT_EQ(sensors.cameras[1].X_BV.q.z(), 0);
 }
 
-TEST(UseLearned, StartsFromTheLearnedClockUnlessTheConfigurationIsSure) {
+TEST(UseLearned, UsesTheLearnedClockUnlessItIsExact) {
   BodySensors sensors;
   sensors.cameras.resize(3);
   sensors.cameras[0].readout_s = 0.01;
@@ -164,10 +155,10 @@ TEST(UseLearned, StartsFromTheLearnedClockUnlessTheConfigurationIsSure) {
   EXPECT_EQ(sensors.cameras[1].readout_s, 0.0);
   sensors.cameras[0].time_shift = from_seconds(-0.03);
   use_learned({{"robot", 0, Pose{}, clock}}, "robot", sensors);
-  EXPECT_NEAR(sensors.start_shifts_s[0], 0, 1e-12) << "what is told by now is not added again";
+  EXPECT_NEAR(sensors.start_shifts_s[0], 0, 1e-12) << "configured by now, not added again";
 }
 
-TEST(DoubtLearnedLenses, NamesWhatWasWrongByBodyAndNumber) {
+TEST(DoubtLearnedLenses, NamesParametersByBodyAndCamera) {
   TagMap map = with_ties(make_map({3, 5}));
   doubt_learned_lenses({{"rover", 1, Pose{}, {}, {.focal = 0.01, .centre_v_px = 2.0}},
                         {"gone", 0, Pose{}, {}, {.focal = 0.01}},
@@ -180,7 +171,7 @@ TEST(DoubtLearnedLenses, NamesWhatWasWrongByBodyAndNumber) {
   EXPECT_EQ(map.known->wrong_lenses[1].kind, FoundMismatch::Kind::kCentreV);
   TagMap without = make_map({3, 5});
   doubt_learned_lenses({{"rover", 1, Pose{}, {}, {.focal = 0.01}}}, {{"rover", 7}}, without);
-  EXPECT_EQ(without.known, nullptr) << "whoever does not know ties knows nothing of lenses";
+  EXPECT_EQ(without.known, nullptr) << "without correlations";
 }
 
 }  // namespace

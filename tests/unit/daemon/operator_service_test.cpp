@@ -1,9 +1,13 @@
 #include "daemon/operator_service.hpp"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
+#include <sys/stat.h>
 
+#include <fstream>
+
+#include "daemon/operator_token.hpp"
 #include "support/fake_clock.hpp"
+#include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 #include "unit/daemon/certain_belief.hpp"
 
@@ -14,65 +18,60 @@ using testing::HasSubstr;
 
 class OperatorServiceTest : public testing::Test {
  protected:
-  OperatorServiceTest()
-      : scene_(bodies()),
-        map_(MapConfig{}, TagMap{}),
-        recorder_(RecorderConfig{folder_.file("recordings"), false}, clock_, events_) {}
-
   static std::vector<SceneBody> bodies() {
     std::vector<SceneBody> all(2);
     all[0].description = {4, "drone"};
     all[1].description = {7, "rover"};
     return all;
   }
-
-  TemporaryFolder folder_;
-  void map_tag(int id) {
-    const TagBelief one = belief(id, 1.0);
+  void map_tag(int id, double x = 1.0, double y = 0.0) {
+    TagBelief one = belief(id, x);
+    one.tag.X_WT.p.y() = y;
     map_.absorb({.body_id = 1, .beliefs = std::span(&one, 1)}, 1'700'000'000'000'000'000);
   }
 
-  Scene scene_;
-  MapBuilder map_;
+  TemporaryFolder folder_;
+  Scene scene_{bodies()};
+  MapBuilder map_{MapConfig{}, TagMap{}};
   FakeClock clock_;
   EventBoard events_{[] { return std::int64_t{0}; }};
-  SessionRecorder recorder_;
+  SessionRecorder recorder_{RecorderConfig{folder_.file("recordings"), false}, clock_, events_};
   std::string store_{folder_.file("hall.map")};
-  MapKeeper keeper_{MapStore::open(store_).value(),           map_, 10.0, clock_, events_,
-                    [] {
-                      return std::vector<LearnedBody>{}; }};
+  std::function<std::vector<LearnedBody>()> nothing_learned_ = [] {
+    return std::vector<LearnedBody>{};
+  };
+  MapKeeper keeper_{
+      value_of(MapStore::open(store_)), map_, 10.0, clock_, events_, nothing_learned_};
   OperatorService service_{{"correct horse", {}}, scene_, map_, recorder_, events_, &keeper_};
 };
 
-TEST_F(OperatorServiceTest, KnowsTheOperatorByTheTokenAlone) {
+TEST_F(OperatorServiceTest, AdmitsTheTokenOnly) {
   EXPECT_TRUE(service_.admits("correct horse"));
-  EXPECT_FALSE(service_.admits("correct hors"));
-  EXPECT_FALSE(service_.admits("correct horsf"));
-  EXPECT_FALSE(service_.admits(""));
+  for (const char* wrong : {"correct hors", "correct horsf", ""})
+    EXPECT_FALSE(service_.admits(wrong)) << wrong;
   const OperatorService closed({}, scene_, map_, recorder_, events_, nullptr);
-  EXPECT_FALSE(closed.admits("")) << "no token: nobody is the operator";
+  EXPECT_FALSE(closed.admits("")) << "without a token there is no operator";
 }
 
-TEST_F(OperatorServiceTest, BodiesAreNamedByTheirStreamingId) {
+TEST_F(OperatorServiceTest, IdentifiesBodiesByTheirStreamingId) {
   ASSERT_TRUE(service_.set_enabled(7, false));
   EXPECT_EQ(scene_.model()->bodies.size(), 1u);
   EXPECT_FALSE(service_.bodies()[1].enabled);
   EXPECT_EQ(service_.set_enabled(5, false).error().code, ErrorCode::kNotFound);
 }
 
-TEST_F(OperatorServiceTest, RefusesNamesThatNoProtocolOrNobodyElseCanBear) {
+TEST_F(OperatorServiceTest, RefusesInvalidAndTakenNames) {
   EXPECT_TRUE(service_.rename(4, "drone-2"));
-  EXPECT_TRUE(service_.rename(4, "drone-2")) << "its own name is free for itself";
+  EXPECT_TRUE(service_.rename(4, "drone-2")) << "its own name";
   EXPECT_EQ(service_.rename(4, "rover").error().code, ErrorCode::kInvalid);
-  EXPECT_FALSE(service_.rename(4, ""));
-  EXPECT_FALSE(service_.rename(4, "a@b"));
-  EXPECT_FALSE(service_.rename(4, std::string(64, 'a')));
+  for (const std::string& bad : {std::string(), std::string("a@b"), std::string(64, 'a')})
+    EXPECT_FALSE(service_.rename(4, bad)) << bad;
   EXPECT_EQ(service_.bodies()[0].name, "drone-2");
   EXPECT_TRUE(service_.rename(4, "Größe 1"));
   EXPECT_EQ(service_.bodies()[0].name, "Größe 1");
 }
 
-TEST_F(OperatorServiceTest, EventsOfARenamedBodyBearItsNewName) {
+TEST_F(OperatorServiceTest, RenamesTheSubjectOfEvents) {
   events_.begin({.subject = "drone", .kind = "silent", .text = "no image"});
   ASSERT_TRUE(service_.rename(4, "uav1"));
   ASSERT_TRUE(service_.rename(4, "uav2"));
@@ -80,7 +79,7 @@ TEST_F(OperatorServiceTest, EventsOfARenamedBodyBearItsNewName) {
   for (const Event& event : events_.standing()) EXPECT_EQ(event.subject, "uav2") << event.kind;
 }
 
-TEST_F(OperatorServiceTest, APivotNeedsARotation) {
+TEST_F(OperatorServiceTest, RefusesAPivotWithoutARotation) {
   Pose X_BP{Eigen::Quaterniond::Identity(), {1, 2, 3}};
   EXPECT_TRUE(service_.set_pivot(4, X_BP));
   EXPECT_EQ(service_.bodies()[0].X_BP.p, Eigen::Vector3d(1, 2, 3));
@@ -90,14 +89,13 @@ TEST_F(OperatorServiceTest, APivotNeedsARotation) {
   EXPECT_FALSE(service_.set_pivot(4, X_BP));
 }
 
-TEST_F(OperatorServiceTest, AMapWithoutTagsIsNotFrozen) {
-  const auto frozen = service_.set_map_mode(MapMode::kFrozen);
-  ASSERT_FALSE(frozen);
-  EXPECT_THAT(frozen.error().what, HasSubstr("no tag in the map yet"));
+TEST_F(OperatorServiceTest, DoesNotFreezeAnEmptyMap) {
+  EXPECT_THAT(error_of(service_.set_map_mode(MapMode::kFrozen)),
+              HasSubstr("no tag in the map yet"));
   EXPECT_EQ(map_.mode(), MapMode::kMapping);
 }
 
-TEST_F(OperatorServiceTest, TheMapIsFrozenAndStoredOnRequest) {
+TEST_F(OperatorServiceTest, FreezesAndStoresTheMap) {
   map_tag(9);
   EXPECT_TRUE(service_.set_map_mode(MapMode::kFrozen));
   EXPECT_EQ(map_.mode(), MapMode::kFrozen);
@@ -109,15 +107,12 @@ TEST_F(OperatorServiceTest, TheMapIsFrozenAndStoredOnRequest) {
   OperatorService without_store({}, scene_, map_, recorder_, events_, nullptr);
   EXPECT_EQ(without_store.change_map(CommitVersion{}).error().code, ErrorCode::kUnsupported);
   EXPECT_EQ(without_store.change_map(RollBack{1}).error().code, ErrorCode::kUnavailable)
-      << "frozen, first of all";
+      << "frozen";
   EXPECT_TRUE(without_store.map_versions().empty());
 }
 
-TEST_F(OperatorServiceTest, WhatCannotBeDoneToTheMapIsRefusedAtOnce) {
-  const auto why = [&](const MapChange& change) {
-    const auto done = service_.change_map(change);
-    return done ? std::string() : done.error().what;
-  };
+TEST_F(OperatorServiceTest, RefusesImpossibleChangesOfTheMap) {
+  const auto why = [&](const MapChange& change) { return error_of(service_.change_map(change)); };
   EXPECT_THAT(why(RollBack{7}), HasSubstr("there is no version 7 in the store"));
   EXPECT_THAT(why(NameVersion{7, "x"}), HasSubstr("there is no version 7"));
   EXPECT_THAT(why(NameVersion{1, "two\nlines"}), HasSubstr("1 to 200 characters"));
@@ -130,13 +125,8 @@ TEST_F(OperatorServiceTest, WhatCannotBeDoneToTheMapIsRefusedAtOnce) {
   EXPECT_THAT(why(RollBack{7}), HasSubstr("the map is frozen"));
 }
 
-TEST_F(OperatorServiceTest, WhatAnOperatorDoesToTagsIsTold) {
-  for (const int id : {3, 4, 5}) {
-    TagBelief one = belief(id, 1.0);
-    one.tag.X_WT.p.x() = id;
-    one.tag.X_WT.p.y() = id == 4 ? 2 : 0;
-    map_.absorb({.body_id = 1, .beliefs = std::span(&one, 1)}, 1'700'000'000'000'000'000);
-  }
+TEST_F(OperatorServiceTest, ReportsChangesOfTags) {
+  for (const int id : {3, 4, 5}) map_tag(id, id, id == 4 ? 2 : 0);
   ASSERT_EQ(map_.snapshot()->tags.size(), 3U);
   AlignMap align;
   for (const MapTag& tag : map_.snapshot()->tags)
@@ -150,12 +140,80 @@ TEST_F(OperatorServiceTest, WhatAnOperatorDoesToTagsIsTold) {
   EXPECT_EQ(kinds, (std::vector<std::string>{"aligned", "tag_quarantined", "tag_forgotten"}));
 }
 
-TEST_F(OperatorServiceTest, ARecordingWithoutANameIsCalledByTheTime) {
+TEST_F(OperatorServiceTest, NamesARecordingByTheTime) {
   ASSERT_TRUE(service_.start_recording(""));
   EXPECT_EQ(service_.recording()->size(), std::string("2026-01-01_00-00-00").size());
   EXPECT_FALSE(service_.start_recording("another"));
   EXPECT_TRUE(service_.stop_recording());
   EXPECT_FALSE(service_.recording());
+}
+
+class OperatorTokenTest : public testing::Test {
+ protected:
+  std::string write(const std::string& text, mode_t mode = 0600) {
+    const std::string path = folder_.file("token");
+    std::ofstream(path, std::ios::binary) << text;
+    EXPECT_EQ(::chmod(path.c_str(), mode), 0);
+    return path;
+  }
+  std::string refused(const std::string& text, mode_t mode = 0600) {
+    return error_of(read_token_file(write(text, mode)));
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(OperatorTokenTest, IsTheLineOfTheFile) {
+  for (const char* text : {"correct horse", "correct horse\n", "correct horse\r\n"})
+    EXPECT_EQ(value_of(read_token_file(write(text))), "correct horse");
+}
+
+TEST_F(OperatorTokenTest, RefusesAFileThatOthersCanReadOrChange) {
+  for (const mode_t mode : {0604, 0602, 0601, 0620, 0666})
+    EXPECT_THAT(refused("correct horse", mode), HasSubstr("chmod 600")) << std::oct << mode;
+  EXPECT_TRUE(read_token_file(write("correct horse", 0440)))
+      << "a credential of systemd shows its access list as rights of the group";
+}
+
+TEST_F(OperatorTokenTest, RefusesInvalidTokensWithTheFilesName) {
+  EXPECT_THAT(refused("short"), HasSubstr("at least 8 characters"));
+  EXPECT_THAT(refused("two lines\nof a file"), HasSubstr("one line"));
+  EXPECT_THAT(refused(std::string("nul\0 inside", 11)), HasSubstr("one line"));
+  EXPECT_THAT(refused(std::string(1025, 'a')), HasSubstr("too long"));
+  EXPECT_THAT(refused("short"), HasSubstr(folder_.file("token")));
+}
+
+TEST_F(OperatorTokenTest, RefusesOtherThanPlainFiles) {
+  EXPECT_THAT(error_of(read_token_file(folder_.file("none"))), HasSubstr("No such file"));
+  EXPECT_THAT(error_of(read_token_file(folder_.text())), HasSubstr("plain file"));
+  const std::string pipe = folder_.file("pipe");
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_THAT(error_of(read_token_file(pipe)), HasSubstr("plain file"));
+}
+
+TEST_F(OperatorTokenTest, PrefersTheConfigurationToTheCredential) {
+  const std::string file = write("of the file\n");
+  const std::string folder = folder_.text();
+  EXPECT_EQ(operator_token({"of the text", ""}, folder.c_str()), "of the text");
+  EXPECT_EQ(operator_token({"", file}, "/nowhere"), "of the file");
+  EXPECT_EQ(operator_token({}, folder.c_str()), "of the file");
+  EXPECT_EQ(operator_token({}, nullptr), "");
+  EXPECT_EQ(operator_token({}, "/nowhere"), "") << "a service without this credential";
+}
+
+TEST_F(OperatorTokenTest, AcceptsAnEmptyCredentialButNoEmptyFile) {
+  const std::string file = write("\n");
+  const std::string folder = folder_.text();
+  EXPECT_EQ(operator_token({}, folder.c_str()), "");
+  EXPECT_THAT(error_of(operator_token({"", file}, nullptr)), HasSubstr("is empty"));
+}
+
+TEST_F(OperatorTokenTest, RefusesTwoTokens) {
+  EXPECT_TRUE((OperatorConfig{"", "/etc/token"}.check().empty()));
+  const auto faults = OperatorConfig{"correct horse", "/etc/token"}.check();
+  ASSERT_EQ(faults.size(), 1u);
+  EXPECT_THAT(faults[0].text(), HasSubstr("remove one of"));
+  EXPECT_THAT(faults[0].text(), testing::Not(HasSubstr("correct horse")));
 }
 
 }  // namespace

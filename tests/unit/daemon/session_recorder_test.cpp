@@ -1,14 +1,15 @@
 #include "daemon/recording/session_recorder.hpp"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <algorithm>
 #include <fstream>
 #include <thread>
 
+#include "daemon/recording/session_files.hpp"
 #include "support/fake_clock.hpp"
 #include "support/frozen_file.hpp"
+#include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {
@@ -27,20 +28,13 @@ class SessionRecorderTest : public testing::Test {
 
   static RecordingInfo one_camera() {
     RecordingInfo info;
-    CameraMount camera;
-    camera.model = {752, 480, 460, 460, 375.5, 239.5, Distortion::kNone, {}};
-    info.cameras = {camera};
+    info.cameras.resize(1);
+    info.cameras[0].model = {752, 480, 460, 460, 375.5, 239.5, Distortion::kNone, {}};
     info.imu = ImuNoise{};
     return info;
   }
   static CornerFrame corners_at(int ms) {
-    CornerFrame corners;
-    corners.exposed_at = at_ms(ms);
-    TagSighting tag;
-    tag.tag_id = 5;
-    tag.corners_px = {Eigen::Vector2d{10, 10}, {20, 10}, {20, 20}, {10, 20}};
-    corners.tags = {tag};
-    return corners;
+    return {0, at_ms(ms), {{5, 0, 0, {{{10, 10}, {20, 10}, {20, 20}, {10, 20}}}}}};
   }
   void take_imu(int ms) { recorder_.take(0, ImuSample{at_ms(ms), {0.1, 0.2, 0.3}, {0, 0, 9.81}}); }
   void take(int ms) {
@@ -65,6 +59,12 @@ class SessionRecorderTest : public testing::Test {
   bool wait_for(State state) {
     return wait_until([&] { return newest().state == state; });
   }
+  /// Starts the writer and a session, and waits until it is recorded.
+  void record(const std::string& name) {
+    start_writer();
+    ASSERT_TRUE(recorder_.start(name));
+    ASSERT_TRUE(wait_for(State::kRecording));
+  }
   [[nodiscard]] std::string path(const std::string& in_session) const {
     return folder_.file("recordings/" + in_session);
   }
@@ -83,27 +83,25 @@ class SessionRecorderTest : public testing::Test {
   std::jthread writer_;
 };
 
-TEST_F(SessionRecorderTest, WhatIsRecordedCanBeReplayed) {
-  take(0);  // before the start: not wanted
+TEST_F(SessionRecorderTest, WritesWhatCanBeReplayed) {
+  take(0);  // before the start: not recorded
   ASSERT_TRUE(recorder_.start("first"));
   for (int ms = 10; ms <= 50; ms += 10) take(ms);
   ASSERT_TRUE(recorder_.stop());
   take(60);
   end_writer();
 
-  const auto info = read_recording_info(path("first/drone"));
-  ASSERT_TRUE(info) << info.error().text();
-  auto source = open_recording(*info, {}, clock_);
-  ASSERT_TRUE(source) << source.error().text();
+  const auto info = value_of(read_recording_info(path("first/drone")));
+  auto source = value_of(open_recording(info, {}, clock_));
   int imu = 0;
   int corners = 0;
-  for (auto sample = (*source)->next({}); sample && *sample; sample = (*source)->next({})) {
-    if (const auto* reading = std::get_if<ImuSample>(&**sample)) {
+  while (const auto sample = value_of(source->next({}))) {
+    if (const auto* reading = std::get_if<ImuSample>(&*sample)) {
       ++imu;
       EXPECT_NEAR(reading->f_B.z(), 9.81, 1e-9);
     } else {
       ++corners;
-      EXPECT_EQ(std::get<CornerFrame>(**sample).tags.at(0).tag_id, 5);
+      EXPECT_EQ(std::get<CornerFrame>(*sample).tags.at(0).tag_id, 5);
     }
   }
   EXPECT_EQ(imu, 5);
@@ -124,11 +122,11 @@ TEST_F(SessionRecorderTest, TakesPlainNamesOnlyAndOneSessionAtATime) {
   EXPECT_FALSE(recorder_.start("two"));
   ASSERT_TRUE(recorder_.stop());
   EXPECT_FALSE(recorder_.stop());
-  EXPECT_FALSE(recorder_.start("one")) << "it waits for the disk still";
+  EXPECT_FALSE(recorder_.start("one")) << "it still waits for the disk";
   EXPECT_TRUE(recorder_.start("two"));
 }
 
-TEST_F(SessionRecorderTest, OverwritesNothingAndSaysSo) {
+TEST_F(SessionRecorderTest, OverwritesNothing) {
   folder_.write("recordings/one/drone/precious", "1");
   ASSERT_TRUE(recorder_.start("one")) << "only the disk knows";
   start_writer();
@@ -138,7 +136,7 @@ TEST_F(SessionRecorderTest, OverwritesNothingAndSaysSo) {
   EXPECT_FALSE(recorder_.current());
 }
 
-TEST_F(SessionRecorderTest, AServerThatEndsClosesTheRecordingWhole) {
+TEST_F(SessionRecorderTest, FinishesTheRecordingAtTheEnd) {
   ASSERT_TRUE(recorder_.start("last"));
   take(10);
   end_writer();
@@ -147,7 +145,7 @@ TEST_F(SessionRecorderTest, AServerThatEndsClosesTheRecordingWhole) {
   EXPECT_TRUE(read_recording_info(path("last/drone")));
 }
 
-TEST_F(SessionRecorderTest, StartingTouchesNoDiskAndLosesNothing) {
+TEST_F(SessionRecorderTest, StartsWithoutTheDisk) {
   ASSERT_TRUE(recorder_.start("first"));
   EXPECT_FALSE(std::filesystem::exists(folder_.file("recordings")));
   EXPECT_EQ(newest().state, State::kStarting);
@@ -159,10 +157,8 @@ TEST_F(SessionRecorderTest, StartingTouchesNoDiskAndLosesNothing) {
   EXPECT_EQ(newest().samples, 2u);
 }
 
-TEST_F(SessionRecorderTest, AFrozenDiskHoldsNobodyUp) {
-  start_writer();
-  ASSERT_TRUE(recorder_.start("frozen"));
-  ASSERT_TRUE(wait_for(State::kRecording));
+TEST_F(SessionRecorderTest, DoesNotWaitForAFrozenDisk) {
+  record("frozen");
   FrozenFile frozen(path("frozen/drone/mav0/tags0/frames.csv"));
   take(10);  // the writer waits for this file from here on
   ASSERT_TRUE(recorder_.stop());
@@ -179,10 +175,8 @@ TEST_F(SessionRecorderTest, AFrozenDiskHoldsNobodyUp) {
   EXPECT_EQ(recorder_.recordings().front().state, State::kFinished);
 }
 
-TEST_F(SessionRecorderTest, ADiskThatTakesNothingIsSaidUntilItDoes) {
-  start_writer();
-  ASSERT_TRUE(recorder_.start("frozen"));
-  ASSERT_TRUE(wait_for(State::kRecording));
+TEST_F(SessionRecorderTest, ReportsAFrozenDiskUntilItWorks) {
+  record("frozen");
   FrozenFile frozen(path("frozen/drone/mav0/tags0/frames.csv"));
   ASSERT_TRUE(wait_until([&] {  // until the writer is inside
     take(10);
@@ -195,10 +189,8 @@ TEST_F(SessionRecorderTest, ADiskThatTakesNothingIsSaidUntilItDoes) {
   EXPECT_TRUE(wait_until([&] { return standing().empty(); }));
 }
 
-TEST_F(SessionRecorderTest, AFullDiskEndsTheSessionWithItsReason) {
-  start_writer();
-  ASSERT_TRUE(recorder_.start("full"));
-  ASSERT_TRUE(wait_for(State::kRecording));
+TEST_F(SessionRecorderTest, EndsTheSessionWhenTheDiskIsFull) {
+  record("full");
   std::filesystem::create_directories(path("full/drone/mav0/tags0"));
   std::filesystem::create_symlink("/dev/full", path("full/drone/mav0/tags0/data.csv"));
   take_imu(5);
@@ -207,11 +199,9 @@ TEST_F(SessionRecorderTest, AFullDiskEndsTheSessionWithItsReason) {
   EXPECT_THAT(newest().reason, HasSubstr("No space left on device"));
   EXPECT_THAT(newest().reason, HasSubstr("tags0/data.csv"));
   EXPECT_GT(newest().bytes, 0u);
-  EXPECT_EQ(lines("full/drone/mav0/imu0/data.csv"), 2) << "the others keep what they have";
+  EXPECT_EQ(lines("full/drone/mav0/imu0/data.csv"), 2) << "other files keep their lines";
   EXPECT_FALSE(recorder_.current());
-  const auto stopped = recorder_.stop();
-  ASSERT_FALSE(stopped);
-  EXPECT_THAT(stopped.error().what, HasSubstr("No space left on device"));
+  EXPECT_THAT(error_of(recorder_.stop()), HasSubstr("No space left on device"));
   ASSERT_THAT(standing(), SizeIs(1));
   EXPECT_EQ(standing().front().kind, "failing");
   EXPECT_THAT(standing().front().text, HasSubstr("No space left on device"));
@@ -225,7 +215,7 @@ TEST_F(SessionRecorderTest, AFullDiskEndsTheSessionWithItsReason) {
   EXPECT_TRUE(wait_for(State::kFinished));
 }
 
-TEST_F(SessionRecorderTest, ASampleThatCannotBeEndsNoSession) {
+TEST_F(SessionRecorderTest, DropsAnInvalidSample) {
   ASSERT_TRUE(recorder_.start("odd"));
   CornerFrame odd = corners_at(5);
   odd.camera = 7;
@@ -237,7 +227,7 @@ TEST_F(SessionRecorderTest, ASampleThatCannotBeEndsNoSession) {
   EXPECT_EQ(newest().dropped, 1u);
 }
 
-TEST_F(SessionRecorderTest, AFolderThatCannotBeMadeIsAFailureAndNotTheLast) {
+TEST_F(SessionRecorderTest, RecoversFromAFolderThatCannotBeMade) {
   folder_.write("recordings", "a file");
   start_writer();
   ASSERT_TRUE(recorder_.start("first"));
@@ -248,14 +238,12 @@ TEST_F(SessionRecorderTest, AFolderThatCannotBeMadeIsAFailureAndNotTheLast) {
   EXPECT_TRUE(wait_for(State::kRecording));
 }
 
-TEST_F(SessionRecorderTest, EveryStreamIsOnDiskAfterASecond) {
+TEST_F(SessionRecorderTest, FlushesEveryStreamWithinASecond) {
   recorder_.set_surroundings({"", [] {
                                 return MapView{std::make_shared<const TagMap>(), true, 0};
                               }});
   BodyUpdate update;
-  start_writer();
-  ASSERT_TRUE(recorder_.start("killed"));
-  ASSERT_TRUE(wait_for(State::kRecording));
+  record("killed");
   take(10);
   update.corners = corners_at(10);
   recorder_.take_turn(0, update, {}, 0);
@@ -264,17 +252,17 @@ TEST_F(SessionRecorderTest, EveryStreamIsOnDiskAfterASecond) {
            lines("killed/drone/mav0/tags0/frames.csv") == count &&
            lines("killed/drone/mav0/tags0/data.csv") == count && lines("killed/turns.csv") == count;
   };
-  EXPECT_FALSE(all_have(1)) << "no call to the disk for each line";
-  // No file is closed, and nothing else comes: that a second has gone by is enough.
+  EXPECT_FALSE(all_have(1)) << "lines are buffered";
+  // No file is closed, and no sample follows.
   EXPECT_TRUE(wait_until([&] {
     clock_.advance(100ms);
     return all_have(1);
   }));
   EXPECT_EQ(newest().state, State::kRecording);
-  EXPECT_TRUE(wait_until([&] { return newest().samples == 2; })) << "and counted";
+  EXPECT_TRUE(wait_until([&] { return newest().samples == 2; })) << "counted";
 }
 
-TEST_F(SessionRecorderTest, TheSessionOfTheStartTakesTheNextName) {
+TEST_F(SessionRecorderTest, UsesTheNextFreeNameAtStart) {
   folder_.write("recordings/flight/drone/precious", "1");
   std::filesystem::create_directories(path("flight-2"));
   ASSERT_TRUE(recorder_.start_and_open("flight"));
@@ -283,10 +271,8 @@ TEST_F(SessionRecorderTest, TheSessionOfTheStartTakesTheNextName) {
   EXPECT_FALSE(recorder_.start_and_open("../flight"));
 }
 
-TEST_F(SessionRecorderTest, AStuckDiskIsLeftBehindAndSaid) {
-  start_writer();
-  ASSERT_TRUE(recorder_.start("stuck"));
-  ASSERT_TRUE(wait_for(State::kRecording));
+TEST_F(SessionRecorderTest, AbandonsAStuckDiskAndReportsIt) {
+  record("stuck");
   FrozenFile frozen(path("stuck/drone/mav0/tags0/frames.csv"));
   take(10);
   writer_.request_stop();
@@ -311,7 +297,7 @@ class RecordingImagesTest : public SessionRecorderTest {
   std::shared_ptr<GrayImage> image_ = std::make_shared<GrayImage>();
 };
 
-TEST_F(RecordingImagesTest, ASlowDiskCostsImagesNotMemoryAndNoImuReading) {
+TEST_F(RecordingImagesTest, DropImagesOnASlowDisk) {
   constexpr int kImages = 200;  // 400 MB
   constexpr int kFit = static_cast<int>(RecordingQueue::kImages_bytes / 2'000'000);
   ASSERT_TRUE(images_.start("slow"));  // without a writer
@@ -326,13 +312,65 @@ TEST_F(RecordingImagesTest, ASlowDiskCostsImagesNotMemoryAndNoImuReading) {
   EXPECT_EQ(standing().front().severity, Severity::kError);
   EXPECT_THAT(events_.after(0), SizeIs(1)) << "once, not for each image";
 
-  elsewhere_.write("recordings", "no folder: what waited is given up at once");
+  elsewhere_.write("recordings", "no folder: queued samples are dropped");
   std::jthread writer([this](std::stop_token stop) { images_.run(stop); });
   writer.request_stop();
   writer.join();
   ASSERT_THAT(standing(), SizeIs(1));
   EXPECT_EQ(standing().front().kind, "failing") << "slow is over";
   EXPECT_EQ(images_.recordings().back().dropped, 2u * kImages);
+}
+
+class RecordingQueueTest : public testing::Test {
+ protected:
+  bool put(RecordedThing what) { return queue_.put({session_, 0, std::move(what)}); }
+  /// @return number of accepted samples
+  template <typename Sample>
+  std::size_t fill(const Sample& sample) {
+    std::size_t count = 0;
+    while (put(SensorSample(sample))) ++count;
+    return count;
+  }
+
+  std::shared_ptr<RecordedSession> session_ = std::make_shared<RecordedSession>("flight");
+  RecordingQueue queue_;
+};
+
+TEST_F(RecordingQueueTest, LimitsEveryKindByItsSize) {
+  CornerFrame corners;
+  corners.tags.resize(50);
+  corners.points.resize(60);
+  const std::size_t frames = fill(corners);
+  EXPECT_LT(frames * (50 * sizeof(TagSighting) + 60 * sizeof(PointSighting)),
+            RecordingQueue::kImages_bytes);
+  EXPECT_LE(queue_.bytes(), RecordingQueue::kImages_bytes);
+  const std::size_t readings = fill(ImuSample{});
+  EXPECT_LE(queue_.bytes(), RecordingQueue::kMost_bytes);
+  EXPECT_GT(readings, 200u * 60) << "a minute of IMU after the last image";
+  EXPECT_FALSE(put(MapTurn{}));
+}
+
+TEST_F(RecordingQueueTest, CountsImagesByTheirPixels) {
+  const auto image = std::make_shared<GrayImage>();
+  image->resize(4000, 3000);
+  EXPECT_EQ(fill(CameraFrame{0, {}, image}), RecordingQueue::kImages_bytes / 12'000'000);
+}
+
+TEST_F(RecordingQueueTest, AlwaysTakesTheEndOfASession) {
+  fill(ImuSample{});
+  EXPECT_TRUE(put(SessionEnd{}));
+  EXPECT_TRUE(put(SessionBegin{}));
+}
+
+TEST_F(RecordingQueueTest, CountsItemsUntilTheyAreWritten) {
+  fill(ImuSample{});
+  std::deque<RecordedItem> batch;
+  queue_.take_all(batch);
+  EXPECT_TRUE(queue_.empty());
+  EXPECT_FALSE(put(SensorSample(ImuSample{})));
+  for (const RecordedItem& item : batch) queue_.written(item);
+  EXPECT_EQ(queue_.bytes(), 0u);
+  EXPECT_TRUE(put(SensorSample(ImuSample{})));
 }
 
 }  // namespace

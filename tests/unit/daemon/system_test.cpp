@@ -13,7 +13,7 @@
 namespace fiducap {
 namespace {
 
-TEST(RealtimePriority, IsThisThreadsAloneAndChangesNothingWithoutTheRight) {
+TEST(RealtimePriority, IsOfThisThreadAndNeedsPermission) {
   std::thread([] {
     const int before = sched_getscheduler(0);
     const bool permitted = set_realtime_priority();
@@ -22,7 +22,7 @@ TEST(RealtimePriority, IsThisThreadsAloneAndChangesNothingWithoutTheRight) {
   }).join();
 }
 
-TEST(BackgroundPriority, IsThisThreadsAlone) {
+TEST(BackgroundPriority, IsOfThisThreadOnly) {
   std::thread([] {
     set_background_priority();
     EXPECT_EQ(sched_getscheduler(0), SCHED_IDLE);
@@ -30,7 +30,7 @@ TEST(BackgroundPriority, IsThisThreadsAlone) {
   EXPECT_EQ(sched_getscheduler(0), SCHED_OTHER);
 }
 
-/// How a thread runs after `run`, and whether its priority is then restored.
+/// Scheduling of a thread after `run`, and after an attempt to restore its priority.
 struct Ran {
   int before{};
   bool lost{};
@@ -57,17 +57,17 @@ Ran try_out(void (*run)()) {
   return ran;
 }
 
-TEST(ThreadPriority, IsRestoredOnlyWithTheRight) {
+TEST(ThreadPriority, IsRestoredOnlyWithPermission) {
   const Ran ran = try_out(set_background_priority);
   EXPECT_EQ(ran.before, SCHED_IDLE);
   EXPECT_EQ(ran.after, ran.lost ? SCHED_OTHER : SCHED_IDLE);
   EXPECT_FALSE(ran.lost_at_end);
 }
 
-TEST(ThreadPriority, IsReversiblyLoweredOnlyWhereItCanBeRestored) {
-  const bool has_right = try_out(set_background_priority).lost;
+TEST(ThreadPriority, IsReversiblyLoweredOnlyWithPermission) {
+  const bool is_permitted = try_out(set_background_priority).lost;
   const Ran ran = try_out(set_reversible_background_priority);
-  EXPECT_EQ(ran.before, has_right ? SCHED_IDLE : SCHED_OTHER);
+  EXPECT_EQ(ran.before, is_permitted ? SCHED_IDLE : SCHED_OTHER);
   EXPECT_EQ(ran.after, SCHED_OTHER);
 }
 

@@ -2,10 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "detection/observe.hpp"
 #include "detection/tag_search.hpp"
+#include "drawn_tag.hpp"
 #include "support/corner_scenes.hpp"
 
 namespace fiducap {
@@ -20,11 +22,8 @@ TagSighting square(double side, double sharpness = 1.0) {
   return tag;
 }
 
-TEST(CornerSigma, IsUnknownWhenTheSourceMeasuredNothing) {
-  EXPECT_EQ(corner_sigma_px(square(50, 0), 2.0), 0.0);
-}
-
 TEST(CornerSigma, GrowsForSmallSlantedBlurredAndNoisyTags) {
+  EXPECT_EQ(corner_sigma_px(square(50, 0), 2.0), 0.0) << "the source measured nothing";
   const double fine = corner_sigma_px(square(60), 1.0);
   EXPECT_NEAR(fine, 0.008, 0.001);
   EXPECT_GT(corner_sigma_px(square(12), 1.0), 1.8 * fine);
@@ -35,62 +34,43 @@ TEST(CornerSigma, GrowsForSmallSlantedBlurredAndNoisyTags) {
   EXPECT_GT(corner_sigma_px(thin, 1.0), 1.5 * fine);
 }
 
-TEST(CornerSigma, IsLargeOnlyForSidesAcrossTheMotion) {
+TEST(CornerSigma, IsLargeForSidesBlurredClippedOrWithoutAFit) {
   TagSighting tag = square(60, 0.3);
-  tag.sides[1].sharpness = tag.sides[3].sharpness = 1;
-  const auto sides = side_sigmas(tag, 3.0);
+  tag.sides[1].sharpness = tag.sides[3].sharpness = 1;  // along the motion
+  auto sides = side_sigmas(tag, 3.0);
   EXPECT_GT(sides[0].shift_px, 2.5 * sides[1].shift_px);
   EXPECT_DOUBLE_EQ(sides[1].shift_px, sides[3].shift_px);
   // Blurred sides are shifted; sharp ones have the noise along them.
   EXPECT_LT(sides[1].shift_px / sides[1].turn_px, sides[0].shift_px / sides[0].turn_px);
-}
-
-TEST(CornerSigma, IsOnePixelForASideWithoutAFit) {
-  TagSighting tag = square(60, 0.3);
+  tag = square(60, 0.3);
   tag.sides[1].sharpness = 0;
-  const auto sides = side_sigmas(tag, 1.0);
+  sides = side_sigmas(tag, 1.0);
   EXPECT_GT(sides[1].shift_px, 5 * sides[0].shift_px);
   tag.sides.fill({});
   EXPECT_EQ(side_sigmas(tag, 1.0)[1].shift_px, sides[0].shift_px)
-      << "the source knows only the tag's sharpness";
-}
-
-TEST(CornerSigma, GrowsForSaturatedPaper) {
-  TagSighting tag = square(60);
+      << "the source measured only the tag's sharpness";
+  tag = square(60);
   const double fine = side_sigmas(tag, 1.0)[2].shift_px;
   tag.sides[2].clipped = 1;
   EXPECT_GT(side_sigmas(tag, 1.0)[2].shift_px, 0.3);
   EXPECT_EQ(side_sigmas(tag, 1.0)[1].shift_px, fine);
 }
 
-/// A black square from 60.5 to 60.5 + side on its quiet zone, on a wall of this gray.
-GrayImage black_square(int side, int quiet, std::uint8_t wall) {
-  GrayImage image;
-  image.resize(200, 200);
-  const auto within = [&](int px, int more) { return px > 60 - more && px <= 60 + side + more; };
-  for (int v = 0; v < 200; ++v)
-    for (int u = 0; u < 200; ++u)
-      image.pixels[static_cast<std::size_t>(200 * v + u)] = within(u, 0) && within(v, 0) ? 40
-                                                            : within(u, quiet) && within(v, quiet)
-                                                                ? 200
-                                                                : wall;
-  return image;
+std::array<Eigen::Vector2d, 4> corners_between(double low, double high) {
+  return {{{low, high}, {high, high}, {high, low}, {low, low}}};
 }
 
-TEST(TagSides, ASaturatedWallClipsSidesWithNarrowQuietZones) {
+TEST(TagSides, AreClippedByASaturatedWallIfTheQuietZoneIsNarrow) {
   for (const int cell : {2, 6}) {
-    const double low = 60.5;
-    const double high = 60.5 + 8 * cell;
-    const std::array<Eigen::Vector2d, 4> corners{
-        {{low, high}, {high, high}, {high, low}, {low, low}}};
-    const auto dull = measure_sides(black_square(8 * cell, cell, 220), corners);
-    const auto glaring = measure_sides(black_square(8 * cell, cell, 255), corners);
-    EXPECT_EQ(dull[0].clipped, 0) << cell;
-    if (cell == 2) {
-      EXPECT_GT(glaring[0].clipped, 0.5);
-    } else {
-      EXPECT_EQ(glaring[0].clipped, 0);
-    }
+    const auto clipped_by = [&](std::uint8_t wall) {
+      GrayImage image = white_wall(200, 200, wall);
+      draw_square(image, 61 - cell, 61 - cell, 10 * cell, 200);
+      draw_square(image, 61, 61, 8 * cell, 40);
+      return measure_sides(image, corners_between(60.5, 60.5 + 8 * cell))[0].clipped;
+    };
+    EXPECT_EQ(clipped_by(220), 0) << cell;
+    EXPECT_EQ(clipped_by(255) > 0.5, cell == 2);
+    EXPECT_TRUE(cell == 2 || clipped_by(255) == 0);
   }
 }
 
@@ -108,33 +88,27 @@ TEST(CornerSigma, LastingErrorIsAddedToShiftsOfNarrowSides) {
   EXPECT_EQ(with_lasting_error({}, square(16).corners_px)[0].shift_px, 0) << "nothing is known";
 }
 
-TEST(TagSides, IsOneForASharpEdgeAndTheShareOfTwoPixelsForAMotion) {
-  GrayImage image;
-  image.resize(200, 200);
-  const auto print = [&](double blur) {
-    for (int v = 0; v < 200; ++v)
-      for (int u = 0; u < 200; ++u) {
-        // A black square from 60 to 140, blurred along u.
-        const auto share = [&](double edge) {
-          return std::clamp((u - edge) / std::max(blur, 1e-6) + 0.5, 0.0, 1.0);
-        };
-        const bool within = v >= 60 && v < 140;
-        const double black = within ? share(59.5) - share(139.5) : 0.0;
+TEST(TagSides, HaveTheSharpnessOfTheirBlur) {
+  // A black square from 60 to 140, blurred along u.
+  const auto blurred = [](double blur) {
+    GrayImage image = white_wall(200, 200, 200);
+    const auto share = [&](int u, double edge) {
+      return std::clamp((u - edge) / std::max(blur, 1e-6) + 0.5, 0.0, 1.0);
+    };
+    for (int v = 60; v < 140; ++v)
+      for (int u = 0; u < 200; ++u)
         image.pixels[static_cast<std::size_t>(200 * v + u)] =
-            static_cast<std::uint8_t>(std::lround(200 - 150 * black));
-      }
+            static_cast<std::uint8_t>(std::lround(200 - 150 * (share(u, 59.5) - share(u, 139.5))));
+    return image;
   };
-  const std::array<Eigen::Vector2d, 4> corners{
-      {{59.5, 139.5}, {139.5, 139.5}, {139.5, 59.5}, {59.5, 59.5}}};
+  const auto sharpness = [&](double blur) {
+    return least_sharpness(measure_sides(blurred(blur), corners_between(59.5, 139.5)));
+  };
   constexpr double kRounding = 0.05;
-  print(0);
-  EXPECT_NEAR(least_sharpness(measure_sides(image, corners)), 1.0, kRounding);
-  for (const double blur : {4.0, 6.0, 8.0}) {
-    print(blur);
-    EXPECT_NEAR(least_sharpness(measure_sides(image, corners)), 2 / blur, kRounding) << blur;
-  }
-  EXPECT_EQ(least_sharpness(measure_sides(image, {{{-9, -1}, {-1, -1}, {-1, -9}, {-9, -9}}})), 0.0)
-      << "nothing to measure";
+  EXPECT_NEAR(sharpness(0), 1.0, kRounding);
+  for (const double blur : {4.0, 6.0, 8.0}) EXPECT_NEAR(sharpness(blur), 2 / blur, kRounding);
+  EXPECT_EQ(least_sharpness(measure_sides(blurred(8), corners_between(-9, -1))), 0.0)
+      << "outside of the image";
 }
 
 /// (error / sigma)² of some errors.
@@ -170,18 +144,27 @@ struct Found {
   }
 };
 
-std::vector<Found> find_in(TagSearch& search, const CornerScene& scene, unsigned k) {
-  const CornerFrame& found = search.search({0, instant_from_ns(k), scene.image}, scene.tags);
-  std::vector<Found> out;
-  for (const TagSighting& tag : found.tags) {
-    const auto truth = std::find_if(scene.tags.begin(), scene.tags.end(),
-                                    [&](const ExpectedTag& t) { return t.tag_id == tag.tag_id; });
-    if (truth == scene.tags.end()) continue;
-    Found one{tag, unbend_corners(scene.model, tag.corners_px), {}, found.pixel_noise};
-    for (std::size_t i = 0; i < 4; ++i) one.off_px[i] = one.corners_px[i] - truth->corners_px[i];
-    out.push_back(one);
+/// Visits the tags found in scenes. @return number of gross errors, which are left out
+template <typename Visit>
+int over_scenes(unsigned scenes, bool upright, double light, double more_light, Visit visit) {
+  TagSearch search({}, {});
+  int gross = 0;
+  for (unsigned k = 0; k < scenes; ++k) {
+    const CornerScene scene = make_corner_scene(kFirst + k, light + more_light * k, upright);
+    const CornerFrame& frame = search.search({0, instant_from_ns(k), scene.image}, scene.tags);
+    for (const TagSighting& tag : frame.tags) {
+      const auto truth = std::ranges::find(scene.tags, tag.tag_id, &ExpectedTag::tag_id);
+      if (truth == scene.tags.end()) continue;
+      Found found{tag, unbend_corners(scene.model, tag.corners_px), {}, frame.pixel_noise};
+      for (std::size_t i = 0; i < 4; ++i)
+        found.off_px[i] = found.corners_px[i] - truth->corners_px[i];
+      if (found.worst_px() > kOff_px)
+        ++gross;
+      else
+        visit(found, side_sigmas(tag, frame.pixel_noise));
+    }
   }
-  return out;
+  return gross;
 }
 
 /// Squared errors of a side in sigmas: shift and turn.
@@ -195,36 +178,26 @@ std::pair<double, double> side_squares(const Found& found, std::size_t i, const 
           std::pow(0.5 * (one - other) / sigma.turn_px, 2)};
 }
 
-TEST(CornerSigma, MakesResidualsUnitOnImagesThatItWasNotFittedTo) {
-  constexpr unsigned kScenes = 220;
+TEST(CornerSigma, NormalisesErrorsOnImagesThatItWasNotFittedTo) {
   ChiSquare all, small, large, sharp, blurred, shift, turn, across, along;
-  int gross = 0;
-  TagSearch search({}, {});
-  for (unsigned k = 0; k < kScenes; ++k) {
-    for (const Found& found : find_in(search, make_corner_scene(kFirst + k), k)) {
-      if (found.worst_px() > kOff_px) {
-        ++gross;
-        continue;
-      }
-      const TagSighting& tag = found.tag;
-      const double sigma = corner_sigma_px(tag, found.pixel_noise);
-      ASSERT_GT(sigma, 0);
-      double chi = 0;
-      for (const auto& off : found.off_px) chi += off.squaredNorm() / (8 * sigma * sigma);
-      all.add(chi);
-      ((tag.corners_px[2] - tag.corners_px[0]).norm() < 40 ? small : large).add(chi);
-      (tag.sharpness > 0.85 ? sharp : blurred).add(chi);
-      const auto sides = side_sigmas(tag, found.pixel_noise);
-      for (std::size_t i = 0; i < 4; ++i) {
-        const auto [shifted, turned] = side_squares(found, i, sides[i]);
-        shift.add(shifted);
-        turn.add(turned);
-        if (tag.sharpness > 0.6) continue;
-        (tag.sides[i].sharpness > 1.5 * tag.sharpness ? along : across)
-            .add(0.5 * (shifted + turned));
-      }
+  const auto add = [&](const Found& found, const std::array<SideSigma, 4>& sides) {
+    const TagSighting& tag = found.tag;
+    const double sigma = corner_sigma_px(tag, found.pixel_noise);
+    ASSERT_GT(sigma, 0);
+    double chi = 0;
+    for (const auto& off : found.off_px) chi += off.squaredNorm() / (8 * sigma * sigma);
+    all.add(chi);
+    ((tag.corners_px[2] - tag.corners_px[0]).norm() < 40 ? small : large).add(chi);
+    (tag.sharpness > 0.85 ? sharp : blurred).add(chi);
+    for (std::size_t i = 0; i < 4; ++i) {
+      const auto [shifted, turned] = side_squares(found, i, sides[i]);
+      shift.add(shifted);
+      turn.add(turned);
+      if (tag.sharpness > 0.6) continue;
+      (tag.sides[i].sharpness > 1.5 * tag.sharpness ? along : across).add(0.5 * (shifted + turned));
     }
-  }
+  };
+  const int gross = over_scenes(220, false, 1, 0, add);
   ASSERT_GT(all.count, 700);
   EXPECT_LT(gross, all.count / 50);
   // 8 coordinates of some hundred tags, with tails heavier than a normal distribution's.
@@ -244,24 +217,18 @@ TEST(CornerSigma, MakesResidualsUnitOnImagesThatItWasNotFittedTo) {
   EXPECT_NEAR(along.mean(), 1.0, 0.4);
 }
 
-TEST(CornerSigma, IsRightForSidesAlongTheGridOfPixels) {
-  constexpr unsigned kScenes = 220;
+TEST(CornerSigma, NormalisesErrorsOfSidesAlongTheGridOfPixels) {
   ChiSquare shift_small, shift_large, turn;
-  TagSearch search({}, {});
-  for (unsigned k = 0; k < kScenes; ++k) {
-    for (const Found& found : find_in(search, make_corner_scene(kFirst + k, 1.0, true), k)) {
-      if (found.worst_px() > kOff_px) continue;
-      const double cell_px = (found.corners_px[2] - found.corners_px[0]).norm() / 8 / M_SQRT2;
-      const auto sides = side_sigmas(found.tag, found.pixel_noise);
-      for (std::size_t i = 0; i < 4; ++i) {
-        const auto along = (found.corners_px[(i + 1) % 4] - found.corners_px[i]).cwiseAbs();
-        if (along.minCoeff() > 2 || found.tag.sides[i].sharpness < 0.95 || cell_px < 1.8) continue;
-        const auto [shifted, turned] = side_squares(found, i, sides[i]);
-        (cell_px < 4 ? shift_small : shift_large).add(shifted);
-        turn.add(turned);
-      }
+  over_scenes(220, true, 1, 0, [&](const Found& found, const std::array<SideSigma, 4>& sides) {
+    const double cell_px = (found.corners_px[2] - found.corners_px[0]).norm() / 8 / M_SQRT2;
+    for (std::size_t i = 0; i < 4; ++i) {
+      const auto along = (found.corners_px[(i + 1) % 4] - found.corners_px[i]).cwiseAbs();
+      if (along.minCoeff() > 2 || found.tag.sides[i].sharpness < 0.95 || cell_px < 1.8) continue;
+      const auto [shifted, turned] = side_squares(found, i, sides[i]);
+      (cell_px < 4 ? shift_small : shift_large).add(shifted);
+      turn.add(turned);
     }
-  }
+  });
   ASSERT_GT(shift_small.count, 500);
   ASSERT_GT(shift_large.count, 500);
   EXPECT_NEAR(shift_small.mean_within(), 1.0, 0.2);
@@ -270,19 +237,12 @@ TEST(CornerSigma, IsRightForSidesAlongTheGridOfPixels) {
   EXPECT_LT(turn.share_beyond(), 0.01);
 }
 
-TEST(CornerSigma, IsRightToAFactorForSaturatedPaper) {
-  constexpr unsigned kScenes = 60;
+TEST(CornerSigma, NormalisesErrorsOfSaturatedPaperRoughly) {
   ChiSquare shift;
-  TagSearch search({}, {});
-  for (unsigned k = 0; k < kScenes; ++k) {
-    const double light = 1.5 + 0.1 * k;
-    for (const Found& found : find_in(search, make_corner_scene(kFirst + k, light), k)) {
-      if (found.worst_px() > kOff_px) continue;
-      const auto sides = side_sigmas(found.tag, found.pixel_noise);
-      for (std::size_t i = 0; i < 4; ++i)
-        if (found.tag.sides[i].clipped > 0.9) shift.add(side_squares(found, i, sides[i]).first);
-    }
-  }
+  over_scenes(60, false, 1.5, 0.1, [&](const Found& found, const std::array<SideSigma, 4>& sides) {
+    for (std::size_t i = 0; i < 4; ++i)
+      if (found.tag.sides[i].clipped > 0.9) shift.add(side_squares(found, i, sides[i]).first);
+  });
   ASSERT_GT(shift.count, 200);
   EXPECT_GT(shift.mean(), 0.5);  // 100 without the term for clipping
   EXPECT_LT(shift.mean(), 2.0);

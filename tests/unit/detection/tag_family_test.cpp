@@ -1,17 +1,88 @@
 #include "detection/tag_family.hpp"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
+#include <array>
+#include <cmath>
+#include <opencv2/core.hpp>
 #include <set>
+#if __has_include(<opencv2/objdetect/aruco_detector.hpp>)
+#include <opencv2/objdetect/aruco_detector.hpp>
+#else
+#include <opencv2/aruco.hpp>
+#endif
 
 #include "detection/tag_detector.hpp"
-#include "printed_tag.hpp"
+#include "support/results.hpp"
 
 namespace fiducap {
 namespace {
 
-using ::testing::HasSubstr;
+using testing::AllOf;
+using testing::HasSubstr;
+
+/// A printed tag before a camera that looks at it from the front: every pixel is the mean over its
+/// area, nothing is blurred and nothing noisy.
+struct PrintedTag {
+  // Multiples of a quarter of a pixel, the resolution of the average.
+  double cell_px{9.25};
+  Eigen::Vector2d offset_px{0.25, 0.5};  ///< Of the paper's upper-left corner, in its pixel.
+  int quarter_turns{0};                  ///< Of the print, clockwise.
+  bool mirrored{false};
+};
+
+/// White paper around the print, cells.
+constexpr int kPaper = 2;
+
+/// Row and column of the print that lie at this place of the turned one, in its cells.
+Eigen::Vector2d place_in_print(Eigen::Vector2d at, int width, const PrintedTag& tag) {
+  for (int k = 0; k < tag.quarter_turns; ++k) at = {at.y(), width - at.x()};
+  if (tag.mirrored) at.x() = width - at.x();
+  return at;
+}
+
+std::shared_ptr<const GrayImage> photograph(const TagFamily& family, int id,
+                                            const PrintedTag& tag) {
+  constexpr int kFine = 4;  // places of a pixel, along both of its sides
+  const std::vector<std::uint8_t> cells = family.cells(id);
+  const int width = family.width();
+  const auto image = std::make_shared<GrayImage>();
+  const int size = static_cast<int>(std::ceil((width + 2 * kPaper) * tag.cell_px)) + 1;
+  image->resize(size, size);
+  const auto gray_at = [&](const Eigen::Vector2d& px) {
+    const Eigen::Vector2d turned =
+        (px - tag.offset_px) / tag.cell_px - Eigen::Vector2d::Constant(kPaper);
+    const Eigen::Vector2d at = place_in_print(turned, width, tag);
+    if (at.minCoeff() < 0 || at.maxCoeff() >= width) return 220.0;
+    const auto cell =
+        static_cast<std::size_t>(static_cast<int>(at.y()) * width + static_cast<int>(at.x()));
+    return cells[cell] != 0 ? 220.0 : 30.0;
+  };
+  for (int k = 0; k < size * size; ++k) {
+    double sum = 0;
+    for (int fine = 0; fine < kFine * kFine; ++fine) {
+      const Eigen::Vector2d within(fine % kFine + 0.5, fine / kFine + 0.5);
+      sum += gray_at(Eigen::Vector2d(k % size, k / size) + within / kFine);
+    }
+    image->pixels[static_cast<std::size_t>(k)] =
+        static_cast<std::uint8_t>(std::lround(sum / (kFine * kFine)));
+  }
+  return image;
+}
+
+/// Bottom-left, bottom-right, top-right, top-left of the print, where they are in the image.
+std::array<Eigen::Vector2d, 4> corners_of(const TagFamily& family, const PrintedTag& tag) {
+  constexpr double kEdgeToCentre_px = 0.5;
+  const double low = 0.5 * (family.width() - family.edge_width());
+  const double high = low + family.edge_width();
+  std::array<Eigen::Vector2d, 4> corners{{{low, high}, {high, high}, {high, low}, {low, low}}};
+  for (Eigen::Vector2d& at : corners) {
+    for (int k = 0; k < tag.quarter_turns; ++k) at = {family.width() - at.y(), at.x()};
+    at = (at + Eigen::Vector2d::Constant(kPaper)) * tag.cell_px + tag.offset_px -
+         Eigen::Vector2d::Constant(kEdgeToCentre_px);
+  }
+  return corners;
+}
 
 constexpr int kSampled = 6;
 /// Grays are rounded, which leaves three thousandths of a pixel.
@@ -43,7 +114,7 @@ void expect_read(TagDetector& detector, const TagFamily& family, int id, const P
   for (const TagSide& side : tags[0].sides) EXPECT_GT(side.sharpness, 0.9);
 }
 
-TEST(TagFamily, WhatIsPrintedIsReadInAllFourTurns) {
+TEST(TagFamily, IsReadInAllFourRotations) {
   for (const TagFamilyFacts& facts : tag_families()) {
     const std::string name(facts.name);
     const auto family = TagFamily::named(name);
@@ -64,19 +135,18 @@ bool has_mirror_images(std::string_view family) {
   return family.starts_with("DICT_4X4") || family == "DICT_ARUCO_ORIGINAL";
 }
 
-TEST(TagFamily, AMirroredPrintIsNotReadWhereBitsAreEnough) {
+TEST(TagFamily, IsNotReadMirroredIfItHasEnoughBits) {
   for (const TagFamilyFacts& facts : tag_families()) {
     if (has_mirror_images(facts.name)) continue;
     const auto family = TagFamily::named(std::string(facts.name));
     TagDetector detector({.family = std::string(facts.name)}, {});
-    for (const int id : sampled_ids(*family)) {
+    for (const int id : sampled_ids(*family))
       EXPECT_TRUE(read(detector, photograph(*family, id, {.mirrored = true})).empty())
           << facts.name << " id " << id;
-    }
   }
 }
 
-TEST(TagFamily, APrintThatLooksTheSameTurnedIsNeitherPrintedNorRead) {
+TEST(TagFamily, HasNoPoseForAPrintWithRotationalSymmetry) {
   int found = 0;
   for (const TagFamilyFacts& facts : tag_families()) {
     const auto family = TagFamily::named(std::string(facts.name));
@@ -107,21 +177,113 @@ TEST(TagFamily, IsFoundByAnyOfItsSpellings) {
   EXPECT_EQ(listed_tag_family("Tag99"), "Tag99");
 }
 
-TEST(TagFamily, AnUnknownOneIsRefusedNamingTheKnownAndWhatMayBeMeant) {
-  const auto family = TagFamily::named("tag36h1");
-  ASSERT_FALSE(family);
-  EXPECT_THAT(family.error().what, HasSubstr("tag36h11, tag36h10"));
-  EXPECT_THAT(family.error().what, HasSubstr("did you mean tag36h1"));
+TEST(TagFamily, RefusesUnknownNamesWithASuggestion) {
+  EXPECT_THAT(error_of(TagFamily::named("tag36h1")),
+              AllOf(HasSubstr("tag36h11, tag36h10"), HasSubstr("did you mean tag36h1")));
   EXPECT_THAT(tag_family_rule("DICT_4X5_50"), HasSubstr("did you mean DICT_4X4_50?"));
   EXPECT_FALSE(is_tag_family("tag99"));
   EXPECT_TRUE(is_tag_family("tag36h11"));
 }
 
-TEST(TagFamily, OneOfFewBitsIsWarnedAbout) {
+TEST(TagFamily, HasAWarningForFewBits) {
   for (const char* name : {"tag16h5", "DICT_4X4_50", "DICT_4X4_1000", "DICT_ARUCO_ORIGINAL"})
     EXPECT_THAT(tag_family_warning(name), HasSubstr("prefer tag36h11")) << name;
   for (const char* name : {"tag36h11", "tag25h9", "tagStandard41h12", "DICT_6X6_250"})
     EXPECT_EQ(tag_family_warning(name), "") << name;
+}
+
+constexpr int kCell_px = 10;
+constexpr int kMargin_px = 20;
+constexpr std::array kSampledIds{0, 1, 7, 17, 23, 29};
+/// OpenCV's corners are on whole pixels unless they are refined.
+constexpr double kOpenCvCorner_px = 1.5;
+
+cv::Mat drawn_by_opencv(int dictionary, int id, int side_px) {
+  cv::Mat marker;
+  const auto markers = cv::aruco::getPredefinedDictionary(dictionary);
+#if __has_include(<opencv2/objdetect/aruco_detector.hpp>)
+  cv::aruco::generateImageMarker(markers, id, side_px, marker);
+#else
+  cv::aruco::drawMarker(markers, id, side_px, marker);
+#endif
+  return marker;
+}
+
+void read_by_opencv(const cv::Mat& image, int dictionary,
+                    std::vector<std::vector<cv::Point2f>>& corners, std::vector<int>& ids) {
+  const auto markers = cv::aruco::getPredefinedDictionary(dictionary);
+#if __has_include(<opencv2/objdetect/aruco_detector.hpp>)
+  cv::aruco::ArucoDetector(markers).detectMarkers(image, corners, ids);
+#else
+  cv::aruco::detectMarkers(image, markers, corners, ids);
+#endif
+}
+
+TEST(ArucoOracle, DetectsTagsDrawnByOpenCv) {
+  for (const TagFamilyFacts& facts : tag_families()) {
+    if (facts.dictionary < 0) continue;
+    TagDetector detector({.family = std::string(facts.name)}, {});
+    const int side_px = facts.edge_cells * kCell_px;
+    for (const int id : kSampledIds) {
+      SCOPED_TRACE(std::string(facts.name) + " id " + std::to_string(id));
+      const int size = side_px + 2 * kMargin_px;
+      const auto image = std::make_shared<GrayImage>();
+      image->resize(size, size);
+      cv::Mat pixels(size, size, CV_8UC1, image->pixels.data());
+      pixels.setTo(255);
+      drawn_by_opencv(facts.dictionary, id, side_px)
+          .copyTo(pixels(cv::Rect(kMargin_px, kMargin_px, side_px, side_px)));
+      const auto found = detector.detect(CameraFrame{0, Instant{}, image});
+      ASSERT_EQ(found.tags.size(), 1u);
+      EXPECT_EQ(found.tags[0].tag_id, id);
+      const double low = kMargin_px - 0.5;
+      const double high = low + side_px;
+      const std::array<Eigen::Vector2d, 4> truth{
+          {{low, high}, {high, high}, {high, low}, {low, low}}};
+      for (std::size_t i = 0; i < 4; ++i)
+        EXPECT_LT((found.tags[0].corners_px[i] - truth[i]).norm(), kCorner_px) << i;
+    }
+  }
+}
+
+TEST(ArucoOracle, OpenCvDetectsPrintsInAllFourRotations) {
+  for (const TagFamilyFacts& facts : tag_families()) {
+    if (facts.dictionary < 0) continue;
+    const auto family = TagFamily::named(std::string(facts.name));
+    for (const int id : kSampledIds) {
+      PrintedTag tag;
+      for (tag.quarter_turns = 0; tag.quarter_turns < 4; ++tag.quarter_turns) {
+        SCOPED_TRACE(std::string(facts.name) + " id " + std::to_string(id) + ", turned " +
+                     std::to_string(tag.quarter_turns));
+        const auto image = photograph(*family, id, tag);
+        const cv::Mat pixels(image->height, image->width, CV_8UC1,
+                             const_cast<std::uint8_t*>(image->pixels.data()));
+        std::vector<std::vector<cv::Point2f>> corners;
+        std::vector<int> ids;
+        read_by_opencv(pixels, facts.dictionary, corners, ids);
+        ASSERT_EQ(ids.size(), 1u);
+        EXPECT_EQ(ids[0], id);
+        const auto truth = corners_of(*family, tag);
+        for (std::size_t i = 0; i < 4; ++i) {
+          const cv::Point2f& theirs = corners[0][3 - i];  // clockwise from the top-left
+          EXPECT_LT((Eigen::Vector2d(theirs.x, theirs.y) - truth[i]).norm(), kOpenCvCorner_px) << i;
+        }
+      }
+    }
+  }
+}
+
+TEST(ArucoOracle, OpenCvRotatesAprilTagsByHalfATurn) {
+  const auto ours = TagFamily::named("tag36h11");
+  TagDetector detector({.family = "DICT_APRILTAG_36h11"}, {});
+  PrintedTag tag;
+  tag.quarter_turns = 2;
+  const auto found = detector.detect(CameraFrame{0, Instant{}, photograph(*ours, 5, tag)});
+  ASSERT_EQ(found.tags.size(), 1u);
+  EXPECT_EQ(found.tags[0].tag_id, 5);
+  const auto as_opencv_prints = corners_of(*ours, PrintedTag{});
+  for (std::size_t i = 0; i < 4; ++i)
+    EXPECT_LT((found.tags[0].corners_px[i] - as_opencv_prints[i]).norm(), kCorner_px) << i;
 }
 
 }  // namespace

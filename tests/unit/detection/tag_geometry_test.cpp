@@ -5,15 +5,16 @@
 #include <random>
 
 #include <Eigen/LU>
+#include <limits>
 
 #include "base/pose.hpp"
 #include "capture/lens/camera_model.hpp"
+#include "detection/observe.hpp"
 #include "support/jacobian_check.hpp"
+#include "support/lens_models.hpp"
 
 namespace fiducap {
 namespace {
-
-using Corners = TagCorners;
 
 /// Intersection of the lines through a and b, and c and d.
 Eigen::Vector2d intersection_of(const Eigen::Vector2d& a, const Eigen::Vector2d& b,
@@ -24,7 +25,7 @@ Eigen::Vector2d intersection_of(const Eigen::Vector2d& a, const Eigen::Vector2d&
 }
 
 /// The corners when the ends of one side are moved across it.
-Vector8d corners_when(const Corners& px, std::size_t side, double at_first, double at_last) {
+Vector8d corners_when(const TagCorners& px, std::size_t side, double at_first, double at_last) {
   std::array<std::array<Eigen::Vector2d, 2>, 4> lines;
   for (std::size_t i = 0; i < 4; ++i) lines[i] = {px[i], px[(i + 1) % 4]};
   const Eigen::Vector2d along = (lines[side][1] - lines[side][0]).normalized();
@@ -42,7 +43,7 @@ Vector8d corners_when(const Corners& px, std::size_t side, double at_first, doub
 
 TEST(CornerCovariance, IsThatOfCornersWhoseSidesAreMoved) {
   constexpr double kStep_px = 1e-4;
-  const Corners slanted{{{100, 180}, {171, 150}, {160, 92}, {88, 120}}};
+  const TagCorners slanted{{{100, 180}, {171, 150}, {160, 92}, {88, 120}}};
   const std::array<SideSigma, 4> sides{{{0.3, 0.1}, {0.02, 0.05}, {0.25, 0.2}, {0.03, 0.04}}};
   Matrix8d R = Matrix8d::Zero();
   for (std::size_t i = 0; i < 4; ++i) {
@@ -59,8 +60,8 @@ TEST(CornerCovariance, IsThatOfCornersWhoseSidesAreMoved) {
   EXPECT_LT((got - R).cwiseAbs().maxCoeff(), 1e-7) << "central differences, px²";
 }
 
-TEST(CornerCovariance, OfASquareWithEqualSidesIsTheSameForAllCoordinates) {
-  const Corners square{{{10, 70}, {70, 70}, {70, 10}, {10, 10}}};
+TEST(CornerCovariance, IsEqualForAllCoordinatesOfAUniformSquare) {
+  const TagCorners square{{{10, 70}, {70, 70}, {70, 10}, {10, 10}}};
   std::array<SideSigma, 4> sides;
   sides.fill({0.03, 0.04});
   const Matrix8d R = corner_covariance(square, sides);
@@ -70,22 +71,12 @@ TEST(CornerCovariance, OfASquareWithEqualSidesIsTheSameForAllCoordinates) {
 }
 
 TEST(CornerCovariance, IsFiniteWhereTwoSidesAreNearlyOneLine) {
-  const Corners flat{{{0, 0}, {50, -1e-9}, {100, 0}, {50, -40}}};
   std::array<SideSigma, 4> sides;
   sides.fill({0.03, 0.04});
-  EXPECT_TRUE(corner_covariance(flat, sides).allFinite());
+  EXPECT_TRUE(corner_covariance({{{0, 0}, {50, -1e-9}, {100, 0}, {50, -40}}}, sides).allFinite());
 }
 
-CameraModel camera() {
-  CameraModel c;
-  c.width = 752;
-  c.height = 480;
-  c.fu = 460;
-  c.fv = 455;
-  c.cu = 376;
-  c.cv = 240;
-  return c;
-}
+CameraModel camera() { return {752, 480, 460, 455, 376, 240}; }
 
 TagObservation seen_from(const Pose& X_VT, double edge_m, double noise_px = 0, unsigned seed = 1) {
   std::mt19937 random(seed);
@@ -95,11 +86,7 @@ TagObservation seen_from(const Pose& X_VT, double edge_m, double noise_px = 0, u
   for (int i = 0; i < 4; ++i) {
     const auto k = static_cast<std::size_t>(i);
     tag.corners_px[k] = camera().pinhole(X_VT * tag_corner(i, edge_m));
-    if (noise_px > 0) {
-      const double du = gauss(random);
-      const double dv = gauss(random);
-      tag.corners_px[k] += Eigen::Vector2d(du, dv);
-    }
+    for (int axis = 0; noise_px > 0 && axis < 2; ++axis) tag.corners_px[k](axis) += gauss(random);
     tag.ideal_from_raw[k].setIdentity();
   }
   return tag;
@@ -109,15 +96,13 @@ TagObservation seen_from(const Pose& X_VT, double edge_m, double noise_px = 0, u
 const Eigen::Quaterniond kFacing = exp_so3({M_PI, 0, 0});
 
 TEST(TagCorner, StartsLowerLeftAndRunsCounterClockwise) {
-  EXPECT_EQ(tag_corner(0, 2.0), Eigen::Vector3d(-1, -1, 0));
-  EXPECT_EQ(tag_corner(1, 2.0), Eigen::Vector3d(1, -1, 0));
-  EXPECT_EQ(tag_corner(2, 2.0), Eigen::Vector3d(1, 1, 0));
-  EXPECT_EQ(tag_corner(3, 2.0), Eigen::Vector3d(-1, 1, 0));
+  const Eigen::Vector3d expected[] = {{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, {-1, 1, 0}};
+  for (int i = 0; i < 4; ++i) EXPECT_EQ(tag_corner(i, 2.0), expected[i]);
 }
 
 TEST(TagPose, FindsTheTruePoseOfExactCorners) {
-  const std::vector<Eigen::Vector3d> tilts{{0.3, 0.1, 0}, {-0.5, 0.4, 0.8}, {0.2, -0.9, -2.0}};
-  for (const auto& tilt : tilts) {
+  for (const Eigen::Vector3d& tilt :
+       {Eigen::Vector3d(0.3, 0.1, 0), {-0.5, 0.4, 0.8}, {0.2, -0.9, -2.0}}) {
     const Pose truth{exp_so3(tilt) * kFacing, {0.3, -0.2, 1.5}};
     const auto poses = solve_tag_pose(seen_from(truth, 0.2), camera());
     EXPECT_LT((poses[0].X_VT.p - truth.p).norm(), 1e-6);
@@ -127,7 +112,7 @@ TEST(TagPose, FindsTheTruePoseOfExactCorners) {
   }
 }
 
-TEST(TagPose, OneOfBothBranchesIsTheTrueOneWhenFarAndNoisy) {
+TEST(TagPose, HasTheTruePoseAmongTwoWhenFarAndNoisy) {
   int better_is_true = 0;
   constexpr int kRuns = 60;
   for (unsigned seed = 1; seed <= kRuns; ++seed) {
@@ -138,7 +123,7 @@ TEST(TagPose, OneOfBothBranchesIsTheTrueOneWhenFarAndNoisy) {
     EXPECT_LT(std::min(first, second), 0.45) << "seed " << seed;
     better_is_true += first <= second ? 1 : 0;
   }
-  // The point of keeping both: at this distance the better one is often the wrong one.
+  // At this distance the better one is often wrong, so both are kept.
   EXPECT_GT(better_is_true, kRuns / 3);
   EXPECT_LT(better_is_true, kRuns);
 }
@@ -155,7 +140,7 @@ TEST(CornerResidual, JacobianMatchesDifferences) {
 
 class CornerResidualBent : public testing::TestWithParam<Distortion> {};
 
-TEST_P(CornerResidualBent, KnowsALensByItsFirstCoefficient) {
+TEST_P(CornerResidualBent, AccountsForTheFirstCoefficientOfALens) {
   CameraModel configured = camera();
   configured.distortion = GetParam();
   if (GetParam() != Distortion::kNone) configured.coefficients = {-0.2, 0.03, 0, 0, 0};
@@ -165,14 +150,13 @@ TEST_P(CornerResidualBent, KnowsALensByItsFirstCoefficient) {
   TagObservation tag = seen_from(X_VT, 0.2);
   for (int i = 0; i < 4; ++i) {
     const auto k = static_cast<std::size_t>(i);
-    tag.raw_px[k] = *bent.project(X_VT * tag_corner(i, tag.edge_m));
-    // Linearised at the corner's projection by the configured lens, which isolates the effect of
-    // k1.
-    const auto pixel = undistort(configured, *configured.project(X_VT * tag_corner(i, tag.edge_m)));
+    const Eigen::Vector3d p_V = X_VT * tag_corner(i, tag.edge_m);
+    tag.raw_px[k] = *bent.project(p_V);
+    // Linearised at the projection by the configured lens, which isolates the effect of k1.
+    const Eigen::Vector2d px = *configured.project(p_V);
+    const auto pixel = undistort(configured, px);
     tag.ideal_from_raw[k] = pixel->ideal_from_raw;
-    tag.corners_px[k] =
-        pixel->px + pixel->ideal_from_raw *
-                        (tag.raw_px[k] - *configured.project(X_VT * tag_corner(i, tag.edge_m)));
+    tag.corners_px[k] = pixel->px + pixel->ideal_from_raw * (tag.raw_px[k] - px);
   }
   const CornerResidual residual = corner_residual(tag, X_VT, configured);
   EXPECT_GT(residual.rms_px(), 0.5);
@@ -201,6 +185,120 @@ TEST(LensOffset, GivesALensWithoutDistortionNothingButItsOwn) {
 TEST(CornerResidual, ReportsATagBehindTheCamera) {
   const TagObservation tag = seen_from({kFacing, {0, 0, 1}}, 0.2);
   EXPECT_FALSE(corner_residual(tag, {kFacing, {0, 0, -1}}, camera()).in_front);
+}
+
+class Observe : public testing::Test {
+ protected:
+  Observe() {
+    frame_.camera = 1;
+    frame_.exposed_at = instant_from_ns(42);
+    frame_.tags = {sighting(5), sighting(3)};
+  }
+
+  static TagSighting sighting(int id) {
+    TagSighting s;
+    s.tag_id = id;
+    s.decision_margin = 60;
+    s.corners_px = {Eigen::Vector2d{100, 160}, {150, 160}, {150, 110}, {100, 110}};
+    return s;
+  }
+
+  const TagObservations& observed() {
+    observe(frame_, camera_, tags_, detector_, out_);
+    return out_;
+  }
+
+  CameraModel camera_{752, 480, 460, 460, 376, 240};
+  CornerFrame frame_;
+  TagSetConfig tags_;
+  DetectorConfig detector_;
+  TagObservations out_;
+};
+
+TEST_F(Observe, ReturnsTagsSortedByIdWithTheirSizes) {
+  tags_.sizes_m[3] = 0.3;
+  ASSERT_EQ(observed().tags.size(), 2u);
+  EXPECT_EQ(out_.tags[0].tag_id, 3);
+  EXPECT_EQ(out_.tags[0].edge_m, 0.3);
+  EXPECT_EQ(out_.tags[1].edge_m, 0.16);
+  EXPECT_EQ(out_.camera, 1);
+  EXPECT_EQ(out_.exposed_at, instant_from_ns(42));
+}
+
+TEST_F(Observe, UndistortsTheSameCornersWithAnotherLens) {
+  TagObservation tag = observed().tags.front();
+  camera_.fu = camera_.fv = 480;
+  camera_ = radial_tangential(camera_, {-0.28, 0.07, 2e-4, 2e-5});
+  ASSERT_TRUE(undistort_tag(camera_, tag));
+  const TagObservation& expected = observed().tags.front();
+  EXPECT_GT((expected.corners_px[3] - sighting(3).corners_px[3]).norm(), 5) << "another lens";
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_LT((tag.corners_px[i] - expected.corners_px[i]).norm(), 1e-9);
+    EXPECT_LT((tag.ideal_from_raw[i] - expected.ideal_from_raw[i]).norm(), 1e-9);
+  }
+}
+
+TEST_F(Observe, UndistortsTrackedPointsOfThisImageOnly) {
+  camera_ = radial_tangential(camera_, {-0.28, 0.07, 2e-4, 2e-5});
+  frame_.points = {{7, 3, {60, 400}}, {9, 0, {376, 240}}};
+  ASSERT_EQ(observed().points.size(), 2u);
+  EXPECT_EQ(out_.points[0].track, 7u);
+  EXPECT_EQ(out_.points[0].age, 3);
+  EXPECT_EQ(out_.points[0].px, undistort(camera_, {60, 400})->px);
+  EXPECT_EQ(out_.points[0].ideal_from_raw, undistort(camera_, {60, 400})->ideal_from_raw);
+  frame_.points.clear();
+  EXPECT_TRUE(observed().points.empty());
+}
+
+TEST_F(Observe, DropsIgnoredAndDoubledIds) {
+  tags_.ignore = {3};
+  ASSERT_EQ(observed().tags.size(), 1u);
+  EXPECT_EQ(out_.tags[0].tag_id, 5);
+  tags_.ignore = {};
+  frame_.tags.push_back(sighting(3));
+  ASSERT_EQ(observed().tags.size(), 1u);
+  EXPECT_EQ(out_.tags[0].tag_id, 5);
+}
+
+TEST_F(Observe, DropsLowMarginsManyBitErrorsAndTwistedCorners) {
+  frame_.tags[0].decision_margin = 0;
+  EXPECT_EQ(observed().tags.size(), 2u) << "0: the source measures no margin";
+  frame_.tags[0].decision_margin = 10;
+  frame_.tags[1].hamming = 4;
+  EXPECT_TRUE(observed().tags.empty());
+  frame_.tags = {sighting(5), sighting(3)};
+  std::swap(frame_.tags[0].corners_px[0], frame_.tags[0].corners_px[1]);  // seen from behind
+  frame_.tags[1].corners_px[2].x() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_TRUE(observed().tags.empty());
+}
+
+CameraModel wide_lens() {
+  return radial_tangential({752, 480, 458.6, 457.3, 367.2, 248.4},
+                           {-0.283, 0.074, 0.0002, 0.00002});
+}
+
+const std::array<Eigen::Vector2d, 4> kSquareNearTheEdge{
+    Eigen::Vector2d{600, 420}, {700, 415}, {705, 320}, {605, 318}};
+
+TEST(SideBend, UnbendingReturnsTheTrueCorners) {
+  const CameraModel camera = wide_lens();
+  const auto fitted = corners_of_fitted_sides(camera, kSquareNearTheEdge).value();
+  const auto corrected = unbend_corners(camera, fitted);
+  double worst = 0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto& px = kSquareNearTheEdge[i];
+    const Eigen::Vector2d raw =
+        *camera.project({(px.x() - camera.cu) / camera.fu, (px.y() - camera.cv) / camera.fv, 1.0});
+    worst = std::max(worst, (fitted[i] - raw).norm());
+    EXPECT_LT((corrected[i] - raw).norm(), 5e-3);
+  }
+  EXPECT_GT(worst, 0.1) << "there is nothing to correct";
+}
+
+TEST(SideBend, WithoutALensNothingChanges) {
+  CameraModel camera = wide_lens();
+  camera.distortion = Distortion::kNone;
+  EXPECT_EQ(unbend_corners(camera, kSquareNearTheEdge), kSquareNearTheEdge);
 }
 
 }  // namespace

@@ -18,8 +18,10 @@ TagObservation tag_at(int k, double sigma_px = 0) {
   return seen;
 }
 
-/// Distances of tags whose corners scatter with `true_px`, as a filter sees them that is sure of
-/// everything else.
+const TagObservation kAnyTag{};
+const EstimatorConfig kConfig;
+
+/// Distances of tags whose corners scatter with `true_px`, for a filter without other errors.
 void learn(CornerNoise& noise, double true_px, double outliers) {
   std::mt19937 random(5);
   std::chi_squared_distribution<double> distance(8);
@@ -31,61 +33,58 @@ void learn(CornerNoise& noise, double true_px, double outliers) {
   }
 }
 
-TEST(CornerNoise, FindsTheTrueScatterFromBothSides) {
-  for (const double true_px : {0.04, 0.15, 0.4, 1.6}) {
-    CornerNoise noise(EstimatorConfig{}, true);
-    learn(noise, true_px, 0.0);
-    EXPECT_NEAR(noise.of(TagObservation{}) / true_px, 1.0, 0.06);
+TEST(CornerNoise, FindsTheTrueScatter) {
+  struct Case {
+    double true_px, outliers, tolerance;
+  };
+  for (const auto& [true_px, outliers, tolerance] : {Case{0.04, 0.0, 0.06},
+                                                     {0.15, 0.0, 0.06},
+                                                     {0.4, 0.0, 0.06},
+                                                     {1.6, 0.0, 0.06},
+                                                     {0.4, 0.1, 0.12}}) {
+    CornerNoise noise(kConfig, true);
+    learn(noise, true_px, outliers);
+    EXPECT_NEAR(noise.of(kAnyTag) / true_px, 1.0, tolerance);
   }
 }
 
-TEST(CornerNoise, IsHardlyMovedByOutliers) {
-  CornerNoise noise(EstimatorConfig{}, true);
-  learn(noise, 0.4, 0.1);
-  EXPECT_NEAR(noise.of(TagObservation{}) / 0.4, 1.0, 0.12);
-}
-
 TEST(CornerNoise, TheNoiseOfTheDetectorIsAdded) {
-  CornerNoise noise(EstimatorConfig{}, true);
-  TagObservation blurred;
-  blurred.corner_sigma_px = 0.3;
-  EXPECT_DOUBLE_EQ(noise.of(blurred), 0.5);
+  EXPECT_DOUBLE_EQ(CornerNoise(kConfig, true).of(tag_at(0, 0.3)), 0.5);
 }
 
 TEST(CornerNoise, UninformativeTagsAreIgnored) {
-  CornerNoise noise(EstimatorConfig{}, true);
+  CornerNoise noise(kConfig, true);
   for (int i = 0; i < kTags; ++i) {
     noise.learn(tag_at(i), 100.0, 0.0);
     noise.learn(tag_at(i), std::numeric_limits<double>::quiet_NaN(), 1.0);
   }
-  EXPECT_EQ(noise.unexplained_px(), EstimatorConfig{}.corner_noise_px);
+  EXPECT_EQ(noise.unexplained_px(), kConfig.corner_noise_px);
 }
 
 TEST(CornerNoise, IsNeverBelowTheErrorsOfLensAndPrint) {
-  CornerNoise noise(EstimatorConfig{}, true);
+  CornerNoise noise(kConfig, true);
   learn(noise, 0.001, 0.0);
-  EXPECT_DOUBLE_EQ(noise.of(TagObservation{}), 0.004);
+  EXPECT_DOUBLE_EQ(noise.of(kAnyTag), 0.004);
 }
 
-TEST(CornerNoise, AStaticTagDoesNotReduceTheNoise) {
-  CornerNoise noise(EstimatorConfig{}, true);
-  for (int i = 0; i < kTags; ++i) noise.learn(tag_at(1, 0.3), 0.1, 1.0);
-  EXPECT_NEAR(noise.of(tag_at(1, 0.3)), 0.5, 1e-12);
+TEST(CornerNoise, AStaticTagIncreasesButDoesNotReduceTheNoise) {
+  CornerNoise good(kConfig, true);
+  CornerNoise bad(kConfig, true);
+  for (int i = 0; i < kTags; ++i) {
+    good.learn(tag_at(1, 0.3), 0.1, 1.0);
+    bad.learn(tag_at(1), 50.0, 1.0);
+  }
+  EXPECT_NEAR(good.of(tag_at(1, 0.3)), 0.5, 1e-12);
+  EXPECT_GT(bad.of(kAnyTag), 1.6);
 }
 
 TEST(CornerNoise, NoiseLearnedInMotionIsKeptAtRest) {
-  CornerNoise noise(EstimatorConfig{}, true);
+  CornerNoise noise(kConfig, true);
   learn(noise, 0.15, 0.0);
-  const double in_motion = noise.of(TagObservation{});
+  const double in_motion = noise.of(kAnyTag);
   for (int i = 0; i < kTags; ++i) noise.learn(tag_at(kTags), 0.1, 1.0);
   // The first sighting after the last step may still count as moved: one step.
-  EXPECT_NEAR(noise.of(TagObservation{}) / in_motion, 1.0, 0.004);
-}
-
-TEST(CornerNoise, AStaticTagWithABadFitIncreasesTheNoise) {
-  CornerNoise noise(EstimatorConfig{}, true);
-  for (int i = 0; i < kTags; ++i) noise.learn(tag_at(1), 50.0, 1.0);
-  EXPECT_GT(noise.of(TagObservation{}), 1.6);
+  EXPECT_NEAR(noise.of(kAnyTag) / in_motion, 1.0, 0.004);
 }
 
 /// As a detector here has measured it.
@@ -98,12 +97,11 @@ TagObservation measured(int k) {
   return seen;
 }
 
-/// f after some tags that are all nearer, or all further off, than the median.
+/// Learned from some tags with distances all below, or all above the median.
 double after_looks(bool falls_quickly, double distance) {
-  CornerNoise noise(EstimatorConfig{}, true);
+  CornerNoise noise(kConfig, true);
   noise.fall_quickly(falls_quickly);
-  constexpr int kLooks = 60;
-  for (int i = 0; i < kLooks; ++i) noise.learn(measured(i), distance, 1.0);
+  for (int i = 0; i < 60; ++i) noise.learn(measured(i), distance, 1.0);
   return noise.unexplained_px();
 }
 
@@ -113,14 +111,14 @@ TEST(CornerNoise, FallsQuicklyWhenAllowedAndNeverRisesQuickly) {
 }
 
 TEST(CornerNoise, IsOneNumberWithoutMeasuredSides) {
-  const CornerNoise noise(EstimatorConfig{}, true);
-  EXPECT_TRUE(noise.is_uneven(measured(1))) << "all sides alike, but shifted less than turned";
+  const CornerNoise noise(kConfig, true);
+  EXPECT_TRUE(noise.is_uneven(measured(1))) << "equal sides, but shifted less than rotated";
   EXPECT_FALSE(noise.is_uneven(tag_at(1, 0.3)));
-  EXPECT_FALSE(CornerNoise(EstimatorConfig{}, false).is_uneven(measured(1)));
+  EXPECT_FALSE(CornerNoise(kConfig, false).is_uneven(measured(1)));
 }
 
-TEST(CornerNoise, LooksAtTheSamePlaceAreWorthLessThanTwo) {
-  CornerNoise noise(EstimatorConfig{}, true);
+TEST(CornerNoise, NineLooksAtOnePlaceAreWorthLessThanTwo) {
+  CornerNoise noise(kConfig, true);
   double information = 0;
   double first = 0;
   for (int look = 0; look < 9; ++look) {
@@ -131,13 +129,13 @@ TEST(CornerNoise, LooksAtTheSamePlaceAreWorthLessThanTwo) {
   }
   EXPECT_LT(information, 2.0);
   EXPECT_GT(information, 1.4);
-  EXPECT_NEAR(noise.of(measured(2)), first, 0.01 * first) << "elsewhere it is a first look";
+  EXPECT_NEAR(noise.of(measured(2)), first, 0.01 * first) << "a first look";
   EXPECT_NEAR(noise.covariance(measured(1), 0.0).trace(),
               64 * noise.covariance(measured(2), 0.0).trace(), 1.0);
 }
 
 TEST(CornerNoise, CornersOfOtherDetectorsHaveWhiteNoise) {
-  CornerNoise noise(EstimatorConfig{}, true);
+  CornerNoise noise(kConfig, true);
   const double first = noise.of(tag_at(1));
   for (int look = 0; look < 9; ++look) noise.learn(tag_at(1), 8.0, 0.0001);
   EXPECT_NEAR(noise.of(tag_at(1)), first, 0.01 * first);
@@ -161,29 +159,29 @@ TagObservation square_at(double x) {
 
 TEST(CornerNoise, ALensErrorCorrelatesTheCorners) {
   const CameraMount lens = lens_off_by(0.1);
-  const CornerNoise noise(EstimatorConfig{}, true, &lens);
+  const CornerNoise noise(kConfig, true, &lens);
   const TagObservation seen = square_at(500);
-  ASSERT_TRUE(noise.is_uneven(seen)) << "also where no detector has measured";
+  ASSERT_TRUE(noise.is_uneven(seen)) << "without a measured sigma, too";
   const Matrix8d R = noise.covariance(seen, 0);
   const double f = noise.unexplained_px();
   const double lens_variance = R(0, 0) - f * f;
   EXPECT_NEAR(noise.of(seen), std::sqrt(R(0, 0)), 1e-12);
-  EXPECT_NEAR(std::sqrt(lens_variance), 0.2, 1e-9) << "and counts for twice as much";
-  EXPECT_GT(R(0, 2), 0.9 * lens_variance) << "neighbouring corners, the same way";
-  EXPECT_EQ(R(0, 1), 0) << "x says nothing of y";
+  EXPECT_NEAR(std::sqrt(lens_variance), 0.2, 1e-9) << "twice the configured one";
+  EXPECT_GT(R(0, 2), 0.9 * lens_variance) << "neighbouring corners";
+  EXPECT_EQ(R(0, 1), 0) << "x and y are independent";
   EXPECT_GT(R.ldlt().vectorD().minCoeff(), 0);
   // With the exact sigma nothing changes.
   const CameraMount exact = lens_off_by(0);
-  const CornerNoise plain(EstimatorConfig{}, true, &exact);
+  const CornerNoise plain(kConfig, true, &exact);
   EXPECT_FALSE(plain.is_uneven(seen));
-  EXPECT_DOUBLE_EQ(plain.of(seen), CornerNoise(EstimatorConfig{}, true).of(seen));
+  EXPECT_DOUBLE_EQ(plain.of(seen), CornerNoise(kConfig, true).of(seen));
 }
 
 /// The first eight looks at one part of the image are worth less than two, each later one a 64th:
 /// tracking of a body at rest must not be lost.
 TEST(CornerNoise, ALensErrorHardlyAveragesOutForAStaticTag) {
   const CameraMount lens = lens_off_by(0.1);
-  CornerNoise noise(EstimatorConfig{}, true, &lens);
+  CornerNoise noise(kConfig, true, &lens);
   noise.begin_with(1e-6);
   double information = 0;
   const double first = noise.of(square_at(500));
@@ -196,24 +194,22 @@ TEST(CornerNoise, ALensErrorHardlyAveragesOutForAStaticTag) {
   EXPECT_GT(information, 1.4);
   for (int look = 0; look < 100; ++look) noise.learn(square_at(570), 8.0, 1e-6);
   EXPECT_NEAR(noise.of(square_at(570)) / first, 8, 0.01);
-  EXPECT_NEAR(noise.of(square_at(800)), first, 1e-3 * first) << "elsewhere it is off otherwise";
+  EXPECT_NEAR(noise.of(square_at(800)), first, 1e-3 * first) << "another error";
 }
 
 TEST(CornerNoise, StartsWithTheNoiseLearnedByAnotherFilter) {
-  CornerNoise noise(EstimatorConfig{}, true);
+  CornerNoise noise(kConfig, true);
   noise.begin_with(0.05);
-  EXPECT_DOUBLE_EQ(noise.of(TagObservation{}), 0.05);
+  EXPECT_DOUBLE_EQ(noise.of(kAnyTag), 0.05);
   EXPECT_DOUBLE_EQ(noise.growth(TagObservation{}), 1.0);
   noise.begin_with(3.0);
-  EXPECT_DOUBLE_EQ(noise.of(TagObservation{}), 0.4) << "contradictions are no noise of a start";
+  EXPECT_DOUBLE_EQ(noise.of(kAnyTag), 0.4) << "at most the configured one";
 }
 
 TEST(CornerNoise, TheRobocentricFilterHasConstantNoise) {
-  CornerNoise noise(EstimatorConfig{}, false);
-  TagObservation blurred;
-  blurred.corner_sigma_px = 0.3;
+  CornerNoise noise(kConfig, false);
   learn(noise, 2.0, 0.0);
-  EXPECT_EQ(noise.of(blurred), EstimatorConfig{}.corner_noise_px);
+  EXPECT_EQ(noise.of(tag_at(0, 0.3)), kConfig.corner_noise_px);
 }
 
 }  // namespace

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <random>
+
 #include "base/pose.hpp"
 #include "capture/lens/camera_model.hpp"
 #include "detection/tag_geometry.hpp"
@@ -17,7 +19,7 @@ inline CameraModel example_camera() {
   return camera;
 }
 
-/// What a camera would see of a tag standing at X_VT.
+/// A tag as a camera with a lens sees it.
 inline TagObservation example_observation(int tag_id, double edge_m, const Pose& X_VT,
                                           const CameraModel& camera) {
   TagObservation seen;
@@ -28,6 +30,20 @@ inline TagObservation example_observation(int tag_id, double edge_m, const Pose&
     seen.corners_px[k] = camera.pinhole(X_VT * tag_corner(i, edge_m));
     seen.raw_px[k] = seen.corners_px[k];
     seen.ideal_from_raw[k] << 1.1, 0.02, -0.03, 0.95;
+  }
+  return seen;
+}
+
+/// The same without a lens, with noise on its corners.
+template <class Random>
+TagObservation noisy_observation(int tag_id, double edge_m, const Pose& X_VT,
+                                 const CameraModel& camera, double sigma_px, Random& random) {
+  std::normal_distribution<double> noise(0, sigma_px);
+  TagObservation seen = example_observation(tag_id, edge_m, X_VT, camera);
+  for (std::size_t k = 0; k < 4; ++k) {
+    seen.ideal_from_raw[k].setIdentity();
+    seen.corners_px[k] += Eigen::Vector2d(noise(random), noise(random));
+    seen.raw_px[k] = seen.corners_px[k];
   }
   return seen;
 }

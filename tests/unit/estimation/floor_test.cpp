@@ -1,4 +1,4 @@
-// Without an IMU: what is up, by tags that lie on the floor.
+// The vertical without an IMU, by tags on the floor.
 #include "estimation/filter/heading_rule.hpp"
 
 #include <gtest/gtest.h>
@@ -24,28 +24,26 @@ Pose lying(const Eigen::Vector3d& place,
   return {q * exp_so3(tilt_rad), q * place};
 }
 
-TEST(Floor, OneTagDefinesTheVerticalByItsNormal) {
-  const std::array tags{lying({1, 2, 0}, {0, 0, 1.1})};
-  EXPECT_LT(degrees_between(*up_by_floor(tags), kUp), 1e-6);
+TEST(Floor, DefinesTheVertical) {
+  struct Case {
+    const char* what;
+    std::vector<Pose> tags;
+  };
+  const Case cases[] = {
+      {"the normal of one tag", {lying({1, 2, 0}, {0, 0, 1.1})}},
+      {"the positions of three tags",
+       {lying({0, 0, 0}, {0.1, 0, 0.4}), lying({2, 0, 0}, {0.1, 0.05, -2}),
+        lying({0.5, 1.5, 0}, {0.08, 0, 1})}},
+      {"normals, with a tag on a table",
+       {lying({0, 0, 0}), lying({2, 0, 0}), lying({0.5, 1.5, 0.8})}},
+      {"normals of tags in a row", {lying({0, 0, 0}), lying({2, 0, 0}), lying({4, 0.1, 0.1})}}};
+  for (const auto& [what, tags] : cases)
+    EXPECT_LT(degrees_between(*up_by_floor(tags), kUp), 1e-6) << what;
+}
+
+TEST(Floor, NoTagAndOppositeNormalsDefineNothing) {
   EXPECT_FALSE(up_by_floor({}));
-}
-
-TEST(Floor, ThreeTagsApartDefineItByTheirPositions) {
-  const std::array tags{lying({0, 0, 0}, {0.1, 0, 0.4}), lying({2, 0, 0}, {0.1, 0.05, -2}),
-                        lying({0.5, 1.5, 0}, {0.08, 0, 1})};
-  EXPECT_LT(degrees_between(*up_by_floor(tags), kUp), 1e-6);
-}
-
-TEST(Floor, NormalsDefineItWithATagOnATableOrAllInARow) {
-  const std::array table{lying({0, 0, 0}), lying({2, 0, 0}), lying({0.5, 1.5, 0.8})};
-  EXPECT_LT(degrees_between(*up_by_floor(table), kUp), 1e-6);
-  const std::array row{lying({0, 0, 0}), lying({2, 0, 0}), lying({4, 0.1, 0.1})};
-  EXPECT_LT(degrees_between(*up_by_floor(row), kUp), 1e-6);
-}
-
-TEST(Floor, OppositeNormalsDefineNothing) {
-  const std::array tags{lying({0, 0, 0}), lying({2, 0, 0}, {3.1, 0, 0})};
-  EXPECT_FALSE(up_by_floor(tags));
+  EXPECT_FALSE(up_by_floor(std::array{lying({0, 0, 0}), lying({2, 0, 0}, {3.1, 0, 0})}));
 }
 
 TEST(Floor, ATagIsUprightWithItsOwnHeading) {
@@ -56,7 +54,7 @@ TEST(Floor, ATagIsUprightWithItsOwnHeading) {
 }
 
 /// A wall of tags with three more on a board before it, without an IMU.
-class FloorInARoom : public testing::TestWithParam<const char*> {
+class FloorInARoom : public BothFilters {
  protected:
   ExampleRoom room(std::vector<int> floor_tags) {
     ExampleRoom room({.filter = GetParam(),
@@ -67,36 +65,33 @@ class FloorInARoom : public testing::TestWithParam<const char*> {
     return room;
   }
   static double tilt_deg(const ExampleRoom& room) {
-    const Eigen::Quaterniond q_WR = room.filter->estimate().X_WB.q * room.truth().q.conjugate();
-    return degrees_between(q_WR * Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitZ());
+    return degrees_between(room.X_WR().q * Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitZ());
   }
-  // Three tags half a metre apart, each known to a centimetre when W is defined.
-  static constexpr double kUpright_deg = 3;
 };
 
-TEST_P(FloorInARoom, TheWorkspaceIsUprightWithConfiguredFloorTags) {
-  ExampleRoom anchored_room = room({10, 11, 12});
-  for (int i = 0; i < 200; ++i) anchored_room.next_image({});
-  ASSERT_TRUE(anchored_room.filter->estimate().anchored);
-  EXPECT_LT(tilt_deg(anchored_room), kUpright_deg);
+TEST_P(FloorInARoom, ConfiguredFloorTagsMakeTheWorkspaceUpright) {
+  ExampleRoom upright = room({10, 11, 12});
+  upright.images(200);
+  ASSERT_TRUE(upright.is_anchored());
+  // Three tags half a metre apart, each known to a centimetre when W is defined.
+  EXPECT_LT(tilt_deg(upright), 3);
 
-  ExampleRoom untold = room({});
-  for (int i = 0; i < 200; ++i) untold.next_image({}, {0, 1, 2, 3, 4, 5});
-  ASSERT_TRUE(untold.filter->estimate().anchored);
-  EXPECT_GT(tilt_deg(untold), 45) << "a tag on the wall is no floor";
+  ExampleRoom unconfigured = room({});
+  unconfigured.images(200, {}, {0, 1, 2, 3, 4, 5});
+  ASSERT_TRUE(unconfigured.is_anchored());
+  EXPECT_GT(tilt_deg(unconfigured), 45) << "a tag on the wall is no floor";
 }
 
-TEST_P(FloorInARoom, NoPoseIsInTheWorkspaceBeforeTheFloorWasSeen) {
-  ExampleRoom anchored_room = room({10, 11});
-  for (int i = 0; i < 100; ++i) anchored_room.next_image({}, {0, 1, 2, 3, 4, 5, 10});
-  ASSERT_TRUE(anchored_room.filter->running());
-  EXPECT_FALSE(anchored_room.filter->estimate().anchored);
-  for (int i = 0; i < 60; ++i) anchored_room.next_image({});
-  EXPECT_TRUE(anchored_room.filter->estimate().anchored);
+TEST_P(FloorInARoom, NoPoseIsInTheWorkspaceBeforeTheFloorIsSeen) {
+  ExampleRoom waiting = room({10, 11});
+  waiting.images(100, {}, {0, 1, 2, 3, 4, 5, 10});
+  ASSERT_TRUE(waiting.filter->running());
+  EXPECT_FALSE(waiting.is_anchored());
+  waiting.images(60);
+  EXPECT_TRUE(waiting.is_anchored());
 }
 
-INSTANTIATE_TEST_SUITE_P(BothFilters, FloorInARoom, testing::Values("robocentric", "world"),
-                         [](const auto& one) { return std::string(one.param); });
+INSTANTIATE_TEST_SUITE_P(Filters, FloorInARoom, kBothFilters, name_of_filter);
 
 }  // namespace
 }  // namespace fiducap

@@ -1,7 +1,6 @@
-// Mean and covariance of OutputPredictor belong together.
+// The covariance of OutputPredictor is consistent with its mean.
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
 #include <random>
 
 #include "estimation/imu/output_predictor.hpp"
@@ -22,7 +21,7 @@ struct Transition {
 
 class OutputPredictorTransition : public testing::TestWithParam<Transition> {};
 
-TEST_P(OutputPredictorTransition, MovesTheCovarianceWithTheJacobianOfTheMean) {
+TEST_P(OutputPredictorTransition, CovarianceFollowsTheMean) {
   const auto& c = GetParam();
   BodySensors sensors;
   if (c.imu) sensors.imu = ImuNoise{0, 0, 0, 0, 200};
@@ -53,7 +52,7 @@ TEST_P(OutputPredictorTransition, MovesTheCovarianceWithTheJacobianOfTheMean) {
         return difference(carried(e), end);
       },
       15);
-  const Eigen::MatrixXd expected = F * start.covariance * F.transpose();
+  const Eigen::MatrixXd expected = propagated(F, start.covariance);
   EXPECT_LT((end.covariance - expected).norm(), 1e-6 * expected.norm())
       << "analytic:\n"
       << end.covariance << "\nnumeric:\n"
@@ -72,92 +71,84 @@ INSTANTIATE_TEST_SUITE_P(Cases, OutputPredictorTransition,
                                          Transition{"WithoutImuMovedBack", false, 0.2, 0, 0.17}),
                          [](const auto& given) { return std::string(given.param.name); });
 
-/// Mean of the normalised estimation error squared over many runs; 15 when the covariance is
-/// honest.
-struct Nees {
-  double sum{0};
-  int runs{0};
-  void add(const VectorXd& error, const Eigen::MatrixXd& P) {
-    sum += error.dot(P.ldlt().solve(error));
-    ++runs;
+struct Noise {
+  Vector3d vector(double sigma) {
+    return Vector3d(sigma * normal(random), sigma * normal(random), sigma * normal(random));
   }
-  void expect_honest() const {
-    // 4 sigma of the mean of a chi-square with 15 degrees of freedom; the seed is fixed, so this is
-    // no lottery.
-    const double band = 4.0 * std::sqrt(2.0 * 15.0 / runs);
-    EXPECT_NEAR(sum / runs, 15.0, band);
+  /// An error with the covariance of the estimate.
+  VectorXd error(const BodyEstimate& e) {
+    return VectorXd(e.covariance.diagonal().cwiseSqrt().unaryExpr(
+        [&](double sigma) { return normal(random) * sigma; }));
   }
+  std::mt19937 random;
+  std::normal_distribution<double> normal{};
 };
 
+constexpr int kRuns = 400;
+
+/// Sum of the normalised estimation errors squared of `kRuns` runs, of 15 numbers each.
+void expect_consistent(double nees) {
+  // 4 sigma of the mean of a chi-square with 15 degrees of freedom, for a fixed seed.
+  EXPECT_NEAR(nees / kRuns, 15.0, 4.0 * std::sqrt(2.0 * 15.0 / kRuns));
+}
+
 TEST(OutputPredictor, CovarianceMatchesTheScatterOfNoisyImuRuns) {
-  std::mt19937 random(11);
-  std::normal_distribution<double> normal;
-  const auto noise3 = [&](double sigma) {
-    return Vector3d(sigma * normal(random), sigma * normal(random), sigma * normal(random));
-  };
+  Noise noise{std::mt19937(11)};
   auto sensors = with_imu();
   sensors.imu = ImuNoise{5e-3, 1e-2, 5e-2, 5e-2, 200};  // walks large enough to be seen in 0.7 s
   const ImuNoise& n = *sensors.imu;
   const double root_rate = std::sqrt(n.rate_hz);
-  Nees nees;
-  for (int run = 0; run < 400; ++run) {
+  double nees = 0;
+  for (int run = 0; run < kRuns; ++run) {
     OutputPredictor predictor(sensors, {});
     auto start = Motion::truth(0);
     start.covariance = start_covariance();
-    VectorXd d(15);
-    for (int i = 0; i < 15; ++i) d(i) = normal(random) * std::sqrt(start.covariance(i, i));
-    predictor.set_estimate(moved(start, d));
+    predictor.set_estimate(moved(start, noise.error(start)));
     Vector3d bias_f = Vector3d::Zero();
     Vector3d bias_w = Vector3d::Zero();
     for (int i = 0; i <= 140; ++i) {
       auto imu = Motion::imu(0.005 * i);
-      imu.w_WB_B += bias_w + noise3(n.gyro_noise_rad_s_rtHz * root_rate);
-      imu.f_B += bias_f + noise3(n.accel_noise_m_s2_rtHz * root_rate);
+      imu.w_WB_B += bias_w + noise.vector(n.gyro_noise_rad_s_rtHz * root_rate);
+      imu.f_B += bias_f + noise.vector(n.accel_noise_m_s2_rtHz * root_rate);
       predictor.add_imu(imu);
-      bias_w += noise3(n.gyro_walk_rad_s2_rtHz / root_rate);
-      bias_f += noise3(n.accel_walk_m_s3_rtHz / root_rate);
+      bias_w += noise.vector(n.gyro_walk_rad_s2_rtHz / root_rate);
+      bias_f += noise.vector(n.accel_walk_m_s3_rtHz / root_rate);
     }
     auto truth = Motion::truth(0.7);
     truth.bias_f = bias_f;
     truth.bias_w = bias_w;
     const auto end = *predictor.predict(at_s(0.7));
-    nees.add(difference(truth, end), end.covariance);
+    nees += squared_distance(difference(truth, end), end.covariance);
   }
-  nees.expect_honest();
+  expect_consistent(nees);
 }
 
 TEST(OutputPredictor, CovarianceMatchesTheScatterOfMotionNoiseWithoutImu) {
-  std::mt19937 random(13);
-  std::normal_distribution<double> normal;
-  const auto noise3 = [&](double sigma) {
-    return Vector3d(sigma * normal(random), sigma * normal(random), sigma * normal(random));
-  };
+  Noise noise{std::mt19937(13)};
   EstimatorConfig config;
   config.motion_accel_m_s2_rtHz = 2.0;
   config.motion_angular_rad_s2_rtHz = 1.5;
   constexpr int kSteps = 400;
   constexpr double kDt = 0.2 / kSteps;
-  Nees nees;
-  for (int run = 0; run < 400; ++run) {
+  double nees = 0;
+  for (int run = 0; run < kRuns; ++run) {
     OutputPredictor predictor(BodySensors{}, config);
     auto start = Motion::truth(0);
     start.bias_w = -start.w_WB_B;
     start.covariance = start_covariance();
-    VectorXd d(15);
-    for (int i = 0; i < 15; ++i) d(i) = normal(random) * std::sqrt(start.covariance(i, i));
-    auto truth = moved(start, d);
+    auto truth = moved(start, noise.error(start));
     predictor.set_estimate(start);
     for (int i = 0; i < kSteps; ++i) {
       truth.X_WB.p += kDt * truth.v_WB;
       truth.X_WB.q = (truth.X_WB.q * exp_so3(-kDt * truth.bias_w)).normalized();
-      truth.v_WB += noise3(config.motion_accel_m_s2_rtHz * std::sqrt(kDt));
-      truth.bias_w += noise3(config.motion_angular_rad_s2_rtHz * std::sqrt(kDt));
+      truth.v_WB += noise.vector(config.motion_accel_m_s2_rtHz * std::sqrt(kDt));
+      truth.bias_w += noise.vector(config.motion_angular_rad_s2_rtHz * std::sqrt(kDt));
     }
     const auto end = *predictor.predict(at_s(0.2));
-    nees.add(difference(truth, end), end.covariance);
+    nees += squared_distance(difference(truth, end), end.covariance);
     EXPECT_EQ((end.w_WB_B + end.bias_w).norm(), 0);
   }
-  nees.expect_honest();
+  expect_consistent(nees);
 }
 
 }  // namespace

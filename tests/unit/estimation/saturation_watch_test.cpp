@@ -38,34 +38,27 @@ class Unit {
 
 constexpr int kReadings = 4000;
 
-TEST(SaturationWatch, AFineSensorInMotionIsNotSaturated) {
-  SaturationWatch watch{ImuNoise{}};
-  Unit unit(0, 0.01);
-  for (int k = 0; k < kReadings; ++k) {
-    const auto found = watch.look_at(unit.read(1.0, 10));
-    EXPECT_FALSE(found.now.gyro || found.now.accel) << k;
-  }
-}
-
-TEST(SaturationWatch, ACoarseSensorAtRestIsNotSaturated) {
-  for (const double noise : {0.5, 1.0, 3.0}) {  // in steps of its resolution
+TEST(SaturationWatch, AnUnsaturatedSensorIsNotReported) {
+  struct Case {
+    const char* what;
+    double resolution, noise, motion, motion_afterwards;
+    int most;  ///< Reports.
+  };
+  for (const auto& [what, resolution, noise, motion, motion_afterwards, most] :
+       {Case{"a fine one in motion", 0, 0.01, 1, 1, 0},
+        {"a coarse one at rest, noise of half its resolution", 0.001, 0.0005, 0, 0, 2},
+        {"of its resolution", 0.001, 0.001, 0, 0, 2},
+        {"of three times its resolution", 0.001, 0.003, 0, 0, 2},
+        {"without noise, then at rest", 0, 0, 1, 0, 0}}) {
     SaturationWatch watch{ImuNoise{}};
-    Unit unit(0.001, noise * 0.001);
-    int flagged = 0;
+    Unit unit(resolution, noise);
+    int reported = 0;
     for (int k = 0; k < kReadings; ++k) {
-      const auto found = watch.look_at(unit.read(0.0, 10));
-      flagged += found.now.gyro || found.now.accel ? 1 : 0;
+      const auto found =
+          watch.look_at(unit.read(k < kReadings / 2 ? motion : motion_afterwards, 10));
+      reported += found.now.gyro || found.now.accel ? 1 : 0;
     }
-    EXPECT_LE(flagged, 2) << noise;
-  }
-}
-
-TEST(SaturationWatch, AMotionlessNoiselessUnitIsNotSaturated) {
-  SaturationWatch watch{ImuNoise{}};
-  Unit unit(0, 0);
-  for (int k = 0; k < kReadings; ++k) {
-    const auto found = watch.look_at(unit.read(k < kReadings / 2 ? 1.0 : 0.0, 10));
-    EXPECT_FALSE(found.now.gyro || found.now.accel) << k;
+    EXPECT_LE(reported, most) << what;
   }
 }
 

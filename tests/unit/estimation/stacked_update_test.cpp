@@ -1,13 +1,15 @@
-// Six numbers of a tag say what its eight do.
+// An update with six numbers of each tag equals that with its eight.
 #include "estimation/filter/stacked_update.hpp"
 
 #include <gtest/gtest.h>
 
-#include <Eigen/LU>
 #include <array>
+#include <boost/math/distributions/normal.hpp>
+#include <cmath>
 
 #include "estimation/filter/chi_square.hpp"
 #include "estimation/world/corner_measurement.hpp"
+#include "support/jacobian_check.hpp"
 #include "world/example_state.hpp"
 
 namespace fiducap::world {
@@ -43,13 +45,13 @@ Outcome update(const FilterState& state, const ImageMeasurement& image, std::spa
   return out;
 }
 
-/// Camera 0, a global shutter, sees the three tags of the example, one that is given, and one that
-/// is not where it should be.
+/// Camera 0, a global shutter, sees the three tags of the example, a calibrated one, and an
+/// outlier.
 class TurnedTag : public testing::TestWithParam<double> {
  protected:
   TurnedTag() : state_(example_state()) {
     state_.P() *= 1e-4;
-    // Of what is doubted, eight numbers say a little more.
+    // Eight numbers have a little more information about doubted parameters.
     state_.parameter_tests.clear();
     state_.clear_column(layout::readout(0), 0);
     state_.clocks[0].shift_s += GetParam();
@@ -104,7 +106,7 @@ class TurnedTag : public testing::TestWithParam<double> {
     ASSERT_EQ(a.judged.size(), b.judged.size());
     for (std::size_t i = 0; i < a.judged.size(); ++i) {
       EXPECT_NEAR(a.judged[i].distance, b.judged[i].distance, kSame * b.judged[i].distance);
-      // Uneven ones are weighed by their own noise.
+      // Uneven ones are weighted by their own noise.
       if (!uneven_) EXPECT_NEAR(a.judged[i].noise_share, b.judged[i].noise_share, kSame);
     }
     EXPECT_LT((a.correction - b.correction).norm(), kSame * b.correction.norm());
@@ -147,8 +149,7 @@ TEST_P(TurnedTag, MatchesForKnownTagsWithNoise) {
   (void)update.solve(state_.P(), image, {});
   Matrix6d information = Matrix6d::Zero();
   for (std::size_t i = 0; i < use_.size(); ++i) {
-    const Matrix8d R = whole().tags[i].R;
-    information += image.tags[i].H.transpose() * R.inverse() * image.tags[i].H;
+    information += propagated(image.tags[i].H.transpose(), inverse(whole().tags[i].R));
   }
   const Matrix6d got = update.shared_score(image).by_known_tags;
   EXPECT_LT((got - information).norm(), kSame * information.norm());
@@ -164,7 +165,7 @@ TEST_P(TurnedTag, MatchesForHeldTags) {
   expect_same(six, update(state_, whole(), held));
 }
 
-TEST_P(TurnedTag, IsReferredToAnotherPointLikeAWholeOne) {
+TEST_P(TurnedTag, IsMovedToAnotherLinearisationPointEqually) {
   const Eigen::VectorXd error = Eigen::VectorXd::LinSpaced(state_.size(), -1e-3, 2e-3);
   ImageMeasurement six = turned();
   ImageMeasurement eight = whole();
@@ -189,6 +190,26 @@ TEST(RollingShutter, KeepsEightNumbersPerTag) {
   EXPECT_FALSE(image.tags[0].relative) << "its readout time is not certain";
   measure_image(state, 1, example_camera(), use, CornerNoise(EstimatorConfig{}, false), image);
   EXPECT_FALSE(image.tags[0].relative) << "its rows are exposed in turn";
+}
+
+// Sums of squares as normal variables, against the exact distribution.
+// The approximation itself is 0.13 short at 4 sigma of a sum of two, and better of all others.
+TEST(NormalScore, HasTheProbabilityOfTheSumOfSquares) {
+  for (const int degrees : {2, 4, 10, 100}) {
+    for (const double sigmas : {-1.0, 0.0, 1.0, 2.0, 3.0, 4.0}) {
+      const double probability = boost::math::cdf(boost::math::normal(), sigmas);
+      const double value = chi_square_quantile(degrees, probability);
+      EXPECT_NEAR(
+          normal_score((value - degrees) / std::sqrt(2.0 * degrees), std::sqrt(8.0 / degrees)),
+          sigmas, 0.13)
+          << degrees << " degrees of freedom";
+    }
+  }
+}
+
+TEST(NormalScore, WithoutSkewnessIsTheScore) {
+  EXPECT_EQ(normal_score(3.0, 0.0), 3.0);
+  EXPECT_NEAR(normal_score(3.0, 2e-3), 3.0, 1e-2);
 }
 
 }  // namespace

@@ -1,11 +1,10 @@
-// What holds for the maps of all other programs: nothing moves on the way out and in again, units
-// and conventions that cannot be right are named.
+// Maps of all other programs: round trips, implausible units and conventions.
 #include "mapping/formats/map_format.hpp"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "mapping/formats/map_exchange.hpp"
+#include "support/results.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
 namespace fiducap {
@@ -32,72 +31,63 @@ class ForeignMaps : public testing::TestWithParam<MapFormat> {
   }
 };
 
-TEST_P(ForeignMaps, ARoundTripMovesNoCornerByAMicrometre) {
+TEST_P(ForeignMaps, RoundTripMovesCornersByLessThanAMicrometre) {
   double worst_m = 0;
   for (unsigned seed = 0; seed < 20; ++seed) {
     const TagMap map = sized(random_map(seed));
-    const auto again = back(map);
-    ASSERT_TRUE(again) << again.error().text();
-    worst_m = std::max(worst_m, worst_corner_m(map, again->map));
-    EXPECT_EQ(fault_in(again->map), std::nullopt);
-    EXPECT_EQ(again->map.family, "tag36h11");
-    EXPECT_EQ(again->map.tags.front().state, TagState::kSurveyed);
+    const auto again = value_of(back(map));
+    worst_m = std::max(worst_m, worst_corner_m(map, again.map));
+    EXPECT_EQ(fault_in(again.map), std::nullopt);
+    EXPECT_EQ(again.map.family, "tag36h11");
+    EXPECT_EQ(again.map.tags.front().state, TagState::kSurveyed);
   }
   RecordProperty("worst_corner_fm", std::to_string(worst_m * 1e15));
   EXPECT_LT(worst_m, kRoundTrip_m);
 }
 
-// Half a turn is where rotation vectors and quaternions are delicate.
-TEST_P(ForeignMaps, HalfTurnsSurvive) {
+// Rotation vectors and quaternions are singular there.
+TEST_P(ForeignMaps, RoundTripKeepsHalfTurns) {
   TagMap map;
   for (int id = 0; id < 6; ++id) {
-    MapTag entry;
-    entry.tag.tag_id = id;
-    entry.tag.edge_m = kEdge_m;
     Eigen::Vector4d wxyz = Eigen::Vector4d::Zero();
     wxyz(1 + id % 3) = id < 3 ? 1 : -1;
     wxyz(0) = id < 3 ? 0 : 1e-9;
-    entry.tag.X_WT = {Eigen::Quaterniond(wxyz(0), wxyz(1), wxyz(2), wxyz(3)), {1.0 * id, 2, 3}};
-    map.tags.push_back(entry);
+    const Eigen::Quaterniond q_WT(wxyz(0), wxyz(1), wxyz(2), wxyz(3));
+    map.tags.push_back({.tag = {id, kEdge_m, {q_WT, {1.0 * id, 2, 3}}}});
   }
-  const auto again = back(map);
-  ASSERT_TRUE(again) << again.error().text();
-  EXPECT_LT(worst_corner_m(map, again->map), kRoundTrip_m);
+  const auto again = value_of(back(map));
+  EXPECT_LT(worst_corner_m(map, again.map), kRoundTrip_m);
 }
 
-TEST_P(ForeignMaps, TenThousandTagsAreRead) {
+TEST_P(ForeignMaps, RoundTripKeepsTenThousandTags) {
   const TagMap map = sized(random_map(7, 10'000));
-  const auto again = back(map);
-  ASSERT_TRUE(again) << again.error().text();
-  EXPECT_LT(worst_corner_m(map, again->map), kRoundTrip_m);
+  const auto again = value_of(back(map));
+  EXPECT_LT(worst_corner_m(map, again.map), kRoundTrip_m);
 }
 
-TEST_P(ForeignMaps, ItsOwnTextIsRecognisedUnderAnyName) {
-  const auto format = map_format_of("map.txt", write_map(GetParam(), make_map({1, 2})).text);
-  ASSERT_TRUE(format) << format.error().text();
-  EXPECT_EQ(*format, GetParam());
+TEST_P(ForeignMaps, RecognisesItsOwnText) {
+  const auto format =
+      value_of(map_format_of("map.txt", write_map(GetParam(), make_map({1, 2})).text));
+  EXPECT_EQ(format, GetParam());
 }
 
-TEST_P(ForeignMaps, TagsThatTheMapDoesNotTrustAreLeftOutAndNamed) {
+TEST_P(ForeignMaps, OmitsAndNamesUnusableTags) {
   TagMap map = sized(make_map({1, 2, 3, 4}));
   map.tags[1].state = TagState::kQuarantined;
   map.tags[3].component = 2;
   const auto exported = write_map(GetParam(), map);
   EXPECT_THAT(exported.remarks, Contains(HasSubstr("tags 2 and 4 left out")));
   EXPECT_THAT(exported.remarks, Contains(HasSubstr("covariances")));
-  const auto again = read_map(GetParam(), exported.text, options(), "back");
-  ASSERT_TRUE(again) << again.error().text();
-  EXPECT_EQ(again->map.tags.size(), 2u);
+  const auto again = value_of(read_map(GetParam(), exported.text, options(), "back"));
+  EXPECT_EQ(again.map.tags.size(), 2u);
 }
 
-TEST_P(ForeignMaps, AFileWithoutATagIsRefused) {
+TEST_P(ForeignMaps, RefusesAFileWithoutTags) {
   if (GetParam() == MapFormat::kWpilib) GTEST_SKIP() << "an empty field is one";
-  const auto none = back(TagMap{});
-  ASSERT_FALSE(none);
-  EXPECT_THAT(none.error().what, HasSubstr("no tag whose place and size are known"));
+  EXPECT_THAT(error_of(back(TagMap{})), HasSubstr("no tag whose place and size are known"));
 }
 
-TEST_P(ForeignMaps, ATruncatedTextNeverMovesATag) {
+TEST_P(ForeignMaps, DoesNotMoveTagsOfATruncatedText) {
   const TagMap map = sized(make_map({1, 2}));
   const std::string text = write_map(GetParam(), map).text;
   for (std::size_t left = 0; left < text.size(); left += 3) {
@@ -123,13 +113,8 @@ INSTANTIATE_TEST_SUITE_P(All, ForeignMaps,
 
 TagMap two_tags(const Eigen::Quaterniond& q_WT, double z_m) {
   TagMap map;
-  for (int id = 0; id < 2; ++id) {
-    MapTag entry;
-    entry.tag.tag_id = id;
-    entry.tag.edge_m = kEdge_m;
-    entry.tag.X_WT = {q_WT, {1.0 * id, 0, z_m}};
-    map.tags.push_back(entry);
-  }
+  for (int id = 0; id < 2; ++id)
+    map.tags.push_back({.tag = {id, kEdge_m, {q_WT, {1.0 * id, 0, z_m}}}});
   return map;
 }
 
@@ -137,31 +122,31 @@ TagMap two_tags(const Eigen::Quaterniond& q_WT, double z_m) {
 const Eigen::Quaterniond kOnWall(std::sqrt(0.5), std::sqrt(0.5), 0, 0);
 const Eigen::Quaterniond kHalfTurnAboutX(0, 1, 0, 0);
 
-TEST(MapDoubts, AUsualRoomRaisesNone) {
+TEST(MapDoubts, AcceptUsualRooms) {
   EXPECT_THAT(plausibility_remarks(two_tags(kOnWall, 1.5)), IsEmpty());
   EXPECT_THAT(plausibility_remarks(two_tags(Eigen::Quaterniond::Identity(), 0)), IsEmpty());
   EXPECT_THAT(plausibility_remarks(two_tags(kHalfTurnAboutX, 2.5)), IsEmpty());  // on the ceiling
   EXPECT_THAT(plausibility_remarks(TagMap{}), IsEmpty());
 }
 
-TEST(MapDoubts, NamesTagsBelowTheFloor) {
+TEST(MapDoubts, NameTagsBelowTheFloor) {
   EXPECT_THAT(plausibility_remarks(two_tags(kOnWall, -1.5)),
               Contains(HasSubstr("are below z = 0")));
 }
 
-TEST(MapDoubts, NamesTheAxesOfLibapriltag) {
+TEST(MapDoubts, NameTheAxesOfLibapriltag) {
   EXPECT_THAT(plausibility_remarks(two_tags(kOnWall * kHalfTurnAboutX, 1.5)),
               Contains(HasSubstr("upside down")));
   EXPECT_THAT(plausibility_remarks(two_tags(kHalfTurnAboutX, 0)), Contains(HasSubstr("face down")));
 }
 
-TEST(MapDoubts, NamesPositionsThatAreTooFarForMetres) {
+TEST(MapDoubts, NamePositionsFarFromTheOrigin) {
   TagMap map = two_tags(kOnWall, 1.5);
   map.tags[1].tag.X_WT.p.x() = 2500;
   EXPECT_THAT(plausibility_remarks(map), Contains(HasSubstr("tag 1 is 2500 m from the origin")));
 }
 
-TEST(MapDoubts, CountsWhatIsTooManyToName) {
+TEST(MapDoubts, AbbreviateLongLists) {
   EXPECT_EQ(tags_text({3}), "tag 3");
   EXPECT_EQ(tags_text({3, 5, 7}), "tags 3, 5 and 7");
   EXPECT_THAT(tags_text({1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}), HasSubstr("10 and 2 more"));
@@ -169,7 +154,7 @@ TEST(MapDoubts, CountsWhatIsTooManyToName) {
 
 // --- which format ---
 
-TEST(MapFormats, EveryNameIsReadBack) {
+TEST(MapFormats, HaveNamesThatAreReadBack) {
   for (const MapFormat format :
        {MapFormat::kFiducap, MapFormat::kCsv, MapFormat::kTagslam, MapFormat::kBundles,
         MapFormat::kRcars, MapFormat::kAruco, MapFormat::kWpilib}) {
@@ -179,7 +164,7 @@ TEST(MapFormats, EveryNameIsReadBack) {
   EXPECT_EQ(map_format_from("tagSLAM"), std::nullopt);
 }
 
-TEST(MapFormats, TheContentDecidesBeforeTheName) {
+TEST(MapFormats, AreRecognisedByContentFirst) {
   const auto is = [](const std::string& file, const std::string& text) {
     const auto format = map_format_of(file, text);
     return format ? std::string(name_of(*format)) : format.error().text();
@@ -198,27 +183,26 @@ TEST(MapFormats, TheContentDecidesBeforeTheName) {
                         "--format: fiducap, csv, tagslam"));
 }
 
-TEST(MapFormats, AWrittenFileIsWhatItsNameEndsWith) {
+TEST(MapFormats, AreChosenByTheNameOfAWrittenFile) {
   EXPECT_EQ(*map_format_of("a.yml"), MapFormat::kFiducap);
   EXPECT_EQ(*map_format_of("a.csv"), MapFormat::kCsv);
   EXPECT_EQ(*map_format_of("a.json"), MapFormat::kWpilib);
   EXPECT_THAT(map_format_of("a.xyz").error().text(), HasSubstr("not '.xyz'"));
 }
 
-TEST(MapFormats, AGivenSizeMustBeInMetresAndIsNotTakenForAnother) {
+TEST(MapFormats, CheckTheGivenSize) {
   const std::string csv = "id,size,px,py,pz,qw,qx,qy,qz\n1,0.2,0,0,0,1,0,0,0\n";
   const auto wrong = read_map(MapFormat::kCsv, csv, {.edge_m = 160}, "a.csv");
   ASSERT_FALSE(wrong);
   EXPECT_EQ(wrong.error().text(),
             "a.csv: the given size: edge is 160 m: must be at most 10; sizes are in metres, 160 mm "
             "is 0.16");
-  const auto right = read_map(MapFormat::kCsv, csv, {.edge_m = 0.16}, "a.csv");
-  ASSERT_TRUE(right);
-  EXPECT_EQ(right->map.tags[0].tag.edge_m, 0.2);
-  EXPECT_THAT(right->remarks, Contains(HasSubstr("--tag-size is not used")));
+  const auto right = value_of(read_map(MapFormat::kCsv, csv, {.edge_m = 0.16}, "a.csv"));
+  EXPECT_EQ(right.map.tags[0].tag.edge_m, 0.2);
+  EXPECT_THAT(right.remarks, Contains(HasSubstr("--tag-size is not used")));
 }
 
-TEST(MapFormats, TheFamilyIsWhatTheFileSaysOrTheOptionsOrRemarked) {
+TEST(MapFormats, TakeTheFamilyFromFileOrOptions) {
   const std::string bundle = "tag_bundles: [{layout: [{id: 1, size: 0.1}]}]\n";
   const auto assumed = read_map(MapFormat::kBundles, bundle, {}, "tags.yaml");
   EXPECT_EQ(assumed->map.family, "tag36h11");

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <numeric>
 #include <random>
 #include <utility>
 #include <vector>
@@ -13,7 +14,14 @@
 
 namespace fiducap {
 
-/// A map with tags `ids` (sorted), each somewhere else, with full covariance and history.
+/// 0 … count - 1.
+inline std::vector<int> first_ids(int count) {
+  std::vector<int> ids(static_cast<std::size_t>(count));
+  std::iota(ids.begin(), ids.end(), 0);
+  return ids;
+}
+
+/// A map with tags `ids` (sorted), each with another pose, with full covariance and history.
 inline TagMap make_map(const std::vector<int>& ids) {
   TagMap map;
   map.X_RW = {exp_so3({0, 0, 0.25}), {10.5, -3.25, 0.125}};
@@ -35,7 +43,7 @@ inline TagMap make_map(const std::vector<int>& ids) {
   return map;
 }
 
-/// The errors of each tag and the next one hang together somehow.
+/// With correlations of each tag and the next one.
 inline TagMap with_ties(TagMap map) {
   std::mt19937_64 random(3);
   std::normal_distribution<double> gauss;
@@ -69,11 +77,16 @@ inline TagMap random_map(unsigned seed, int tags = 50) {
   return map;
 }
 
-/// Corner i in tag axes (x right, y up, z out of the face), bottom-left, bottom-right, top-right,
+/// Corner i in tag axes (x right, y up, z out of the face): bottom-left, bottom-right, top-right,
 /// top-left.
 inline Eigen::Vector3d printed_corner(int i, double edge_m) {
   const double h = 0.5 * edge_m;
   return {i == 1 || i == 2 ? h : -h, i >= 2 ? h : -h, 0};
+}
+
+/// Distance of a tag's printed corner from a point.
+inline double corner_off_m(const KnownTag& tag, int corner, const Eigen::Vector3d& expected) {
+  return (tag.X_WT * printed_corner(corner, tag.edge_m) - expected).norm();
 }
 
 /// The largest distance between equal corners of equal tags, metres; infinite when the ids differ.
@@ -83,11 +96,9 @@ inline double worst_corner_m(const TagMap& a, const TagMap& b) {
   for (const MapTag& entry : a.tags) {
     const MapTag* other = b.find(entry.tag.tag_id);
     if (other == nullptr) return std::numeric_limits<double>::infinity();
-    for (int i = 0; i < 4; ++i) {
-      worst = std::max(worst, (entry.tag.X_WT * printed_corner(i, entry.tag.edge_m) -
-                               other->tag.X_WT * printed_corner(i, other->tag.edge_m))
-                                  .norm());
-    }
+    for (int i = 0; i < 4; ++i)
+      worst = std::max(worst, corner_off_m(entry.tag, i,
+                                           other->tag.X_WT * printed_corner(i, other->tag.edge_m)));
   }
   return worst;
 }

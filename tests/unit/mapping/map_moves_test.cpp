@@ -1,15 +1,20 @@
-// A map with a graph, and tags that leave their places.
+// Moved tags in a map with a graph.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
+
+#include <functional>
 
 #include "base/pose.hpp"
 #include "mapping/map_builder.hpp"
+#include "mapping/moved_tags.hpp"
 #include "unit/mapping/belief_fixture.hpp"
 
 namespace fiducap {
 namespace {
 
+using testing::AllOf;
+using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::IsEmpty;
 
 constexpr int kMoved = 7;
 constexpr double kSigma = 0.002;
@@ -18,16 +23,7 @@ const std::vector<int> kOthers{2, 3};
 Instant at(int second) { return instant_from_ns(second * 1'000'000'000LL); }
 
 GraphTagEstimate estimate(int tag_id, double x, int epoch = 0) {
-  GraphTagEstimate out;
-  out.tag_id = tag_id;
-  out.edge_m = 0.2;
-  out.sightings = 200;
-  out.first_seen = at(1);
-  out.last_seen = at(10);
-  out.X_WT.p.x() = x;
-  out.covariance = Matrix6d::Identity() * kSigma * kSigma;
-  out.epoch = epoch;
-  return out;
+  return graph_estimate(tag_id, x, epoch, kSigma);
 }
 
 class MapMovesTest : public testing::Test {
@@ -48,18 +44,22 @@ class MapMovesTest : public testing::Test {
 
   void contradict(int second, const std::vector<int>& contradicted = {kMoved},
                   const std::vector<int>& fitting = kOthers) {
-    builder_.absorb({.body_id = 1,
-                     .at = at(second),
-                     .anchored = true,
-                     .contradicted = contradicted,
-                     .fitting = fitting},
-                    kNow_utc_ns);
+    contradict(builder_, second, contradicted, fitting);
   }
-  /// As many words as it takes …
+  static void contradict(MapBuilder& builder, int second, const std::vector<int>& contradicted,
+                         const std::vector<int>& fitting) {
+    builder.absorb({.body_id = 1,
+                    .at = at(second),
+                    .anchored = true,
+                    .contradicted = contradicted,
+                    .fitting = fitting},
+                   kNow_utc_ns);
+  }
+  /// Enough contradictions …
   void notice(int second) {
     for (int i = 0; i < 3; ++i) contradict(second);
   }
-  /// … and a solution that has it elsewhere.
+  /// … and a solution with another pose.
   void move(int second, double x, int epoch) {
     notice(second);
     adopt({estimate(kMoved, x, epoch)});
@@ -73,7 +73,7 @@ class MapMovesTest : public testing::Test {
   MapBuilder builder_;
 };
 
-TEST_F(MapMovesTest, ATagThatIsGoneIsNotUsedAnyMore) {
+TEST_F(MapMovesTest, QuarantinesAContradictedTag) {
   contradict(20, {}, {2, kMoved});
   const auto revision = builder_.published().revision;
   contradict(22);
@@ -84,28 +84,27 @@ TEST_F(MapMovesTest, ATagThatIsGoneIsNotUsedAnyMore) {
   EXPECT_FALSE(is_known());
   EXPECT_TRUE(builder_.snapshot()->known->pairs.empty());
   EXPECT_EQ(builder_.published().revision, revision + 1);
-  EXPECT_EQ(builder_.snapshot()->known->revision, revision + 1) << "filters notice";
+  EXPECT_EQ(builder_.snapshot()->known->revision, revision + 1) << "filters use it";
   const auto moves = builder_.take_segments().moves;
   ASSERT_EQ(moves.size(), 1U);
   EXPECT_EQ(moves[0].tag_id, kMoved);
   EXPECT_EQ(moves[0].opens->gone, at(20));
   EXPECT_EQ(moves[0].opens->back, at(23));
   EXPECT_TRUE(builder_.take_segments().moves.empty());
-  const auto events = builder_.take_events();
-  ASSERT_EQ(events.size(), 1U);
-  EXPECT_EQ(events[0].kind, MapEvent::Kind::kTagQuarantined);
-  EXPECT_THAT(events[0].text, HasSubstr("between 22:14:57 and 22:15:00 UTC, seen by body 1"));
+  EXPECT_THAT(builder_.take_events(),
+              ElementsAre(event_of(MapEvent::Kind::kTagQuarantined,
+                                   "between 22:14:57 and 22:15:00 UTC, seen by body 1")));
 }
 
-TEST_F(MapMovesTest, AtItsNewPlaceItIsUsedAgainAndTheMapSaysHowFarItWasMoved) {
+TEST_F(MapMovesTest, UsesTheTagAtItsNewPoseAndReportsTheMove) {
   notice(23);
   adopt({estimate(kMoved, 1)});
-  EXPECT_EQ(state(), TagState::kQuarantined) << "of before it was known to have moved";
+  EXPECT_EQ(state(), TagState::kQuarantined) << "of the old epoch";
   EXPECT_EQ(builder_.snapshot()->find(kMoved)->tag.X_WT.p.x(), 1);
   auto young = estimate(kMoved, 1.3, 1);
   young.sightings = 12;
   adopt({young});
-  EXPECT_EQ(state(), TagState::kQuarantined) << "hardly seen";
+  EXPECT_EQ(state(), TagState::kQuarantined) << "few sightings";
   (void)builder_.take_events();
   auto moved = estimate(kMoved, 1.3, 1);
   moved.X_WT.q = exp_so3({0, 0, 0.0717});
@@ -113,37 +112,34 @@ TEST_F(MapMovesTest, AtItsNewPlaceItIsUsedAgainAndTheMapSaysHowFarItWasMoved) {
   EXPECT_EQ(state(), TagState::kCalibrated);
   EXPECT_TRUE(is_known());
   EXPECT_EQ(builder_.snapshot()->find(kMoved)->tag.X_WT.p.x(), 1.3);
-  const auto events = builder_.take_events();
-  ASSERT_EQ(events.size(), 1U);
-  EXPECT_EQ(events[0].kind, MapEvent::Kind::kTagMoved);
-  EXPECT_THAT(events[0].text, HasSubstr("tag 7 was moved by 300 mm and 4.1° between"));
-  EXPECT_THAT(events[0].text, HasSubstr("seen by body 1"));
+  EXPECT_THAT(builder_.take_events(),
+              ElementsAre(AllOf(
+                  event_of(MapEvent::Kind::kTagMoved, "tag 7 was moved by 300 mm and 4.1° between"),
+                  event_of(MapEvent::Kind::kTagMoved, "seen by body 1"))));
 }
 
-TEST_F(MapMovesTest, ATagThatIsFoundWhereItWasIsDisputedAndItsSightingsAreUnited) {
+TEST_F(MapMovesTest, UnitesTheSightingsOfAnUnmovedTag) {
   notice(23);
   (void)builder_.take_segments();
   (void)builder_.take_events();
   adopt({estimate(kMoved, 1), estimate(kMoved, 1 + kSigma, 1)});
   EXPECT_EQ(state(), TagState::kCalibrated);
-  const auto events = builder_.take_events();
-  ASSERT_EQ(events.size(), 1U);
-  EXPECT_EQ(events[0].kind, MapEvent::Kind::kTagDisputed);
-  EXPECT_THAT(events[0].text, HasSubstr("is in its old place"));
+  EXPECT_THAT(builder_.take_events(),
+              ElementsAre(event_of(MapEvent::Kind::kTagDisputed, "is in its old place")));
   const auto moves = builder_.take_segments().moves;
   ASSERT_EQ(moves.size(), 1U);
   EXPECT_FALSE(moves[0].opens);
   for (int second = 24; second < 60; ++second) contradict(second);
-  EXPECT_EQ(state(), TagState::kCalibrated) << "for a minute nobody is believed about it";
+  EXPECT_EQ(state(), TagState::kCalibrated) << "not tested for a minute";
 }
 
-TEST_F(MapMovesTest, WhatTheGraphHasLearnedOfTheOldPlaceCounts) {
+TEST_F(MapMovesTest, ComparesWithTheRefinedOldPose) {
   notice(23);
   adopt({estimate(kMoved, 1.05), estimate(kMoved, 1.05 + kSigma, 1)});
   EXPECT_EQ(builder_.take_events().back().kind, MapEvent::Kind::kTagDisputed);
 }
 
-TEST_F(MapMovesTest, ATagThatIsFoundAtTwoPlacesInTurnIsGivenUp) {
+TEST_F(MapMovesTest, QuarantinesATagSeenAtTwoPlacesInTurn) {
   move(22, 1.5, 1);
   move(32, 1.0, 2);
   EXPECT_EQ(state(), TagState::kCalibrated);
@@ -156,64 +152,54 @@ TEST_F(MapMovesTest, ATagThatIsFoundAtTwoPlacesInTurnIsGivenUp) {
   EXPECT_THAT(text,
               HasSubstr("(1.00 0.00 0.00) and (1.50 0.00 0.00), 0.50 m apart: two printed tags"));
   move(62, 1.5, 3);
-  EXPECT_EQ(state(), TagState::kQuarantined) << "for good";
+  EXPECT_EQ(state(), TagState::kQuarantined) << "permanently";
   EXPECT_TRUE(builder_.take_events().empty());
 }
 
-TEST_F(MapMovesTest, ATagThatComesBackIsSaidToAndKeepsTheSightingsOfItsOtherPlace) {
+TEST_F(MapMovesTest, ReportsATagThatIsMovedBack) {
   notice(22);
   auto open = estimate(kMoved, 1.5, 1);
   open.last_seen = at(31);
   adopt({estimate(kMoved, 1), open});
   (void)builder_.take_segments();
-  notice(32);  // it was not found there since
+  notice(32);  // not seen there since
   EXPECT_EQ(builder_.take_segments().moves.at(0).opens->gone, at(31));
   adopt({estimate(kMoved, 1), open, estimate(kMoved, 1, 2)});
   EXPECT_THAT(builder_.take_events().back().text, HasSubstr(", back to a place it had left"));
 }
 
-TEST_F(MapMovesTest, ATagThatIsNeverStillIsGivenUp) {
+TEST_F(MapMovesTest, QuarantinesATagThatKeepsMoving) {
   for (int second = 22; second < 30; ++second) notice(second);
   EXPECT_THAT(builder_.take_events().back().text, HasSubstr("something that moves"));
 }
 
-TEST_F(MapMovesTest, ABodyThatWentAstrayTakesNothingOutOfTheMap) {
+TEST_F(MapMovesTest, KeepsTheMapOfABodyThatIsLost) {
   for (int second = 20; second < 90; ++second) contradict(second, {kOthers[0], kMoved}, {3});
   for (const MapTag& tag : builder_.snapshot()->tags) EXPECT_EQ(tag.state, TagState::kCalibrated);
   EXPECT_TRUE(builder_.take_events().empty());
 }
 
-TEST_F(MapMovesTest, AFrozenMapSaysItOnceAndStays) {
+TEST_F(MapMovesTest, ReportsOnceInAFrozenMap) {
   builder_.set_mode(MapMode::kFrozen);
   const auto before = builder_.snapshot();
   for (int second = 22; second < 60; ++second) contradict(second);
   EXPECT_EQ(builder_.snapshot(), before);
   EXPECT_TRUE(builder_.take_segments().moves.empty());
-  const auto events = builder_.take_events();
-  ASSERT_EQ(events.size(), 1U);
-  EXPECT_EQ(events[0].kind, MapEvent::Kind::kTagDisputed);
-  EXPECT_THAT(events[0].text, HasSubstr("frozen"));
+  EXPECT_THAT(builder_.take_events(),
+              ElementsAre(event_of(MapEvent::Kind::kTagDisputed, "frozen")));
 }
 
-TEST_F(MapMovesTest, ASurveyedTagStays) {
+TEST_F(MapMovesTest, KeepsASurveyedTag) {
   TagMap start;
   start.tags.push_back({.tag = belief(kMoved).tag, .state = TagState::kSurveyed});
   MapBuilder builder({.refine_period_s = 2}, start);
-  const std::vector<int> moved{kMoved};
-  for (int second = 22; second < 60; ++second) {
-    builder.absorb({.body_id = 1,
-                    .at = at(second),
-                    .anchored = true,
-                    .contradicted = moved,
-                    .fitting = kOthers},
-                   kNow_utc_ns);
-  }
+  for (int second = 22; second < 60; ++second) contradict(builder, second, {kMoved}, kOthers);
   EXPECT_EQ(builder.snapshot()->find(kMoved)->state, TagState::kSurveyed);
   ASSERT_EQ(builder.take_events().size(), 1U);
 }
 
 /// A map as a session with a graph has stored it.
-TagMap map_with_ties() {
+TagMap map_with_correlations() {
   TagMap map;
   auto known = std::make_shared<KnownMap>();
   known->revision = 1;
@@ -224,16 +210,16 @@ TagMap map_with_ties() {
   return map;
 }
 
-TEST(MapMoves, StoredTiesAreKeptWhereAGraphKeepsThemTrueAndDroppedElsewhere) {
-  const MapBuilder with_graph({.refine_period_s = 2}, map_with_ties());
+TEST(MapMoves, UsesStoredCorrelationsWithAGraphOnly) {
+  const MapBuilder with_graph({.refine_period_s = 2}, map_with_correlations());
   EXPECT_NE(with_graph.snapshot()->known, nullptr);
-  const MapBuilder with_beliefs({.refine_period_s = 0}, map_with_ties());
+  const MapBuilder with_beliefs({.refine_period_s = 0}, map_with_correlations());
   EXPECT_EQ(with_beliefs.snapshot()->known, nullptr);
   EXPECT_NE(with_beliefs.snapshot()->find(kMoved), nullptr);
 }
 
-TEST(MapMoves, EveryChangeOfStoredTiesIsNewsForFilters) {
-  MapBuilder builder({.refine_period_s = 2}, map_with_ties());
+TEST(MapMoves, RaisesTheRevisionWithEveryChange) {
+  MapBuilder builder({.refine_period_s = 2}, map_with_correlations());
   const auto before = builder.snapshot()->known->revision;
   GraphSolution solution;
   solution.tags.push_back(estimate(kMoved, 1.1));
@@ -241,7 +227,7 @@ TEST(MapMoves, EveryChangeOfStoredTiesIsNewsForFilters) {
   EXPECT_GT(builder.snapshot()->known->revision, before);
 }
 
-TEST(MapMoves, ATagQuarantinedInAnEarlierSessionIsUsedOnceTheGraphHasIt) {
+TEST(MapMoves, UsesAQuarantinedTagOnceTheGraphHasIt) {
   TagMap start;
   start.tags.push_back({.tag = belief(kMoved).tag, .state = TagState::kQuarantined});
   MapBuilder builder({.refine_period_s = 2}, start);
@@ -250,6 +236,101 @@ TEST(MapMoves, ATagQuarantinedInAnEarlierSessionIsUsedOnceTheGraphHasIt) {
   builder.adopt(std::move(solution), kNow_utc_ns);
   EXPECT_EQ(builder.snapshot()->find(kMoved)->state, TagState::kCalibrated);
   EXPECT_NE(builder.snapshot()->known->find(kMoved), nullptr);
+}
+
+class TagWatchTest : public testing::Test {
+ protected:
+  static Instant at(int second) { return instant_from_ns(second * 1'000'000'000LL); }
+
+  std::vector<TagDisplacement> report(int body_id, int second, const std::vector<int>& fitting,
+                                      const std::vector<int>& contradicted = {}) {
+    return watch_.report(body_id, at(second), fitting, contradicted);
+  }
+
+  TagWatch watch_;
+};
+
+TEST_F(TagWatchTest, ThreeReportsOfOneBodyDecide) {
+  EXPECT_THAT(report(1, 1, {2, 3, 7}), IsEmpty());
+  EXPECT_THAT(report(1, 4, {2, 3}, {7}), IsEmpty());
+  EXPECT_THAT(report(1, 4, {2, 3}, {7}), IsEmpty()) << "two reports are too few";
+  const auto gone = report(1, 5, {2, 3}, {7});
+  ASSERT_EQ(gone.size(), 1U);
+  EXPECT_EQ(gone[0].tag_id, 7);
+  EXPECT_EQ(gone[0].fitted_at, at(1));
+  EXPECT_EQ(gone[0].first_report_at, at(4));
+  EXPECT_EQ(gone[0].at, at(5));
+  EXPECT_THAT(gone[0].by, ElementsAre(1));
+  EXPECT_THAT(report(1, 6, {2, 3}, {7}), IsEmpty()) << "counts from zero";
+}
+
+TEST_F(TagWatchTest, TwoBodiesDecideTogether) {
+  for (int i = 0; i < 2; ++i) (void)report(1, 1, {2, 3}, {7});
+  const auto gone = report(2, 200, {4, 5}, {7});
+  ASSERT_EQ(gone.size(), 1U);
+  EXPECT_EQ(gone[0].fitted_at, std::nullopt);
+  EXPECT_THAT(gone[0].by, ElementsAre(1, 2));
+}
+
+TEST_F(TagWatchTest, IgnoresABodyThatContradictsManyTags) {
+  (void)report(1, 1, {2, 3});
+  EXPECT_THAT(report(1, 2, {2, 3, 4, 5, 6}, {7}), IsEmpty());
+  for (int i = 0; i < 9; ++i) EXPECT_THAT(report(1, 3, {2, 3, 4, 5, 6}, {8}), IsEmpty());
+  for (int second = 4; second < 60; ++second)
+    EXPECT_THAT(report(1, second, {}, {2 + second % 10}), IsEmpty()) << second;
+}
+
+TEST_F(TagWatchTest, IgnoresItsEarlierReports) {
+  for (int i = 0; i < 2; ++i) (void)report(1, 1, {2, 3}, {7});
+  (void)report(1, 2, {}, {2});
+  for (int i = 0; i < 2; ++i)
+    EXPECT_THAT(report(2, 3, {4, 5}, {7}), IsEmpty()) << "the first valid reports";
+  EXPECT_EQ(report(2, 4, {4, 5}, {7}).size(), 1U);
+}
+
+TEST_F(TagWatchTest, IgnoresABodyWithFewFittingTags) {
+  for (int second = 1; second < 60; ++second) EXPECT_THAT(report(1, second, {2}, {7}), IsEmpty());
+}
+
+TEST_F(TagWatchTest, IgnoresABodyWithOldFittingTags) {
+  (void)report(1, 1, {2, 3, 4, 5});
+  for (int second = 10; second < 60; ++second) EXPECT_THAT(report(1, second, {}, {7}), IsEmpty());
+}
+
+TEST_F(TagWatchTest, UsesABodyAgainWhenTagsFit) {
+  (void)report(1, 1, {}, {2, 3, 4});
+  for (int i = 0; i < 2; ++i) EXPECT_THAT(report(1, 2, {2, 3, 4}, {7}), IsEmpty());
+  EXPECT_EQ(report(1, 3, {2, 3, 4}, {7}).size(), 1U);
+}
+
+TEST_F(TagWatchTest, AcceptsTwoMovedTagsOfEight) {
+  for (int i = 0; i < 2; ++i) (void)report(1, 2, {1, 2, 3, 4, 5, 6}, {7, 8});
+  EXPECT_EQ(report(1, 3, {}, {7, 8}).size(), 2U);
+}
+
+TEST_F(TagWatchTest, CountsRecentReportsWithoutASightingInPlace) {
+  struct Case {
+    const char* what;
+    std::function<void()> after_two_reports;
+    int second;
+    std::size_t gone;
+  };
+  const Case cases[] = {
+      {"the tag fits, with another",
+       [this] {
+         (void)report(2, 2, {4, 7});
+       },
+       3, 0},
+      {"a single tag always fits", [this] { (void)report(2, 2, {7}); }, 3, 1},
+      {"old reports", [] {}, 1000, 0},
+      {"a new pose", [this] { watch_.forget(7); }, 2, 0},
+  };
+  for (const Case& one : cases) {
+    watch_ = {};
+    for (int i = 0; i < 2; ++i) (void)report(1, 1, {2, 3}, {7});
+    one.after_two_reports();
+    EXPECT_EQ(report(1, one.second, {2, 3}, {7}).size(), one.gone) << one.what;
+  }
 }
 
 }  // namespace

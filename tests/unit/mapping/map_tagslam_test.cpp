@@ -1,8 +1,8 @@
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "mapping/formats/map_format.hpp"
 #include "support/replaced.hpp"
+#include "support/results.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
 namespace fiducap {
@@ -57,27 +57,25 @@ Expected<ImportedMap> read(const std::string& text) {
   return map_from_tagslam_yaml(text, {}, "tagslam.yaml");
 }
 
-TEST(MapTagslam, ComposesTheBodysPoseAndTheTags) {
-  const auto room = read(kRoom);
-  ASSERT_TRUE(room) << room.error().text();
-  ASSERT_EQ(room->map.tags.size(), 2u);
-  const KnownTag& flat = room->map.find(7)->tag;
+TEST(MapTagslam, ComposesPosesOfBodyAndTag) {
+  const auto room = value_of(read(kRoom));
+  ASSERT_EQ(room.map.tags.size(), 2u);
+  const KnownTag& flat = room.map.find(7)->tag;
   EXPECT_EQ(flat.edge_m, 0.2);  // the body's default
-  EXPECT_LT((flat.X_WT * printed_corner(0, 0.2) - Vector3d(2.1, -0.1, 1)).norm(), kPlaceRounding_m);
-  EXPECT_LT((flat.X_WT * printed_corner(1, 0.2) - Vector3d(2.1, 0.1, 1)).norm(), kPlaceRounding_m);
+  EXPECT_LT(corner_off_m(flat, 0, {2.1, -0.1, 1}), kPlaceRounding_m);
+  EXPECT_LT(corner_off_m(flat, 1, {2.1, 0.1, 1}), kPlaceRounding_m);
   // Turned up about the wall's x, which is the world's y: its up is z, its face looks along +x.
-  const KnownTag& upright = room->map.find(3)->tag;
+  const KnownTag& upright = room.map.find(3)->tag;
   EXPECT_EQ(upright.edge_m, 0.1);
   EXPECT_LT((upright.X_WT.p - Vector3d(2, 1, 1.5)).norm(), kPlaceRounding_m);
   EXPECT_LT((upright.X_WT.q * Vector3d::UnitY() - Vector3d::UnitZ()).norm(), kPlaceRounding_m);
   EXPECT_LT((upright.X_WT.q * Vector3d::UnitZ() - Vector3d::UnitX()).norm(), kPlaceRounding_m);
 }
 
-TEST(MapTagslam, NoisesBecomeCovariancesInWorkspaceAxes) {
-  const auto room = read(kRoom);
-  ASSERT_TRUE(room) << room.error().text();
+TEST(MapTagslam, ConvertsNoiseToCovariance) {
+  const auto room = value_of(read(kRoom));
   constexpr double kRounding = 1e-12;
-  const Matrix6d& P = room->map.find(3)->tag.covariance;
+  const Matrix6d& P = room.map.find(3)->tag.covariance;
   // Position, along the world's x: the wall's y (2 mm), the tag's z (4 mm), and 1 m away the wall's
   // turn by 10 mrad.
   EXPECT_NEAR(P(0, 0), 0.002 * 0.002 + 0.004 * 0.004 + 0.01 * 0.01, kRounding);
@@ -92,7 +90,7 @@ TEST(MapTagslam, NoisesBecomeCovariancesInWorkspaceAxes) {
   EXPECT_NEAR(P(0, 5), -0.01 * 0.01, kRounding);
 }
 
-TEST(MapTagslam, WhatHasNoPlaceIsNamed) {
+TEST(MapTagslam, NamesTagsWithoutAPose) {
   const auto room = read(kRoom);
   ASSERT_TRUE(room);
   EXPECT_THAT(room->remarks, Contains("tag 9 of bodies[0].wall left out: no pose is given"));
@@ -102,13 +100,12 @@ TEST(MapTagslam, WhatHasNoPlaceIsNamed) {
   EXPECT_THAT(room->remarks, Contains(HasSubstr("tag36h11 is assumed")));
 }
 
-TEST(MapTagslam, SigmasSurviveARoundTrip) {
+TEST(MapTagslam, KeepsSigmasInARoundTrip) {
   auto room = read(kRoom);
   ASSERT_TRUE(room);
-  const auto again = read(map_to_tagslam_yaml(room->map).text);
-  ASSERT_TRUE(again) << again.error().text();
-  EXPECT_THAT(again->remarks, Not(Contains(HasSubstr("assumed"))));  // bits are written
-  for (const MapTag& entry : again->map.tags) {
+  const auto again = value_of(read(map_to_tagslam_yaml(room->map).text));
+  EXPECT_THAT(again.remarks, Not(Contains(HasSubstr("assumed"))));  // bits are written
+  for (const MapTag& entry : again.map.tags) {
     const auto before = room->map.find(entry.tag.tag_id)->tag.covariance.diagonal().eval();
     const auto after = entry.tag.covariance.diagonal().eval();
     constexpr double kOfTheBody = 1e-10;  // the workspace is written with 1 µm and 1 µrad
@@ -117,69 +114,40 @@ TEST(MapTagslam, SigmasSurviveARoundTrip) {
   }
 }
 
-// As TagSLAM writes its answer: eight decimals, bodies that move, a body without tags.
+// As TagSLAM writes its result: eight decimals, moving bodies, a body without tags.
 TEST(MapTagslam, ReadsPosesAsTagslamWritesThem) {
-  constexpr const char* kPoses = R"(bodies:
- - hall:
-     type: simple
-     is_static: true
-     default_tag_size: 0.15
-     pose:
-       position:
-         x: 0.00000000
-         y: 0.00000000
-         z: 0.50000000
-       rotation:
-         x: 0.00000000
-         y: 0.00000000
-         z: -0.00000000
-       position_noise:
-         x: 0.00010000
-         y: 0.00010000
-         z: 0.00010000
-       rotation_noise:
-         x: 0.00000000
-         y: 0.00000000
-         z: 0.00000000
-     tags:
-       - id: 12
-         size: 0.15
-         pose:
-           position:
-             x: 1.00000000
-             y: 2.00000000
-             z: 0.25000000
-           rotation:
-             x: 1.57079633
-             y: 0.00000000
-             z: 0.00000000
-           position_noise:
-             x: 0.00200000
-             y: 0.00200000
-             z: 0.00200000
-           rotation_noise:
-             x: 0.00100000
-             y: 0.00100000
-             z: 0.00100000
- - robot:
-     type: simple
-     is_static: false
-     default_tag_size: 0
-     tags:
-)";
+  const auto xyz = [](const char* indent, const char* name, const char* x, const char* y,
+                      const char* z) {
+    const std::string line = std::string("\n") + indent;
+    return line + name + ":" + line + "  x: " + x + line + "  y: " + y + line + "  z: " + z;
+  };
+  const char* body = "       ";
+  const char* tag_pose = "           ";
+  const std::string poses =
+      "bodies:\n - hall:\n     type: simple\n     is_static: true\n     default_tag_size: 0.15\n"
+      "     pose:" +
+      xyz(body, "position", "0.00000000", "0.00000000", "0.50000000") +
+      xyz(body, "rotation", "0.00000000", "0.00000000", "-0.00000000") +
+      xyz(body, "position_noise", "0.00010000", "0.00010000", "0.00010000") +
+      xyz(body, "rotation_noise", "0.00000000", "0.00000000", "0.00000000") +
+      "\n     tags:\n       - id: 12\n         size: 0.15\n         pose:" +
+      xyz(tag_pose, "position", "1.00000000", "2.00000000", "0.25000000") +
+      xyz(tag_pose, "rotation", "1.57079633", "0.00000000", "0.00000000") +
+      xyz(tag_pose, "position_noise", "0.00200000", "0.00200000", "0.00200000") +
+      xyz(tag_pose, "rotation_noise", "0.00100000", "0.00100000", "0.00100000") +
+      "\n - robot:\n     type: simple\n     is_static: false\n     default_tag_size: 0\n     "
+      "tags:\n";
   constexpr double kEightDecimals_m = 1e-8;
-  const auto hall = read(kPoses);
-  ASSERT_TRUE(hall) << hall.error().text();
-  const KnownTag& tag = hall->map.find(12)->tag;
+  const auto hall = value_of(read(poses));
+  const KnownTag& tag = hall.map.find(12)->tag;
   EXPECT_EQ(tag.edge_m, 0.15);
-  EXPECT_LT((tag.X_WT * printed_corner(3, 0.15) - Vector3d(0.925, 2, 0.825)).norm(),
-            kEightDecimals_m);
+  EXPECT_LT(corner_off_m(tag, 3, {0.925, 2, 0.825}), kEightDecimals_m);
   EXPECT_NEAR(tag.covariance(0, 0), 0.002 * 0.002 + 0.0001 * 0.0001, 1e-12);
   EXPECT_NEAR(tag.covariance(3, 3), 0.001 * 0.001, 1e-12);
 }
 
 // As TagSLAM's code makes them; a board has no ids of its own in the file.
-TEST(MapTagslam, BoardsAreLaidOut) {
+TEST(MapTagslam, LaysOutBoards) {
   constexpr const char* kBoards = R"(bodies:
   - table:
       type: board
@@ -195,80 +163,73 @@ TEST(MapTagslam, BoardsAreLaidOut) {
       staggered_board: {tag_start_id: 20, tag_size: 0.1, tag_spacing: 0, tag_rows: 2,
                         tag_columns: 3}
 )";
-  const auto boards = read(kBoards);
-  ASSERT_TRUE(boards) << boards.error().text();
-  EXPECT_EQ(boards->map.family, "tag25h9");
-  ASSERT_EQ(boards->map.tags.size(), 9u);
-  const auto place = [&](int id) { return boards->map.find(id)->tag.X_WT.p; };
-  EXPECT_LT((place(10) - Vector3d(-1, 0, 1)).norm(), kPlaceRounding_m);
-  EXPECT_LT((place(12) - Vector3d(-0.7, 0, 1)).norm(), kPlaceRounding_m);
-  EXPECT_LT((place(13) - Vector3d(-1, 0.15, 1)).norm(), kPlaceRounding_m);
-  EXPECT_LT((place(21) - Vector3d(0.2, 0, 2)).norm(), kPlaceRounding_m);
-  EXPECT_LT((place(22) - Vector3d(0.1, -0.1, 2)).norm(), kPlaceRounding_m);
-  EXPECT_NEAR(boards->map.find(10)->tag.covariance(0, 0), 4e-6, 1e-12);
-  EXPECT_THAT(boards->remarks, Contains(HasSubstr("that of the body on the board")));
+  const auto boards = value_of(read(kBoards));
+  EXPECT_EQ(boards.map.family, "tag25h9");
+  ASSERT_EQ(boards.map.tags.size(), 9u);
+  const auto off_m = [&](int id, const Vector3d& place) {
+    return (boards.map.find(id)->tag.X_WT.p - place).norm();
+  };
+  EXPECT_LT(off_m(10, {-1, 0, 1}), kPlaceRounding_m);
+  EXPECT_LT(off_m(12, {-0.7, 0, 1}), kPlaceRounding_m);
+  EXPECT_LT(off_m(13, {-1, 0.15, 1}), kPlaceRounding_m);
+  EXPECT_LT(off_m(21, {0.2, 0, 2}), kPlaceRounding_m);
+  EXPECT_LT(off_m(22, {0.1, -0.1, 2}), kPlaceRounding_m);
+  EXPECT_NEAR(boards.map.find(10)->tag.covariance(0, 0), 4e-6, 1e-12);
+  EXPECT_THAT(boards.remarks, Contains(HasSubstr("that of the body on the board")));
 }
 
 struct TagslamMistake {
   const char* from;
   const char* to;
-  const char* says;
+  const char* fault;
 };
+const TagslamMistake kTagslamMistakes[] = {
+    {"{x: 1.5707963267948966, y: 0, z: 0}", "{x: 90, y: 0, z: 0}",
+     "tagslam.yaml:23: bodies[0].wall.tags[1].pose.rotation: is 90 long: must be "
+     "axis x angle in radians, at most 2 pi; are these degrees?"},
+    {"size: 0.1\n          pose", "size: 160\n          pose",
+     "tagslam.yaml:19: bodies[0].wall.tags[1]: edge is 160 m: must be at most 10; "
+     "sizes are in metres, 160 mm is 0.16"},
+    {"id: 3\n", "id: 7\n",
+     "tagslam.yaml:19: bodies[0].wall.tags[1]: tag id 7 is there twice, first at "
+     "bodies[0].wall.tags[0] in line 15"},
+    {"      default_tag_size: 0.2\n", "",
+     "tagslam.yaml:14: bodies[0].wall.tags[0]: size: is missing, and so is "
+     "default_tag_size of the body"},
+    {"position: {x: 1, y: 0, z: 0.5}", "position: {x: 1, y: 0}",
+     "tagslam.yaml:22: bodies[0].wall.tags[1].pose.position.z: is missing"},
+    {"position: {x: 1, y: 0, z: 0.5}", "position: {x: 1, y: 0, z: up}",
+     "tagslam.yaml:22: bodies[0].wall.tags[1].pose.position.z = 'up': must be a "
+     "finite number"},
+    {"size: 0.1\n          pose", "sice: 0.1\n          pose",
+     "tagslam.yaml:20: bodies[0].wall.tags[1].sice: unknown key"},
+    {"size: 0.1\n          pose", "size: 0.1\n          bits: 7\n          pose",
+     "tagslam.yaml:19: bodies[0].wall.tags[1]: bits = 7: must be 4, 5 or 6 (side "
+     "of the code)"},
+    {"is_static: true", "is_static: maybe",
+     "tagslam.yaml:7: bodies[0].wall.is_static = 'maybe': must be true or false"},
+    {"is_static: true", "is_static: false",
+     "tagslam.yaml:6: bodies[0].wall: has a pose, but moves (is_static: false)"},
+    {"type: simple", "type: cube",
+     "tagslam.yaml:6: bodies[0].wall.type: is 'cube': must be simple, board or "
+     "staggered_board"},
+    {"z: 0.004}", "z: -0.004}",
+     "tagslam.yaml:24: bodies[0].wall.tags[1].pose.position_noise: must be "
+     "between 0 and 1000000"},
+    {"  - wall:\n      type", "  - wall: here\n    other:\n      type",
+     "tagslam.yaml:5: bodies[0].wall: must be a map: the keys of a body are one "
+     "level deeper than its name"},
+    {"bodies:", "body:", "tagslam.yaml:1: bodies: is missing"},
+    {"default_body: wall", "body_defaults: wall",
+     "tagslam.yaml:3: body_defaults: is there twice, first in line 2"}};
 
-class MapTagslamMistake : public testing::TestWithParam<TagslamMistake> {};
-
-TEST_P(MapTagslamMistake, IsNamedWithLineAndPath) {
-  const auto& m = GetParam();
-  const auto room = read(replaced(kRoom, m.from, m.to));
-  ASSERT_FALSE(room);
-  EXPECT_EQ(room.error().text(), m.says);
+TEST(MapTagslam, NamesMistakesWithLineAndPath) {
+  for (const TagslamMistake& one : kTagslamMistakes)
+    EXPECT_EQ(error_of(read(replaced(kRoom, one.from, one.to))), one.fault) << one.to;
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    All, MapTagslamMistake,
-    testing::Values(
-        TagslamMistake{"{x: 1.5707963267948966, y: 0, z: 0}", "{x: 90, y: 0, z: 0}",
-                       "tagslam.yaml:23: bodies[0].wall.tags[1].pose.rotation: is 90 long: must be "
-                       "axis x angle in radians, at most 2 pi; are these degrees?"},
-        TagslamMistake{
-            "size: 0.1\n          pose", "size: 160\n          pose",
-            "tagslam.yaml:19: bodies[0].wall.tags[1]: edge is 160 m: must be at most 10; "
-            "sizes are in metres, 160 mm is 0.16"},
-        TagslamMistake{"id: 3\n", "id: 7\n",
-                       "tagslam.yaml:19: bodies[0].wall.tags[1]: tag id 7 is there twice, first at "
-                       "bodies[0].wall.tags[0] in line 15"},
-        TagslamMistake{"      default_tag_size: 0.2\n", "",
-                       "tagslam.yaml:14: bodies[0].wall.tags[0]: size: is missing, and so is "
-                       "default_tag_size of the body"},
-        TagslamMistake{"position: {x: 1, y: 0, z: 0.5}", "position: {x: 1, y: 0}",
-                       "tagslam.yaml:22: bodies[0].wall.tags[1].pose.position.z: is missing"},
-        TagslamMistake{"position: {x: 1, y: 0, z: 0.5}", "position: {x: 1, y: 0, z: up}",
-                       "tagslam.yaml:22: bodies[0].wall.tags[1].pose.position.z = 'up': must be a "
-                       "finite number"},
-        TagslamMistake{"size: 0.1\n          pose", "sice: 0.1\n          pose",
-                       "tagslam.yaml:20: bodies[0].wall.tags[1].sice: unknown key"},
-        TagslamMistake{"size: 0.1\n          pose", "size: 0.1\n          bits: 7\n          pose",
-                       "tagslam.yaml:19: bodies[0].wall.tags[1]: bits = 7: must be 4, 5 or 6 (side "
-                       "of the code)"},
-        TagslamMistake{"is_static: true", "is_static: maybe",
-                       "tagslam.yaml:7: bodies[0].wall.is_static = 'maybe': must be true or false"},
-        TagslamMistake{"is_static: true", "is_static: false",
-                       "tagslam.yaml:6: bodies[0].wall: has a pose, but moves (is_static: false)"},
-        TagslamMistake{"type: simple", "type: cube",
-                       "tagslam.yaml:6: bodies[0].wall.type: is 'cube': must be simple, board or "
-                       "staggered_board"},
-        TagslamMistake{"z: 0.004}", "z: -0.004}",
-                       "tagslam.yaml:24: bodies[0].wall.tags[1].pose.position_noise: must be "
-                       "between 0 and 1000000"},
-        TagslamMistake{"  - wall:\n      type", "  - wall: here\n    other:\n      type",
-                       "tagslam.yaml:5: bodies[0].wall: must be a map: the keys of a body are one "
-                       "level deeper than its name"},
-        TagslamMistake{"bodies:", "body:", "tagslam.yaml:1: bodies: is missing"},
-        TagslamMistake{"default_body: wall", "body_defaults: wall",
-                       "tagslam.yaml:3: body_defaults: is there twice, first in line 2"}));
-
 // A typical first file: one tag, at a body whose pose TagSLAM was to find.
-TEST(MapTagslam, ARoomWithoutAnyPlaceSaysWhy) {
+TEST(MapTagslam, RefusesARoomWithoutPoses) {
   const auto room = read(
       "bodies:\n  - lab:\n      type: simple\n      is_static: true\n"
       "      tags: [{id: 4, size: 0.1}]\n");

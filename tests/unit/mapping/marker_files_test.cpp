@@ -1,12 +1,11 @@
-// apriltag_ros, RCARS, ArUco and the writer of WPILib's layouts: where they put which corner, and
-// what they refuse.
+// apriltag_ros, RCARS, ArUco and the writer of WPILib's layouts: their corners and refusals.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
 #include "mapping/formats/map_format.hpp"
 #include "support/replaced.hpp"
+#include "support/results.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
 namespace fiducap {
@@ -17,10 +16,6 @@ using testing::Contains;
 using testing::HasSubstr;
 
 constexpr double kRounding_m = 1e-9;
-
-std::string refusal(const Expected<ImportedMap>& imported) {
-  return imported ? "accepted" : imported.error().text();
-}
 
 // --- apriltag_ros ---
 
@@ -46,20 +41,17 @@ Expected<ImportedMap> read_bundle(const std::string& text) {
   return map_from_bundle_yaml(text, {}, "tags.yaml");
 }
 
-TEST(MapBundles, WhatIsLeftOutIsTheIdentity) {
-  const auto box = read_bundle(kBundle);
-  ASSERT_TRUE(box) << box.error().text();
-  ASSERT_EQ(box->map.tags.size(), 2u);
-  const Pose& first = box->map.find(1)->tag.X_WT;
-  EXPECT_LT((first * printed_corner(0, 0.2) - Vector3d(-0.1, -0.1, 0)).norm(), kRounding_m);
-  const Pose& second = box->map.find(2)->tag.X_WT;  // a quarter about z
-  EXPECT_LT((second * printed_corner(0, 0.2) - Vector3d(1.1, 2.4, -0.25)).norm(), kRounding_m);
-  EXPECT_THAT(box->remarks, Contains("standalone tag 5 left out: no place is given"));
+TEST(MapBundles, UsesTheIdentityByDefault) {
+  const auto box = value_of(read_bundle(kBundle));
+  ASSERT_EQ(box.map.tags.size(), 2u);
+  EXPECT_LT(corner_off_m(box.map.find(1)->tag, 0, {-0.1, -0.1, 0}), kRounding_m);
+  EXPECT_LT(corner_off_m(box.map.find(2)->tag, 0, {1.1, 2.4, -0.25}), kRounding_m);
+  EXPECT_THAT(box.remarks, Contains("standalone tag 5 left out: no place is given"));
 }
 
-TEST(MapBundles, MistakesAreNamed) {
+TEST(MapBundles, NamesMistakes) {
   const auto refused = [](const char* from, const char* to) {
-    return refusal(read_bundle(replaced(kBundle, from, to)));
+    return error_of(read_bundle(replaced(kBundle, from, to)));
   };
   EXPECT_EQ(refused("qw: 0.7071067811865476", "qw: 0.5"),
             "tags.yaml:13: tag_bundles[0].layout[1]: quaternion has length 0.866025: must be 1");
@@ -82,8 +74,8 @@ TEST(MapBundles, MistakesAreNamed) {
             "place in bundle 'box' is not in the file; keep one bundle in the file");
 }
 
-// PyYAML, which ROS reads with, takes 1 for a whole number and 1e-07 for a word.
-TEST(MapBundles, EveryNumberIsWrittenWithAPoint) {
+// PyYAML, which ROS uses, reads 1 as a whole number and 1e-07 as a string.
+TEST(MapBundles, WritesEveryNumberWithAPoint) {
   TagMap map;
   map.tags.resize(1);
   map.tags[0].tag.tag_id = 4;
@@ -118,38 +110,34 @@ Expected<ImportedMap> read_workspace(const std::string& text) {
   return map_from_rcars_yaml(text, {.edge_m = 0.2}, "ws.yaml");
 }
 
-// qTI takes inertial coordinates to the tag's. With a quarter about x in its numbers, the tag's up
-// is the inertial z: a tag on a wall.
-TEST(MapRcars, ThePassiveQuaternionStandsTheTagUp) {
-  const auto room = read_workspace(kWorkspace);
-  ASSERT_TRUE(room) << room.error().text();
-  const Pose& X_WT = room->map.find(0)->tag.X_WT;
-  EXPECT_LT((X_WT * printed_corner(0, 0.2) - Vector3d(0.9, 2, 2.9)).norm(), kRounding_m);
-  EXPECT_LT((X_WT * printed_corner(3, 0.2) - Vector3d(0.9, 2, 3.1)).norm(), kRounding_m);
-  EXPECT_THAT(room->remarks, Contains("the file has no sizes: all tags are 0.2 m"));
-  EXPECT_THAT(room->remarks, Contains(HasSubstr("calibratedTags does not name, such as tag3")));
+// qTI turns inertial coordinates into those of the tag. With a quarter about x the tag's up is the
+// inertial z: a tag on a wall.
+TEST(MapRcars, ReadsPassiveQuaternions) {
+  const auto room = value_of(read_workspace(kWorkspace));
+  EXPECT_LT(corner_off_m(room.map.find(0)->tag, 0, {0.9, 2, 2.9}), kRounding_m);
+  EXPECT_LT(corner_off_m(room.map.find(0)->tag, 3, {0.9, 2, 3.1}), kRounding_m);
+  EXPECT_THAT(room.remarks, Contains("the file has no sizes: all tags are 0.2 m"));
+  EXPECT_THAT(room.remarks, Contains(HasSubstr("calibratedTags does not name, such as tag3")));
 }
 
-TEST(MapRcars, TheReferenceTagAlignsTheRoomAndSurvivesARoundTrip) {
-  const auto room = read_workspace(kWorkspace);
-  ASSERT_TRUE(room);
-  EXPECT_EQ(room->map.reference_tag, 12);
-  EXPECT_LT((room->map.X_RW.p - Vector3d(0, 0, 1)).norm(), kRounding_m);
-  const auto exported = map_to_rcars_yaml(room->map);
+TEST(MapRcars, KeepsTheReferenceTagInARoundTrip) {
+  const auto room = value_of(read_workspace(kWorkspace));
+  EXPECT_EQ(room.map.reference_tag, 12);
+  EXPECT_LT((room.map.X_RW.p - Vector3d(0, 0, 1)).norm(), kRounding_m);
+  const auto exported = map_to_rcars_yaml(room.map);
   EXPECT_THAT(exported.remarks, Contains(HasSubstr("all tags are 0.2 m")));
-  const auto again = read_workspace(exported.text);
-  ASSERT_TRUE(again) << again.error().text();
-  EXPECT_EQ(again->map.reference_tag, 12);
-  EXPECT_LT((again->map.X_RW.p - room->map.X_RW.p).norm(), kRounding_m);
+  const auto again = value_of(read_workspace(exported.text));
+  EXPECT_EQ(again.map.reference_tag, 12);
+  EXPECT_LT((again.map.X_RW.p - room.map.X_RW.p).norm(), kRounding_m);
 }
 
-TEST(MapRcars, MistakesAreNamed) {
+TEST(MapRcars, NamesMistakes) {
   const auto refused = [](const char* from, const char* to) {
-    return refusal(read_workspace(replaced(kWorkspace, from, to)));
+    return error_of(read_workspace(replaced(kWorkspace, from, to)));
   };
-  EXPECT_EQ(refusal(map_from_rcars_yaml(kWorkspace, {}, "ws.yaml")),
+  EXPECT_EQ(error_of(map_from_rcars_yaml(kWorkspace, {}, "ws.yaml")),
             "ws.yaml: RCARS workspaces do not contain the size of the tags; add --tag-size METRES");
-  // The example that RCARS ships has such a one.
+  // As in the example of RCARS.
   EXPECT_EQ(refused("orientation: {w: 0.7071067811865476", "orientation: {w: 1"),
             "ws.yaml:8: tags.tag0: quaternion has length 1.22474: must be 1");
   EXPECT_EQ(refused("[0, 12]", "[0, 12, 0]"),
@@ -165,7 +153,7 @@ TEST(MapRcars, MistakesAreNamed) {
             "ws.yaml:10: tags.tag0.pose.position.w: unknown key");
 }
 
-TEST(MapRcars, IdsBeyondItsBytesAreNamed) {
+TEST(MapRcars, NamesIdsBeyondOneByte) {
   auto map = random_map(1, 100);  // ids up to 297
   EXPECT_THAT(map_to_rcars_yaml(map).remarks,
               Contains(HasSubstr("RCARS cannot see tags 258, 261")));
@@ -191,30 +179,27 @@ Expected<ImportedMap> read_markers(const std::string& text, const MapImportOptio
   return map_from_aruco_yaml(text, options, "map.yml");
 }
 
-TEST(MapAruco, PutsThePrintedCornersWhereTheFileHasThem) {
+TEST(MapAruco, FollowsTheCornersOfTheFile) {
   constexpr double kFloat_m = 1e-8;  // the file's numbers are of single precision
-  const auto map = read_markers(kMarkers);
-  ASSERT_TRUE(map) << map.error().text();
-  const KnownTag& flat = map->map.find(7)->tag;
+  const auto map = value_of(read_markers(kMarkers));
+  const KnownTag& flat = map.map.find(7)->tag;
   EXPECT_NEAR(flat.edge_m, 0.2, kFloat_m);
-  EXPECT_LT((flat.X_WT * printed_corner(3, 0.2) - Vector3d(-0.1, 0.1, 0)).norm(), kFloat_m);
-  EXPECT_LT((flat.X_WT * printed_corner(1, 0.2) - Vector3d(0.1, -0.1, 0)).norm(), kFloat_m);
-  const KnownTag& wall = map->map.find(9)->tag;
-  EXPECT_LT((wall.X_WT * printed_corner(3, 0.2) - Vector3d(1, 0, 1.2)).norm(), kFloat_m);
+  EXPECT_LT(corner_off_m(flat, 3, {-0.1, 0.1, 0}), kFloat_m);
+  EXPECT_LT(corner_off_m(flat, 1, {0.1, -0.1, 0}), kFloat_m);
+  const KnownTag& wall = map.map.find(9)->tag;
+  EXPECT_LT(corner_off_m(wall, 3, {1, 0, 1.2}), kFloat_m);
   EXPECT_LT((wall.X_WT.q * Vector3d::UnitZ() - Vector3d::UnitX()).norm(), kFloat_m);
-  EXPECT_TRUE(map->remarks.empty());
+  EXPECT_TRUE(map.remarks.empty());
 }
 
-TEST(MapAruco, OpenCvsDictionariesAreTurnedByHalfATurn) {
-  const auto map = read_markers(replaced(kMarkers, "TAG36h11", "DICT_APRILTAG_36h11"));
-  ASSERT_TRUE(map) << map.error().text();
-  EXPECT_EQ(map->map.family, "tag36h11");
-  const KnownTag& flat = map->map.find(7)->tag;
-  EXPECT_LT((flat.X_WT * printed_corner(1, 0.2) - Vector3d(-0.1, 0.1, 0)).norm(), 1e-8);
-  EXPECT_THAT(map->remarks, Contains(HasSubstr("turned back")));
+TEST(MapAruco, TurnsOpenCvDictionariesByHalfATurn) {
+  const auto map = value_of(read_markers(replaced(kMarkers, "TAG36h11", "DICT_APRILTAG_36h11")));
+  EXPECT_EQ(map.map.family, "tag36h11");
+  EXPECT_LT(corner_off_m(map.map.find(7)->tag, 1, {-0.1, 0.1, 0}), 1e-8);
+  EXPECT_THAT(map.remarks, Contains(HasSubstr("turned back")));
 }
 
-TEST(MapAruco, PixelsNeedASizeAndTakeIt) {
+TEST(MapAruco, ScalesPixelsByTheGivenSize) {
   constexpr const char* kPixels = R"(%YAML:1.0
 aruco_bc_nmarkers: 2
 aruco_bc_mInfoType: 0
@@ -222,25 +207,24 @@ aruco_bc_markers:
    - { id:1, corners:[ [ 0, 800, 0 ], [ 800, 800, 0 ], [ 800, 0, 0 ], [ 0, 0, 0 ] ] }
    - { id:2, corners:[ [ 1000, 800, 0 ], [ 1800, 800, 0 ], [ 1800, 0, 0 ], [ 1000, 0, 0 ] ] }
 )";
-  EXPECT_EQ(refusal(read_markers(kPixels)),
+  EXPECT_EQ(error_of(read_markers(kPixels)),
             "map.yml:3: aruco_bc_mInfoType: is 0: the corners are in pixels, so their size "
             "is unknown; add --tag-size METRES");
-  const auto map = read_markers(kPixels, {.edge_m = 0.16});
-  ASSERT_TRUE(map) << map.error().text();
-  EXPECT_LT((map->map.find(2)->tag.X_WT.p - Vector3d(0.28, 0.08, 0)).norm(), kRounding_m);
-  EXPECT_EQ(map->map.find(2)->tag.edge_m, 0.16);
-  EXPECT_THAT(map->remarks, Contains("the file is in pixels: 800 of them are taken as 0.16 m"));
+  const auto map = value_of(read_markers(kPixels, {.edge_m = 0.16}));
+  EXPECT_LT((map.map.find(2)->tag.X_WT.p - Vector3d(0.28, 0.08, 0)).norm(), kRounding_m);
+  EXPECT_EQ(map.map.find(2)->tag.edge_m, 0.16);
+  EXPECT_THAT(map.remarks, Contains("the file is in pixels: 800 of them are taken as 0.16 m"));
   EXPECT_THAT(
-      refusal(read_markers(
+      error_of(read_markers(
           replaced(kPixels, "[ 1000, 800, 0 ], [ 1800, 800, 0 ], [ 1800, 0, 0 ], [ 1000, 0, 0 ]",
                    "[ 1000, 400, 0 ], [ 1400, 400, 0 ], [ 1400, 0, 0 ], [ 1000, 0, 0 ]"),
           {.edge_m = 0.16})),
       HasSubstr("marker 2 is 400 pixels large, marker 1 800: one --tag-size cannot be right"));
 }
 
-TEST(MapAruco, MistakesAreNamed) {
+TEST(MapAruco, NamesMistakes) {
   const auto refused = [](const char* from, const char* to) {
-    return refusal(read_markers(replaced(kMarkers, from, to)));
+    return error_of(read_markers(replaced(kMarkers, from, to)));
   };
   EXPECT_EQ(refused("nmarkers: 2", "nmarkers: 3"),
             "map.yml:4: aruco_bc_nmarkers: is 3, but aruco_bc_markers has 2 entries");
@@ -258,11 +242,10 @@ TEST(MapAruco, MistakesAreNamed) {
   EXPECT_THAT(refused("TAG36h11", "TAG36h11\nother: 1"), HasSubstr("other: unknown key"));
 }
 
-TEST(MapAruco, OtherDictionariesAreRemarked) {
-  const auto map = read_markers(replaced(kMarkers, "TAG36h11", "ARUCO_MIP_36h12"));
-  ASSERT_TRUE(map);
-  EXPECT_THAT(map->remarks, Contains(HasSubstr("ARUCO_MIP_36h12 is of no supported family")));
-  EXPECT_THAT(map->remarks, Contains(HasSubstr("tag36h11 is assumed")));
+TEST(MapAruco, RemarksOtherDictionaries) {
+  const auto map = value_of(read_markers(replaced(kMarkers, "TAG36h11", "ARUCO_MIP_36h12")));
+  EXPECT_THAT(map.remarks, Contains(HasSubstr("ARUCO_MIP_36h12 is of no supported family")));
+  EXPECT_THAT(map.remarks, Contains(HasSubstr("tag36h11 is assumed")));
 }
 
 // --- WPILib ---
@@ -286,7 +269,7 @@ TEST(MapWpilibWriter, WritesWhatWpilibReads) {
               testing::ElementsAre("sizes are not part of this format: all tags are 0.1651 m"));
 }
 
-TEST(MapWpilibWriter, WithoutAFieldItIsAsLargeAsTheTagsReach) {
+TEST(MapWpilibWriter, SizesTheFieldByTheTags) {
   const auto map = random_map(3);
   const auto exported = map_to_wpilib_json(map, std::nullopt);
   double reach_m = 0;

@@ -23,12 +23,12 @@ class BodyTrackerTest : public testing::Test {
     s.imu = ImuNoise{};
     return s;
   }
-  static BodyEstimate estimate(int ms) {
+  static BodyEstimate estimate(int ms, bool anchored = true) {
     BodyEstimate e;
     e.at = at_ms(ms);
     e.X_WB.p = {1, 2, 3};
     e.covariance = Matrix15d::Identity() * 1e-6;
-    e.anchored = true;
+    e.anchored = anchored;
     return e;
   }
   static UpdateReport report(int ms, int used) {
@@ -39,20 +39,23 @@ class BodyTrackerTest : public testing::Test {
     r.running = true;
     return r;
   }
-  void rest_until(int ms) {
-    for (; imu_ms_ <= ms; imu_ms_ += 5)
-      tracker_.add_imu({at_ms(imu_ms_), Vector3d::Zero(), {0, 0, 9.81}});
+  void rest_until(int ms, const Vector3d& rate = Vector3d::Zero()) {
+    for (; imu_ms_ <= ms; imu_ms_ += 5) tracker_.add_imu({at_ms(imu_ms_), rate, {0, 0, 9.81}});
   }
   void image(int ms, int used, std::uint64_t dropped = 0) {
     rest_until(ms);
     tracker_.ingest(estimate(ms), report(ms, used), std::chrono::milliseconds(8), dropped);
   }
+  void ingest(const std::optional<BodyEstimate>& e, const UpdateReport& r) {
+    tracker_.ingest(e, r, {}, 0);
+  }
   BodyPose sample(int ms) {
     BodyPose pose;
-    pose.tags_in_view = 99;  // what a pooled frame may bring along
+    pose.tags_in_view = 99;  // left in a reused frame
     tracker_.sample(at_ms(ms), pose);
     return pose;
   }
+  BodyState state(int ms) { return sample(ms).state; }
 
   BodyTracker tracker_;
   int imu_ms_{0};
@@ -83,41 +86,39 @@ TEST_F(BodyTrackerTest, TracksWithAUsedTag) {
   EXPECT_GT(pose.position_sigma_m(), 0);
 }
 
-TEST_F(BodyTrackerTest, IsNotValidWhileNothingTiesItToTheWorkspace) {
+TEST_F(BodyTrackerTest, IsNotValidUntilItIsAnchored) {
   rest_until(100);
-  auto adrift = estimate(100);
-  adrift.anchored = false;
-  tracker_.ingest(adrift, report(100, 2), {}, 0);
-  EXPECT_EQ(sample(105).state, BodyState::kSearching);
-  EXPECT_FALSE(sample(105).valid);
-  EXPECT_EQ(sample(105).X_WP.p, Vector3d::Zero()) << "not even as history";
-  EXPECT_TRUE(sample(105).covariance.isZero());
+  ingest(estimate(100, false), report(100, 2));
+  const auto pose = sample(105);
+  EXPECT_EQ(pose.state, BodyState::kSearching);
+  EXPECT_FALSE(pose.valid);
+  EXPECT_EQ(pose.X_WP.p, Vector3d::Zero()) << "not even as history";
+  EXPECT_TRUE(pose.covariance.isZero());
   image(150, 2);
   EXPECT_TRUE(sample(155).valid);
 }
 
-TEST_F(BodyTrackerTest, FollowedPointsKeepItCoastingButDoNotMakeItTrack) {
-  const auto carried = [&](int ms, int landmarks) {
+TEST_F(BodyTrackerTest, LandmarksKeepItCoastingButDoNotMakeItTrack) {
+  const auto image_of_landmarks = [&](int ms, int landmarks) {
     rest_until(ms);
     UpdateReport r = report(ms, 0);
     r.landmarks_used = landmarks;
-    tracker_.ingest(estimate(ms), r, {}, 0);
+    ingest(estimate(ms), r);
   };
-  carried(50, 9);
-  EXPECT_EQ(sample(50).state, BodyState::kSearching);
+  image_of_landmarks(50, 9);
+  EXPECT_EQ(state(50), BodyState::kSearching);
   image(100, 3);
-  for (int ms = 150; ms <= 7000; ms += 50) carried(ms, ms % 200 == 0 ? 9 : 0);
-  EXPECT_EQ(sample(7000).state, BodyState::kCoasting);
+  for (int ms = 150; ms <= 7000; ms += 50) image_of_landmarks(ms, ms % 200 == 0 ? 9 : 0);
+  EXPECT_EQ(state(7000), BodyState::kCoasting);
   EXPECT_EQ(sample(7000).age, std::chrono::milliseconds(6900));
-  for (int ms = 7050; ms <= 12200; ms += 50) carried(ms, 1);  // too few to say anything
-  EXPECT_EQ(sample(12200).state, BodyState::kLost);
+  for (int ms = 7050; ms <= 12200; ms += 50) image_of_landmarks(ms, 1);  // too few
+  EXPECT_EQ(state(12200), BodyState::kLost);
 }
 
-TEST_F(BodyTrackerTest, CoastsWhenTagsAreGoneAndTracksAgain) {
+TEST_F(BodyTrackerTest, CoastsWithoutTagsAndTracksAgain) {
   image(100, 3);
   for (int ms = 150; ms <= 300; ms += 50) image(ms, 0);
-  rest_until(300);
-  EXPECT_EQ(sample(245).state, BodyState::kTracking);
+  EXPECT_EQ(state(245), BodyState::kTracking);
   const auto pose = sample(300);
   EXPECT_EQ(pose.state, BodyState::kCoasting);
   EXPECT_TRUE(pose.valid);
@@ -125,49 +126,47 @@ TEST_F(BodyTrackerTest, CoastsWhenTagsAreGoneAndTracksAgain) {
   EXPECT_EQ(pose.age, std::chrono::milliseconds(200));
   EXPECT_EQ(pose.exposed_at, at_ms(300));
   image(350, 1);
-  EXPECT_EQ(sample(350).state, BodyState::kTracking);
+  EXPECT_EQ(state(350), BodyState::kTracking);
 }
 
-TEST_F(BodyTrackerTest, CoastsWhenImagesStopComing) {
+TEST_F(BodyTrackerTest, CoastsWithoutImages) {
   image(100, 3);
   rest_until(400);
-  EXPECT_EQ(sample(400).state, BodyState::kCoasting);
+  EXPECT_EQ(state(400), BodyState::kCoasting);
   EXPECT_EQ(sample(400).tags_in_view, 0);
 }
 
-TEST_F(BodyTrackerTest, SigmaBeyondALimitTakesValidityAway) {
+TEST_F(BodyTrackerTest, ASigmaAboveItsLimitIsNotValid) {
+  struct Case {
+    int element;
+    double sigma;
+    bool valid;
+  };
   rest_until(100);
-  auto vague = estimate(100);
-  vague.covariance(1, 1) = 0.26 * 0.26;
-  tracker_.ingest(vague, report(100, 1), {}, 0);
-  EXPECT_FALSE(sample(101).valid);
-  EXPECT_EQ(sample(101).state, BodyState::kTracking);
-  vague.covariance(1, 1) = 1e-6;
-  vague.covariance(5, 5) = 0.21 * 0.21;
-  tracker_.ingest(vague, report(100, 1), {}, 0);
-  EXPECT_FALSE(sample(101).valid);
-  vague.covariance(5, 5) = 0.19 * 0.19;
-  tracker_.ingest(vague, report(100, 1), {}, 0);
-  EXPECT_TRUE(sample(101).valid);
+  for (const auto& [element, sigma, valid] :
+       {Case{1, 0.26, false}, {5, 0.21, false}, {5, 0.19, true}}) {
+    auto vague = estimate(100);
+    vague.covariance(element, element) = sigma * sigma;
+    ingest(vague, report(100, 1));
+    EXPECT_EQ(sample(101).valid, valid) << sigma;
+    EXPECT_EQ(state(101), BodyState::kTracking);
+  }
 }
 
-TEST_F(BodyTrackerTest, ANumberThatIsNoneIsNeverValid) {
+TEST_F(BodyTrackerTest, ImpossibleNumbersAreNotValid) {
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
   rest_until(100);
-  auto broken = estimate(100);
-  broken.X_WB.p.y() = std::numeric_limits<double>::quiet_NaN();
-  tracker_.ingest(broken, report(100, 1), {}, 0);
-  EXPECT_FALSE(sample(101).valid);
-  broken = estimate(100);
-  broken.covariance(0, 0) = std::numeric_limits<double>::quiet_NaN();
-  tracker_.ingest(broken, report(100, 1), {}, 0);
-  EXPECT_FALSE(sample(101).valid);
-  broken = estimate(100);
-  broken.covariance(0, 0) = -1.0;
-  tracker_.ingest(broken, report(100, 1), {}, 0);
-  EXPECT_FALSE(sample(101).valid);
+  std::array<BodyEstimate, 3> broken{estimate(100), estimate(100), estimate(100)};
+  broken[0].X_WB.p.y() = kNaN;
+  broken[1].covariance(0, 0) = kNaN;
+  broken[2].covariance(0, 0) = -1.0;
+  for (const BodyEstimate& e : broken) {
+    ingest(e, report(100, 1));
+    EXPECT_FALSE(sample(101).valid);
+  }
 }
 
-TEST_F(BodyTrackerTest, CoastingEndsToBeValidBeforeTheBodyIsLost) {
+TEST_F(BodyTrackerTest, IsNotValidLongBeforeItIsLost) {
   image(100, 3);
   rest_until(4900);
   const auto pose = sample(4900);
@@ -176,12 +175,11 @@ TEST_F(BodyTrackerTest, CoastingEndsToBeValidBeforeTheBodyIsLost) {
   EXPECT_FALSE(pose.valid);
 }
 
-TEST_F(BodyTrackerTest, LosesTheBodyAfterFiveSecondsAndShowsWhereItWasSeen) {
+TEST_F(BodyTrackerTest, IsLostAfterFiveSecondsAtItsLastSeenPosition) {
   image(100, 3);
   rest_until(2000);
-  for (; imu_ms_ < 5200; imu_ms_ += 5)
-    tracker_.add_imu({at_ms(imu_ms_), Vector3d::Zero(), {1, 0, 9.81}});
-  EXPECT_EQ(sample(5099).state, BodyState::kCoasting);
+  rest_until(5199, {1, 0, 9.81});
+  EXPECT_EQ(state(5099), BodyState::kCoasting);
   const auto pose = sample(5101);
   EXPECT_EQ(pose.state, BodyState::kLost);
   EXPECT_FALSE(pose.valid);
@@ -189,59 +187,56 @@ TEST_F(BodyTrackerTest, LosesTheBodyAfterFiveSecondsAndShowsWhereItWasSeen) {
   EXPECT_EQ(pose.age, std::chrono::milliseconds(5001));
 }
 
-TEST_F(BodyTrackerTest, StaysLostFromTheLossToTheFreshEstimate) {
+TEST_F(BodyTrackerTest, StaysLostUntilATagIsUsed) {
   image(100, 3);
-  tracker_.ingest(std::nullopt, report(5150, 0), {}, 0);  // the filter has given the motion up
-  EXPECT_EQ(sample(5200).state, BodyState::kLost);
-  auto adrift = estimate(5250);
-  adrift.anchored = false;
-  tracker_.ingest(adrift, report(5250, 0), {}, 0);  // running on gravity, no tag yet
-  EXPECT_EQ(sample(5300).state, BodyState::kLost);
+  ingest(std::nullopt, report(5150, 0));  // the filter has lost the motion
+  EXPECT_EQ(state(5200), BodyState::kLost);
+  ingest(estimate(5250, false), report(5250, 0));  // runs by gravity, without a tag
+  EXPECT_EQ(state(5300), BodyState::kLost);
   imu_ms_ = 5300;
   image(5350, 2);
-  EXPECT_EQ(sample(5400).state, BodyState::kTracking);
+  EXPECT_EQ(state(5400), BodyState::kTracking);
   EXPECT_TRUE(sample(5400).valid);
 }
 
-TEST_F(BodyTrackerTest, WhatItSawLastMovesWithTheWorkspaceButNotFromBeforeAReset) {
+TEST_F(BodyTrackerTest, IsLostWithTheMotionOfItsFilter) {
   image(100, 3);
-  UpdateReport shifted = report(400, 0);
-  shifted.gauge_shift = Pose{Eigen::Quaterniond::Identity(), {10, 0, 0}};
-  tracker_.ingest(std::nullopt, shifted, {}, 0);
-  EXPECT_EQ(sample(400).X_WP.p, Vector3d(11, 2, 3)) << "history, in today's axes";
-  UpdateReport restarted = shifted;
-  restarted.generation = 1;
-  tracker_.ingest(std::nullopt, restarted, {}, 0);
-  EXPECT_EQ(sample(400).X_WP.p, Vector3d(11, 2, 3)) << "a new start has nothing to do with it";
-}
-
-TEST_F(BodyTrackerTest, IsLostAsSoonAsItsFilterGivesTheMotionUp) {
-  image(100, 3);
-  tracker_.ingest(std::nullopt, report(400, 0), {}, 0);
-  EXPECT_EQ(sample(400).state, BodyState::kLost);
+  ingest(std::nullopt, report(400, 0));
+  EXPECT_EQ(state(400), BodyState::kLost);
   EXPECT_FALSE(sample(400).valid);
   EXPECT_EQ(sample(400).X_WP.p, Vector3d(1, 2, 3));
   imu_ms_ = 405;
   image(450, 3);
-  EXPECT_EQ(sample(450).state, BodyState::kTracking);
+  EXPECT_EQ(state(450), BodyState::kTracking);
+}
+
+TEST_F(BodyTrackerTest, TheLastSeenPositionMovesWithTheWorkspaceUntilAReset) {
+  image(100, 3);
+  UpdateReport shifted = report(400, 0);
+  shifted.gauge_shift = Pose{Eigen::Quaterniond::Identity(), {10, 0, 0}};
+  ingest(std::nullopt, shifted);
+  EXPECT_EQ(sample(400).X_WP.p, Vector3d(11, 2, 3));
+  shifted.generation = 1;
+  ingest(std::nullopt, shifted);
+  EXPECT_EQ(sample(400).X_WP.p, Vector3d(11, 2, 3));
 }
 
 TEST_F(BodyTrackerTest, IsLostWithItsSourceUntilTheNextImage) {
   image(100, 3);
   tracker_.source_lost();
-  EXPECT_EQ(sample(101).state, BodyState::kLost);
+  EXPECT_EQ(state(101), BodyState::kLost);
   EXPECT_FALSE(sample(101).valid);
   image(150, 3);
-  EXPECT_EQ(sample(151).state, BodyState::kTracking);
+  EXPECT_EQ(state(151), BodyState::kTracking);
 }
 
-TEST_F(BodyTrackerTest, ShowsASmoothImageRateThatFallsWhenImagesStop) {
+TEST_F(BodyTrackerTest, TheImageRateIsSmoothAndFallsWithoutImages) {
   for (int i = 0; i < 40; ++i) image(100 + 50 * i + (i % 2) * 6, 1);
   EXPECT_NEAR(sample(2060).image_rate_hz, 20.0, 0.5);
   EXPECT_NEAR(sample(2056 + 500).image_rate_hz, 2.0, 0.1);
 }
 
-TEST_F(BodyTrackerTest, APauseDoesNotSpoilTheImageRate) {
+TEST_F(BodyTrackerTest, APauseDoesNotChangeTheImageRateAfterwards) {
   for (int i = 0; i < 10; ++i) image(100 + 50 * i, 1);
   for (int i = 0; i < 10; ++i) image(10'000 + 100 * i, 1);
   EXPECT_NEAR(sample(10'900).image_rate_hz, 10.0, 0.1);

@@ -1,38 +1,37 @@
-// Every way in which a tag is not used has its word.
+// The outlines of a camera image and why a tag is not used.
 #include "pipeline/camera_view.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "support/allocation_counter.hpp"
+#include "support/idle_filter.hpp"
 
 namespace fiducap {
 namespace {
 
 constexpr Instant ms(int n) { return instant_from_ns(std::int64_t{n} * 1'000'000); }
 
-/// Returns preset results.
-class TalkingFilter final : public BodyFilter {
- public:
-  struct Words {
-    UpdateReport report;
-    std::vector<TagBelief> beliefs;
-    std::vector<FoundMismatch> mismatches;
-    bool running{true};
-  };
-  explicit TalkingFilter(Words& words) : words_(words) {}
+/// What the filter returns.
+struct FilterResults {
+  UpdateReport report;
+  std::vector<TagBelief> beliefs;
+  std::vector<FoundMismatch> mismatches;
+  bool running{true};
+};
 
-  void propagate(const ImuSample&) override {}
+class ScriptedViewFilter final : public IdleFilter<> {
+ public:
+  explicit ScriptedViewFilter(FilterResults& results) : results_(results) {}
+
   UpdateReport update(const TagObservations& seen, const MapKnowledge&) override {
-    words_.report.exposed_at = at_ = seen.exposed_at;
-    words_.report.running = words_.running;
-    return words_.report;
+    results_.report.exposed_at = at_ = seen.exposed_at;
+    results_.report.running = results_.running;
+    return results_.report;
   }
-  void set_tag_priors(std::vector<KnownTag>) override {}
-  void lose_motion() override {}
-  void release_tag(int) override {}
-  [[nodiscard]] bool running() const override { return words_.running; }
+  [[nodiscard]] bool running() const override { return results_.running; }
   [[nodiscard]] BodyEstimate estimate() const override {
     BodyEstimate estimate;
     estimate.at = at_;
@@ -41,13 +40,11 @@ class TalkingFilter final : public BodyFilter {
     estimate.covariance = Matrix15d::Identity() * 1e-6;
     return estimate;
   }
-  void tag_beliefs(std::vector<TagBelief>& out) const override { out = words_.beliefs; }
-  void mismatches(std::vector<FoundMismatch>& out) const override { out = words_.mismatches; }
-  [[nodiscard]] ClockEstimate clock(int) const override { return {}; }
-  [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override { return {}; }
+  void tag_beliefs(std::vector<TagBelief>& out) const override { out = results_.beliefs; }
+  void mismatches(std::vector<FoundMismatch>& out) const override { out = results_.mismatches; }
 
  private:
-  Words& words_;
+  FilterResults& results_;
   Instant at_{};
 };
 
@@ -73,12 +70,12 @@ class CameraViewTest : public testing::Test {
     map_.tags.push_back({known(id), state, 0, 0, 0, 0});
   }
   void own(int id, bool used) {
-    words_.beliefs.push_back({known(id), 9, ms(0), used ? ms(1000) : ms(1)});
+    results_.beliefs.push_back({known(id), 9, ms(0), used ? ms(1000) : ms(1)});
   }
 
   /// What an image with these tags shows.
   const CameraView& look(std::vector<TagSighting> tags) {
-    BodyPipeline pipeline(setup_, std::make_unique<TalkingFilter>(words_));
+    BodyPipeline pipeline(setup_, std::make_unique<ScriptedViewFilter>(results_));
     EXPECT_TRUE(pipeline.push(CornerFrame{0, ms(1000), std::move(tags)}));
     pipeline.finish();
     EXPECT_NE(pipeline.next(), nullptr);
@@ -94,14 +91,14 @@ class CameraViewTest : public testing::Test {
   }
 
   PipelineSetup setup_;
-  TalkingFilter::Words words_;
+  FilterResults results_;
   TagMap map_;
   CameraView view_;
 };
 
-TEST_F(CameraViewTest, AUsedTagHasItsMarginAndItsFit) {
+TEST_F(CameraViewTest, AUsedTagHasItsMarginAndFit) {
   own(4, true);
-  words_.report.name_fit({4, 0.3});
+  results_.report.name_fit({4, 0.3});
   const CameraView& view = look({sighting(4)});
   ASSERT_EQ(view.outlines.size(), 1u);
   const ViewOutline& tag = view.outlines[0];
@@ -117,11 +114,11 @@ TEST_F(CameraViewTest, AUsedTagHasItsMarginAndItsFit) {
 
 TEST_F(CameraViewTest, ATagOfTheMapIsUsedWhereItFits) {
   in_map(4);
-  words_.report.name_fitting(4);
+  results_.report.name_fitting(4);
   EXPECT_EQ(why(sighting(4)), "used");
 }
 
-TEST_F(CameraViewTest, WhatTheSightingItselfForbids) {
+TEST_F(CameraViewTest, NamesWhyASightingCannotBeUsed) {
   setup_.tags.ignore = {4};
   EXPECT_EQ(why(sighting(4)), "ignored");
   TagSighting tag = sighting(5);
@@ -130,77 +127,75 @@ TEST_F(CameraViewTest, WhatTheSightingItselfForbids) {
   tag = sighting(5);
   tag.decision_margin = setup_.detector.min_decision_margin - 1;
   EXPECT_EQ(why(tag), "low_margin");
-}
-
-TEST_F(CameraViewTest, AnIdTwiceInOneImageNamesBoth) {
-  const CameraView& view = look({sighting(4, 100), sighting(4, 500), sighting(5)});
-  ASSERT_EQ(view.outlines.size(), 3u);
-  EXPECT_EQ(view.outlines[0].why, UnusedBecause::kIdTwice);
-  EXPECT_EQ(view.outlines[1].why, UnusedBecause::kIdTwice);
-  EXPECT_NE(view.outlines[2].why, UnusedBecause::kIdTwice);
-}
-
-TEST_F(CameraViewTest, ATagFromBehindIsNone) {
-  TagSighting tag = sighting(4);
+  tag = sighting(5);  // from behind
   std::swap(tag.corners_px[0], tag.corners_px[1]);
   std::swap(tag.corners_px[2], tag.corners_px[3]);
   EXPECT_EQ(why(tag), "outside_lens");
 }
 
-TEST_F(CameraViewTest, AQuarantinedTagIsNotUsedWhateverTheFilterSays) {
+TEST_F(CameraViewTest, NamesBothTagsOfAnIdThatIsSeenTwice) {
+  using testing::Field;
+  constexpr auto kTwice = UnusedBecause::kIdTwice;
+  EXPECT_THAT(
+      look({sighting(4, 100), sighting(4, 500), sighting(5)}).outlines,
+      testing::ElementsAre(Field(&ViewOutline::why, kTwice), Field(&ViewOutline::why, kTwice),
+                           Field(&ViewOutline::why, testing::Ne(kTwice))));
+}
+
+TEST_F(CameraViewTest, AQuarantinedTagIsNotUsed) {
   in_map(4, TagState::kQuarantined);
-  words_.report.tags_pending = 1;
+  results_.report.tags_pending = 1;
   EXPECT_EQ(why(sighting(4)), "quarantined");
 }
 
-TEST_F(CameraViewTest, ATagThatFailedTheGateOfTheFilter) {
+TEST_F(CameraViewTest, NamesATagThatFailedTheGate) {
   own(4, false);
-  words_.report.tags_rejected = 1;
+  results_.report.tags_rejected = 1;
   EXPECT_EQ(why(sighting(4)), "gate");
-  words_.mismatches = {{.kind = FoundMismatch::Kind::kOnePrint, .tag_id = 4, .value = 0.1}};
+  results_.mismatches = {{.kind = FoundMismatch::Kind::kOnePrint, .tag_id = 4, .value = 0.1}};
   EXPECT_EQ(why(sighting(4)), "wrong_size");
-  words_.beliefs.clear();
-  words_.mismatches.clear();
+  results_.beliefs.clear();
+  results_.mismatches.clear();
   in_map(4);
-  EXPECT_EQ(why(sighting(4)), "gate") << "of the map, too";
+  EXPECT_EQ(why(sighting(4)), "gate") << "also of the map";
 }
 
-TEST_F(CameraViewTest, ATagThatWasGivenUp) {
+TEST_F(CameraViewTest, NamesADroppedTag) {
   own(4, false);
-  words_.report.tags_rejected = 1;
-  words_.report.name_dropped(4);
+  results_.report.tags_rejected = 1;
+  results_.report.name_dropped(4);
   EXPECT_EQ(why(sighting(4)), "moved");
 }
 
-TEST_F(CameraViewTest, ATagThatWaitsOrIsKeptAwayOrHasNobodyToUseIt) {
-  words_.report.tags_pending = 1;
+TEST_F(CameraViewTest, NamesATagThatIsNotInTheState) {
+  results_.report.tags_pending = 1;
   EXPECT_EQ(why(sighting(4)), "pending");
-  words_.report.tags_pending = 0;
+  results_.report.tags_pending = 0;
   EXPECT_EQ(why(sighting(4)), "restless");
-  words_.running = false;
+  results_.running = false;
   EXPECT_EQ(why(sighting(4)), "no_place");
-  words_.report.start_is_open = true;
+  results_.report.start_is_open = true;
   EXPECT_EQ(why(sighting(4)), "pending") << "until the start is certain";
 }
 
-TEST_F(CameraViewTest, TellsHowFastTheImageMovesByTheEstimate) {
+TEST_F(CameraViewTest, TheSpeedOfTheImageIsThatOfTheEstimate) {
   own(4, true);
-  // 1 rad/s about the camera's own axis: the tag's middle is 25.5 px from it.
+  // 1 rad/s about the camera's axis: the tag's middle is 25.5 px from it.
   EXPECT_NEAR(look({sighting(4)}).speed_px_s, 25.5, 0.1);
-  words_.running = false;
+  results_.running = false;
   EXPECT_TRUE(std::isnan(look({sighting(4)}).speed_px_s));
 }
 
-TEST_F(CameraViewTest, ShowsNoMoreOutlinesThanItsBound) {
+TEST_F(CameraViewTest, TheNumberOfOutlinesIsBounded) {
   std::vector<TagSighting> many;
   for (int i = 0; i < 500; ++i) many.push_back(sighting(i, i));
   EXPECT_EQ(look(std::move(many)).outlines.size(), CameraView::kMostOutlines);
 }
 
-TEST_F(CameraViewTest, ExpectedTagsStandWhereTheForecastHasThem) {
+TEST_F(CameraViewTest, ExpectedTagsAreAtTheForecast) {
   in_map(4);
   in_map(9, TagState::kQuarantined);
-  BodyPipeline pipeline(setup_, std::make_unique<TalkingFilter>(words_));
+  BodyPipeline pipeline(setup_, std::make_unique<ScriptedViewFilter>(results_));
   const MapView view{std::make_shared<const TagMap>(map_)};
   auto image = std::make_shared<GrayImage>();
   image->resize(752, 480);
@@ -210,7 +205,7 @@ TEST_F(CameraViewTest, ExpectedTagsStandWhereTheForecastHasThem) {
     while (pipeline.next() != nullptr)
       if (const BodyUpdate* update = pipeline.take(view)) fill(view_, pipeline, *update, map_);
   }
-  ASSERT_EQ(view_.outlines.size(), 1u) << "nobody looks for a quarantined tag";
+  ASSERT_EQ(view_.outlines.size(), 1u) << "a quarantined tag is not expected";
   EXPECT_EQ(view_.outlines[0].kind, ViewOutline::Kind::kExpected);
   EXPECT_EQ(view_.outlines[0].tag_id, 4);
   EXPECT_GT(view_.outlines[0].sigma_px, 0);
@@ -222,7 +217,7 @@ TEST_F(CameraViewTest, ExpectedTagsStandWhereTheForecastHasThem) {
 
 TEST_F(CameraViewTest, AllocatesNothingAfterWarmUp) {
   own(4, true);
-  BodyPipeline pipeline(setup_, std::make_unique<TalkingFilter>(words_));
+  BodyPipeline pipeline(setup_, std::make_unique<ScriptedViewFilter>(results_));
   ASSERT_TRUE(pipeline.push(CornerFrame{0, ms(1000), {sighting(4), sighting(5)}}));
   pipeline.finish();
   ASSERT_NE(pipeline.next(), nullptr);

@@ -9,6 +9,7 @@
 
 #include "base/whole_file.hpp"
 #include "simulation/simulation.hpp"
+#include "support/memory_source.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/command_line.hpp"
 #include "tools/replay/replay_inputs.hpp"
@@ -46,7 +47,7 @@ TEST(OfflineSetup, KnownTagsAreInputsWhenTightAndPriorsWhenLoose) {
   EXPECT_EQ(setup.gauge.X_WT->p, Eigen::Vector3d(1, 2, 3));
 }
 
-TEST(ReplaySetup, WhatNobodyMentionsStaysAsTheRecordingHasIt) {
+TEST(ReplaySetup, KeepsTheRecordingsValuesOfKeysThatAreNotGiven) {
   const TemporaryFolder folder;
   ReplayArguments arguments;
   arguments.config = folder.file("c.yaml");
@@ -84,28 +85,18 @@ TEST(ReplaySetup, RefusesUnknownKeys) {
   EXPECT_THAT(setup.error().text(), HasSubstr("corner_niose_px"));
 }
 
-/// Gives prepared samples, then ends or fails.
-class ListSource final : public SensorSource {
+class LostSource final : public SensorSource {
  public:
-  ListSource(std::vector<SensorSample> samples, bool lost)
-      : samples_(std::move(samples)), lost_(lost) {}
   Expected<std::optional<SensorSample>> next(std::stop_token) override {
-    if (next_ < samples_.size()) return std::optional<SensorSample>(samples_[next_++]);
-    if (lost_) return fail(ErrorCode::kUnavailable, "unplugged", "camera");
-    return std::nullopt;
+    return fail(ErrorCode::kUnavailable, "unplugged", "camera");
   }
-
- private:
-  std::vector<SensorSample> samples_;
-  std::size_t next_{0};
-  bool lost_;
 };
 
 TEST(OfflineRun, CountsFramesWithoutTags) {
   std::vector<SensorSample> samples;
   for (int i = 1; i <= 5; ++i)
     samples.emplace_back(CornerFrame{0, instant_from_ns(i * 50'000'000), {}});
-  ListSource source(std::move(samples), false);
+  MemorySource source(samples);
   const auto result = run_offline(offline_setup(info()), source);
   ASSERT_TRUE(result);
   EXPECT_EQ(result->statistics.frames, 5);
@@ -115,22 +106,24 @@ TEST(OfflineRun, CountsFramesWithoutTags) {
 }
 
 TEST(OfflineRun, ALostSourceIsAnError) {
-  ListSource source({}, true);
+  LostSource source;
   const auto result = run_offline(offline_setup(info()), source);
   ASSERT_FALSE(result);
   EXPECT_EQ(result.error().text(), "camera: unplugged");
 }
 
-int say(std::vector<std::string> words, std::string& out, std::string& err) {
+struct Output {
+  int code;
+  std::string out;
+  std::string err;
+};
+Output run_program(const std::vector<std::string>& arguments) {
   std::vector<const char*> argv{"fiducap"};
-  for (const std::string& word : words) argv.push_back(word.c_str());
-  std::ostringstream out_stream;
-  std::ostringstream err_stream;
-  const int code =
-      run_command_line(static_cast<int>(argv.size()), argv.data(), {out_stream, err_stream});
-  out = out_stream.str();
-  err = err_stream.str();
-  return code;
+  for (const std::string& argument : arguments) argv.push_back(argument.c_str());
+  std::ostringstream out;
+  std::ostringstream err;
+  const int code = run_command_line(static_cast<int>(argv.size()), argv.data(), {out, err});
+  return {code, out.str(), err.str()};
 }
 
 // Corner noise 0.4 px at about one metre with f = 460 px: a pose error of a few millimetres. Ten
@@ -138,24 +131,21 @@ int say(std::vector<std::string> words, std::string& out, std::string& err) {
 constexpr double kSound_m = 0.03;
 constexpr double kSound_deg = 1.5;
 
-TEST(Verbs, SimulateReplayEvaluateFitTogetherAndRepeatToTheLastBit) {
+TEST(Verbs, SimulateReplayAndEvaluateWorkTogetherReproducibly) {
   const TemporaryFolder folder;
-  std::string out;
-  std::string err;
-  ASSERT_EQ(say({"simulate", "--out", folder.file("table"), "--room", "table", "--seconds", "15",
-                 "--seed", "3"},
-                out, err),
-            0)
-      << err;
-  ASSERT_EQ(say({"replay", folder.file("table"), "--out", folder.file("a")}, out, err), 0) << err;
-  ASSERT_EQ(say({"replay", folder.file("table"), "--out", folder.file("b")}, out, err), 0) << err;
+  const std::string table = folder.file("table");
+  const auto succeed = [](const std::vector<std::string>& arguments) {
+    const Output done = run_program(arguments);
+    EXPECT_EQ(done.code, 0) << done.err;
+    return done.out;
+  };
+  succeed({"simulate", "--out", table, "--room", "table", "--seconds", "15", "--seed", "3"});
+  for (const char* run : {"a", "b"}) succeed({"replay", table, "--out", folder.file(run)});
   for (const char* name : {"table.tum", "map.csv", "extrinsics.yaml"})
     EXPECT_EQ(read_whole_file(folder.file("a/") + name).value(),
               read_whole_file(folder.file("b/") + name).value())
         << name;
-  ASSERT_EQ(say({"evaluate", folder.file("a/table.tum"), folder.file("table"), "--json"}, out, err),
-            0)
-      << err;
+  const std::string out = succeed({"evaluate", folder.file("a/table.tum"), table, "--json"});
   const auto figures = nlohmann::json::parse(out);
   EXPECT_EQ(figures["against"], "truth");
   EXPECT_GT(figures["pose"]["samples"], 190);
@@ -166,8 +156,9 @@ TEST(Verbs, SimulateReplayEvaluateFitTogetherAndRepeatToTheLastBit) {
   EXPECT_GT(figures["coverage"]["share"], 0.95) << out;
 
   ASSERT_TRUE(write_whole_file(folder.file("a/table.tum"), "# no pose\n"));
-  EXPECT_EQ(say({"evaluate", folder.file("a/table.tum"), folder.file("table")}, out, err), 1);
-  EXPECT_NE(err.find("no pose in it belongs to an image"), std::string::npos) << err;
+  const Output failed = run_program({"evaluate", folder.file("a/table.tum"), table});
+  EXPECT_EQ(failed.code, 1);
+  EXPECT_THAT(failed.err, HasSubstr("no pose in it belongs to an image"));
 }
 
 }  // namespace

@@ -41,7 +41,7 @@ TEST(Pivot, OnTheBodyAxesChangesNothing) {
 }
 
 // A steady turn about z: every part can be written down by hand.
-TEST(Pivot, GoesRoundTheBodyWithVelocityAndCentripetalAcceleration) {
+TEST(Pivot, HasTheVelocityAndCentripetalAccelerationOfARotation) {
   BodyEstimate body;
   body.X_WB.q = exp_so3({0, 0, M_PI / 2});
   body.w_WB_B = {0, 0, 2};
@@ -75,7 +75,7 @@ TEST(Pivot, VelocityAndAccelerationAreTheDerivativesOfThePosition) {
   EXPECT_LT((now.w_WP_P - turn).norm(), kDifference);
 }
 
-TEST(Pivot, CovarianceIsCarriedWithTheJacobian) {
+TEST(Pivot, CovarianceIsPropagatedByTheJacobian) {
   auto body = turning_body();
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
@@ -98,9 +98,8 @@ TEST(Pivot, CovarianceIsCarriedWithTheJacobian) {
         return error;
       },
       15);
-  const Eigen::MatrixXd expected = J * body.covariance * J.transpose();
-  constexpr double kDifference = 1e-7;
-  EXPECT_LT((out.covariance - expected).norm(), kDifference * expected.norm());
+  const Eigen::MatrixXd expected = propagated(J, body.covariance);
+  EXPECT_LT((out.covariance - expected).norm(), 1e-7 * expected.norm());
 }
 
 TEST(Pivot, GyroNoiseReachesRateAndLeverArmVelocity) {

@@ -45,9 +45,16 @@ class TagForecastTest : public testing::Test {
     for (const KnownTag& tag : tags) forecast_->expect(tag, out);
     return out;
   }
+  /// Tags that were found without a forecast.
+  std::vector<ExpectedTag> strangers(double t) {
+    std::vector<ExpectedTag> out;
+    EXPECT_TRUE(forecast_->aim(0, at_s(t)));
+    forecast_->expect_unforecast(out);
+    return out;
+  }
 
-  /// The tags of the last expectation were found, all of them this far off.
-  void found(const std::vector<ExpectedTag>& tags, double off_px) {
+  /// An image of the tags at the expected corners, all of them this far off.
+  static CornerFrame frame_of(const std::vector<ExpectedTag>& tags, double off_px = 0) {
     CornerFrame frame;
     for (const ExpectedTag& tag : tags) {
       TagSighting sighting;
@@ -56,14 +63,23 @@ class TagForecastTest : public testing::Test {
       for (auto& px : sighting.corners_px) px.y() += off_px;
       frame.tags.push_back(sighting);
     }
-    forecast_->learn(tags, frame);
+    return frame;
+  }
+  /// Forecasts and finds the tags many times. @return the last forecast
+  std::vector<ExpectedTag> learn(const std::vector<KnownTag>& tags, double off_px) {
+    std::vector<ExpectedTag> now;
+    for (int i = 0; i < 60; ++i) {
+      now = expected(1.0, tags);
+      forecast_->learn(now, frame_of(now, off_px));
+    }
+    return now;
   }
 
   BodySensors sensors_;
   std::optional<TagForecast> forecast_;
 };
 
-TEST_F(TagForecastTest, SaysWhereTheCornersAreAtTheInstantOfTheImage) {
+TEST_F(TagForecastTest, GivesTheCornersAtTheInstantOfTheImage) {
   start(1.0);
   const KnownTag tag = tag_before(1.05, {0.3, -0.1, 1.5});
   const auto tags = expected(1.05, {tag});
@@ -78,7 +94,7 @@ TEST_F(TagForecastTest, SaysWhereTheCornersAreAtTheInstantOfTheImage) {
   }
 }
 
-TEST_F(TagForecastTest, SaysNothingWithoutAnEstimateInTheWorkspace) {
+TEST_F(TagForecastTest, GivesNothingWithoutAnAnchoredEstimate) {
   const KnownTag tag = tag_before(1.0, {0, 0, 1.5});
   EXPECT_TRUE(expected(1.0, {tag}).empty());
   start(1.0);
@@ -94,9 +110,9 @@ TEST_F(TagForecastTest, SaysNothingWithoutAnEstimateInTheWorkspace) {
   EXPECT_FALSE(forecast_->aim(-1, at_s(1.0)));
 }
 
-TEST_F(TagForecastTest, LeavesOutWhatTheCameraCannotSee) {
+TEST_F(TagForecastTest, OmitsTagsThatTheCameraCannotSee) {
   start(1.0);
-  found(expected(1.0, {}), 0);
+  forecast_->learn(expected(1.0, {}), {});
   KnownTag from_behind = tag_before(1.0, {0, 0, 1.5});
   from_behind.X_WT.q = from_behind.X_WT.q * exp_so3({M_PI, 0, 0});
   KnownTag from_the_side = tag_before(1.0, {0, 0, 1.5});
@@ -107,36 +123,30 @@ TEST_F(TagForecastTest, LeavesOutWhatTheCameraCannotSee) {
                   .empty());
 }
 
-TEST_F(TagForecastTest, TrustsItselfMoreWhenTagsAreWhereItSaidAndLessWhenTheyAreNot) {
+TEST_F(TagForecastTest, ItsSigmaFollowsTheErrorsOfEarlierForecasts) {
   start(1.0);
   const std::vector<KnownTag> tags{tag_before(1.0, {0, 0, 1.5}, 3),
                                    tag_before(1.0, {0.3, 0, 1.5}, 4),
                                    tag_before(1.0, {-0.3, 0, 1.5}, 5)};
-  auto now = expected(1.0, tags);
-  ASSERT_EQ(now.size(), 3u);
-  EXPECT_NEAR(now[0].sigma_px, kFirstSigma_px, 0.1);
-  for (int i = 0; i < 60; ++i) found(now = expected(1.0, tags), 0.5);
+  const auto first = expected(1.0, tags);
+  ASSERT_EQ(first.size(), 3u);
+  EXPECT_NEAR(first[0].sigma_px, kFirstSigma_px, 0.1);
+  auto now = learn(tags, 0.5);
   EXPECT_NEAR(now[0].sigma_px, 1.0, 0.01);
-  found(now, 7.0);
+  forecast_->learn(now, frame_of(now, 7.0));
   EXPECT_NEAR(expected(1.0, tags)[0].sigma_px, 7.0, 0.1);
-  for (int i = 0; i < 60; ++i) found(now = expected(1.0, tags), 0.5);
+  now = learn(tags, 0.5);
   // One of three that is far away is a wrong id or a moved tag, not a wrong prediction.
-  CornerFrame frame;
-  for (const ExpectedTag& tag : now) {
-    TagSighting sighting;
-    sighting.tag_id = tag.tag_id;
-    sighting.corners_px = tag.corners_px;
-    frame.tags.push_back(sighting);
-  }
+  CornerFrame frame = frame_of(now);
   for (auto& px : frame.tags[1].corners_px) px.x() += 200;
   forecast_->learn(now, frame);
   EXPECT_NEAR(expected(1.0, tags)[0].sigma_px, 1.0, 0.01);
 }
 
-TEST_F(TagForecastTest, CountsThePlaceOfBodyAndTagOnlyForTagsThatWereNotJustSeen) {
+TEST_F(TagForecastTest, IncludesTheSigmaOfThePosesOnlyForTagsNotSeenBefore) {
   start(1.0, 1.0);  // 1 cm and 0.01 rad
   std::vector<KnownTag> tags{tag_before(1.0, {0, 0, 1.5}, 3), tag_before(1.0, {0.3, 0, 1.5}, 4)};
-  for (int i = 0; i < 60; ++i) found(expected(1.0, {tags[0]}), 0.2);
+  learn({tags[0]}, 0.2);
   auto now = expected(1.0, tags);
   ASSERT_EQ(now.size(), 2u);
   EXPECT_NEAR(now[0].sigma_px, 1.0, 0.05);
@@ -146,72 +156,59 @@ TEST_F(TagForecastTest, CountsThePlaceOfBodyAndTagOnlyForTagsThatWereNotJustSeen
   EXPECT_NEAR(expected(1.0, tags)[1].sigma_px, 15.0, 0.2) << "bounded";
 }
 
-TEST_F(TagForecastTest, AnOutageMakesItUnsure) {
+TEST_F(TagForecastTest, AnOutageIncreasesTheSigma) {
   start(1.0, 1.0);
   const auto at = [&](double t) { return expected(t, {tag_before(t, {0, 0, 1.5})}); };
-  for (int i = 0; i < 60; ++i) found(at(1.0), 0.2);
-  const double soon = at(1.05)[0].sigma_px;
-  const double late = at(1.5)[0].sigma_px;
-  EXPECT_GT(late, 3 * soon);
+  learn({tag_before(1.0, {0, 0, 1.5})}, 0.2);
+  const double soon_px = at(1.05)[0].sigma_px;
+  EXPECT_GT(at(1.5)[0].sigma_px, 3 * soon_px);
 }
 
-TEST_F(TagForecastTest, FollowsTheExtrinsicsItIsGiven) {
-  start(1.0);
-  const KnownTag tag = tag_before(1.0, {0, 0, 1.5});
-  const auto before = expected(1.0, {tag});
-  sensors_.cameras[0].X_BV =
-      sensors_.cameras[0].X_BV * Pose{exp_so3({0, 0.05, 0}), Eigen::Vector3d::Zero()};
-  forecast_->set_camera(0, {.X_BV = sensors_.cameras[0].X_BV});
-  const auto after = expected(1.0, {tag});
-  EXPECT_NEAR((after[0].corners_px[0] - before[0].corners_px[0]).norm(), 460 * 0.05, 3.0);
-}
-
-TEST_F(TagForecastTest, SeesThroughTheLensThatWasLearned) {
+TEST_F(TagForecastTest, UsesTheEstimatedExtrinsicsAndLens) {
   start(1.0);
   const KnownTag tag = tag_before(1.0, {0.5, 0, 1.5});
   const auto before = expected(1.0, {tag});
   ExtrinsicsEstimate learned{.X_BV = sensors_.cameras[0].X_BV};
   learned.lens.offset.focal = 0.08;
   forecast_->set_camera(0, learned);
-  const auto after = expected(1.0, {tag});
-  ASSERT_TRUE(before.size() == 1 && after.size() == 1);
+  const auto zoomed = expected(1.0, {tag});
+  ASSERT_TRUE(before.size() == 1 && zoomed.size() == 1);
   const Eigen::Vector2d centre(sensors_.cameras[0].model.cu, sensors_.cameras[0].model.cv);
   for (std::size_t i = 0; i < 4; ++i) {
-    EXPECT_LT((after[0].corners_px[i] - centre - 1.08 * (before[0].corners_px[i] - centre)).norm(),
-              1e-9);
+    const Eigen::Vector2d expected_px = centre + 1.08 * (before[0].corners_px[i] - centre);
+    EXPECT_LT((zoomed[0].corners_px[i] - expected_px).norm(), 1e-9);
   }
+  const KnownTag ahead = tag_before(1.0, {0, 0, 1.5});
+  forecast_->set_camera(0, {.X_BV = sensors_.cameras[0].X_BV});
+  const auto straight = expected(1.0, {ahead});
+  forecast_->set_camera(
+      0, {.X_BV = sensors_.cameras[0].X_BV * Pose{exp_so3({0, 0.05, 0}), {0, 0, 0}}});
+  const auto turned = expected(1.0, {ahead});
+  EXPECT_NEAR((turned[0].corners_px[0] - straight[0].corners_px[0]).norm(), 460 * 0.05, 3.0);
 }
 
-TEST_F(TagForecastTest, FollowsTagsThatNobodyKnowsAsTheCameraTurns) {
+TEST_F(TagForecastTest, FollowsUnknownTagsAsTheCameraTurns) {
   start(1.0);
-  const auto truth = expected(1.0, {tag_before(1.0, {0.2, 0.1, 4}, 9)});
+  const KnownTag tag = tag_before(1.0, {0.2, 0.1, 4}, 9);
+  const auto truth = expected(1.0, {tag});
   ASSERT_EQ(truth.size(), 1u);
-  CornerFrame frame;
-  frame.tags.push_back({});
-  frame.tags[0].tag_id = 9;
-  frame.tags[0].corners_px = truth[0].corners_px;
+  const CornerFrame frame = frame_of(truth);
   ASSERT_TRUE(forecast_->aim(0, at_s(1.0)));
   forecast_->learn({}, frame);
-  ASSERT_TRUE(forecast_->aim(0, at_s(1.05)));
-  std::vector<ExpectedTag> strangers;
-  forecast_->expect_unforecast(strangers);
-  ASSERT_EQ(strangers.size(), 1u);
-  EXPECT_EQ(strangers[0].tag_id, 9);
-  EXPECT_FALSE(strangers[0].known);
-  const auto then = expected(1.05, {tag_before(1.0, {0.2, 0.1, 4}, 9)});
+  const auto unknown = strangers(1.05);
+  ASSERT_EQ(unknown.size(), 1u);
+  EXPECT_EQ(unknown[0].tag_id, 9);
+  EXPECT_FALSE(unknown[0].known);
+  const auto then = expected(1.05, {tag});
   for (std::size_t i = 0; i < 4; ++i) {
-    EXPECT_GT((strangers[0].corners_px[i] - truth[0].corners_px[i]).norm(), 2)
-        << "the camera did not turn";
-    EXPECT_LT((strangers[0].corners_px[i] - then[0].corners_px[i]).norm(),
-              3 * strangers[0].sigma_px);
+    const auto& px = unknown[0].corners_px[i];
+    EXPECT_GT((px - truth[0].corners_px[i]).norm(), 2) << "the camera did not turn";
+    EXPECT_LT((px - then[0].corners_px[i]).norm(), 3 * unknown[0].sigma_px);
   }
-  // Once known it is no stranger, even when it was found.
+  // A tag with a forecast is not unknown.
   ASSERT_TRUE(forecast_->aim(0, at_s(1.05)));
   forecast_->learn(then, frame);
-  strangers.clear();
-  ASSERT_TRUE(forecast_->aim(0, at_s(1.1)));
-  forecast_->expect_unforecast(strangers);
-  EXPECT_TRUE(strangers.empty());
+  EXPECT_TRUE(strangers(1.1).empty());
 }
 
 TEST_F(TagForecastTest, AllocatesNothingAfterWarmUp) {

@@ -4,8 +4,10 @@
 
 #include <numeric>
 
+#include "robot.hpp"
 #include "still_camera.hpp"
 #include "support/allocation_counter.hpp"
+#include "support/fake_clock.hpp"
 
 namespace fiducap::simulation {
 namespace {
@@ -26,61 +28,57 @@ double spread(const std::vector<double>& values) {
   return std::sqrt(square / static_cast<double>(values.size()));
 }
 
-TEST(ImageCamera, PrintsTheBitsOfTheTagTheRightWayUp) {
-  // 8 modules of 20 px across the edge: the whole print is 200 px wide and centred at (187.5,
-  // 119.5).
-  const double distance = 230.0 * 0.4 / 160;
-  StillCamera camera(small_camera(), clean_settings());
-  const auto image = camera.photograph(EvenMotion(facing_camera(distance)), {tag_at(3, 0.4)});
+class ImageCameraTest : public testing::Test {
+ protected:
+  std::shared_ptr<const GrayImage> photograph(const Pose& X_WV,
+                                              const std::vector<RecordedTag>& tags = {}) {
+    return camera_.photograph(EvenMotion(X_WV), tags);
+  }
+  StillCamera camera_{small_camera(), clean_settings()};
+};
+
+TEST_F(ImageCameraTest, DrawsTheBitsOfTheTagUpright) {
+  // 8 modules of 20 px across the edge: the print is 200 px wide and centred at (187.5, 119.5).
+  const auto image = photograph(facing_camera(230.0 * 0.4 / 160), {tag_at(3, 0.4)});
   const auto modules = TagFamily::named("tag36h11")->cells(3);
   for (int row = 0; row < 10; ++row) {
     for (int column = 0; column < 10; ++column) {
-      const int u = 88 + 20 * column + 10;
-      const int v = 20 + 20 * row + 10;
-      EXPECT_EQ(at(*image, u, v),
-                modules[static_cast<std::size_t>(10 * row + column)] > 0 ? kWhite : kBlack)
+      const bool is_white = modules[static_cast<std::size_t>(10 * row + column)] > 0;
+      EXPECT_EQ(at(*image, 98 + 20 * column, 30 + 20 * row), is_white ? kWhite : kBlack)
           << row << " " << column;
     }
   }
 }
 
-TEST(ImageCamera, AnEdgeInsideAPixelDividesItsGray) {
+TEST_F(ImageCameraTest, DividesTheGrayOfAPixelAtAnEdge) {
   // Tag edge 160.5 px wide: its left side is at 187.5 − 80.25 = 107.25, so pixel 107 (106.5..107.5)
   // is ¾ white.
-  StillCamera camera(small_camera(), clean_settings());
-  const auto image =
-      camera.photograph(EvenMotion(facing_camera(230.0 * 0.4 / 160.5)), {tag_at(3, 0.4)});
+  const auto image = photograph(facing_camera(230.0 * 0.4 / 160.5), {tag_at(3, 0.4)});
   EXPECT_NEAR(at(*image, 107, 119), 0.75 * kWhite + 0.25 * kBlack, 184.0 / 16);
   EXPECT_EQ(at(*image, 106, 119), kWhite);
   EXPECT_EQ(at(*image, 108, 119), kBlack);
 }
 
-TEST(ImageCamera, NearTagsHideFarOnesWhateverTheirOrder) {
-  StillCamera camera(small_camera(), clean_settings());
-  const EvenMotion still(facing_camera(1.0));
+TEST_F(ImageCameraTest, HidesFarTagsBehindNearOnes) {
+  const Pose X_WV = facing_camera(1.0);
   const RecordedTag far = tag_at(3, 0.4);
   const RecordedTag near = tag_at(9, 0.2, {0.01, 0, 0.3});
-  const auto one = camera.photograph(still, {far, near});
-  const auto other = camera.photograph(still, {near, far});
-  EXPECT_EQ(one->pixels, other->pixels);
-  const auto alone = camera.photograph(still, {near});
-  EXPECT_EQ(at(*one, 190, 119), at(*alone, 190, 119));
+  const auto image = photograph(X_WV, {far, near});
+  EXPECT_EQ(image->pixels, photograph(X_WV, {near, far})->pixels);
+  EXPECT_EQ(at(*image, 190, 119), at(*photograph(X_WV, {near}), 190, 119));
 }
 
-TEST(ImageCamera, BacksAreNotDrawn) {
-  StillCamera camera(small_camera(), clean_settings());
-  const EvenMotion behind({Eigen::Quaterniond::Identity(), {0, 0, -1}});
-  EXPECT_EQ(camera.photograph(behind, {tag_at(3, 0.4)})->pixels,
-            camera.photograph(behind, {})->pixels);
+TEST_F(ImageCameraTest, DrawsNoTagFromBehind) {
+  const Pose behind{Eigen::Quaterniond::Identity(), {0, 0, -1}};
+  EXPECT_EQ(photograph(behind, {tag_at(3, 0.4)})->pixels, photograph(behind)->pixels);
 }
 
-TEST(ImageCamera, ATagThatReachesBehindTheCameraIsDrawnWhereItIsSeen) {
-  // A wall of 4 m seen from 10 cm beside it: most of the paper is outside the image, some is behind
-  // the camera.
-  StillCamera camera(small_camera(), clean_settings());
+TEST_F(ImageCameraTest, DrawsTheVisiblePartOfATagThatReachesBehind) {
+  // A wall of 4 m at a distance of 10 cm along the view: most of it is outside of the image, some
+  // behind the camera.
   const Pose along{exp_so3({0, std::numbers::pi / 2, 0}), {0, 0, 0.1}};
-  const auto with = camera.photograph(EvenMotion(along), {tag_at(3, 4.0)});
-  const auto without = camera.photograph(EvenMotion(along), {});
+  const auto with = photograph(along, {tag_at(3, 4.0)});
+  const auto without = photograph(along);
   int different = 0;
   for (std::size_t i = 0; i < with->pixels.size(); ++i)
     different += with->pixels[i] != without->pixels[i] ? 1 : 0;
@@ -88,24 +86,30 @@ TEST(ImageCamera, ATagThatReachesBehindTheCameraIsDrawnWhereItIsSeen) {
   EXPECT_LT(different, 376 * 240 * 3 / 4);
 }
 
-TEST(ImageCamera, TheBackdropIsNotFlatAndMovesWithTheRoom) {
-  StillCamera camera(small_camera(), clean_settings());
-  const auto before = camera.photograph(EvenMotion(facing_camera(0)), {});
-  std::vector<double> grays(before->pixels.begin(), before->pixels.end());
-  EXPECT_GT(spread(grays), 8.0);
-  // 5 m from the wall, 20 px to the side: 0.435 m.
-  Pose aside = facing_camera(0);
-  aside.p.x() += 20 * 5.0 / 230;
-  const auto after = camera.photograph(EvenMotion(aside), {});
-  double shifted = 0;
-  double unshifted = 0;
-  for (int v = 20; v < 220; ++v) {
-    for (int u = 40; u < 330; ++u) {
-      shifted += std::abs(at(*after, u, v) - at(*before, u + 20, v));
-      unshifted += std::abs(at(*after, u, v) - at(*before, u, v));
-    }
-  }
-  EXPECT_LT(shifted, 0.2 * unshifted);
+/// Sum of differences of gray when one image is shifted.
+double difference(const GrayImage& after, const GrayImage& before, int shift_px) {
+  double sum = 0;
+  for (int v = 20; v < 220; ++v)
+    for (int u = 40; u < 330; ++u) sum += std::abs(at(after, u, v) - at(before, u + shift_px, v));
+  return sum;
+}
+
+/// The pose that moves what is 5 m away by this number of pixels.
+Pose aside(int shift_px) {
+  Pose X_WV = facing_camera(0);
+  X_WV.p.x() += shift_px * 5.0 / 230;
+  return X_WV;
+}
+
+TEST_F(ImageCameraTest, DrawsTexturedWallsThatMoveWithTheRoom) {
+  const auto before = photograph(aside(0));
+  EXPECT_GT(spread({before->pixels.begin(), before->pixels.end()}), 8.0);
+  const auto after = photograph(aside(20));
+  EXPECT_LT(difference(*after, *before, 20), 0.2 * difference(*after, *before, 0));
+  StillCamera camera(small_camera(), clean_settings(), "sharp");
+  const auto sharp = camera.photograph(EvenMotion(aside(0)), {});
+  const auto moved = camera.photograph(EvenMotion(aside(7)), {});
+  EXPECT_LT(difference(*moved, *sharp, 7), 0.1 * difference(*moved, *sharp, 8));
 }
 
 /// Mean difference of neighbouring pixels.
@@ -113,42 +117,22 @@ double fine_contrast(const std::string& texture) {
   StillCamera camera(small_camera(), clean_settings(), texture);
   const auto image = camera.photograph(EvenMotion(facing_camera(0)), {});
   double sum = 0;
-  for (int v = 0; v < 240; ++v) {
+  for (int v = 0; v < 240; ++v)
     for (int u = 1; u < 376; ++u) sum += std::abs(at(*image, u, v) - at(*image, u - 1, v));
-  }
   return sum / (240 * 375);
 }
 
-TEST(ImageCamera, ASharpRoomShowsFinerThingsThanClutterAndAPlainOneNothing) {
+TEST(ImageCamera, HasTexturesOfDifferentDetail) {
   EXPECT_GT(fine_contrast("sharp"), 2 * fine_contrast("clutter"));
   EXPECT_LT(fine_contrast("plain"), 0.1 * fine_contrast("clutter"));
 }
 
-TEST(ImageCamera, ASharpRoomStandsWhereTheRaysSay) {
-  // 5 m from the wall, 7 px to the side.
-  StillCamera camera(small_camera(), clean_settings(), "sharp");
-  const auto before = camera.photograph(EvenMotion(facing_camera(0)), {});
-  Pose aside = facing_camera(0);
-  aside.p.x() += 7 * 5.0 / 230;
-  const auto after = camera.photograph(EvenMotion(aside), {});
-  double shifted = 0;
-  double beside = 0;
-  for (int v = 20; v < 220; ++v) {
-    for (int u = 40; u < 330; ++u) {
-      shifted += std::abs(at(*after, u, v) - at(*before, u + 7, v));
-      beside += std::abs(at(*after, u, v) - at(*before, u + 8, v));
-    }
-  }
-  EXPECT_LT(shifted, 0.1 * beside);
-}
-
-TEST(ImageCamera, PixelNoiseHasItsSigmaAndDiffersFromImageToImage) {
+TEST_F(ImageCameraTest, AddsPixelNoiseWithItsSigma) {
   CameraSimulation settings = clean_settings();
-  StillCamera clean(small_camera(), settings);
   settings.pixel_noise = 3;
   StillCamera noisy(small_camera(), settings);
   const EvenMotion still(facing_camera(1));
-  const auto truth = clean.photograph(still, {});
+  const auto truth = camera_.photograph(still, {});
   const auto first = noisy.photograph(still, {}, 1);
   const auto second = noisy.photograph(still, {}, 2);
   std::vector<double> error;
@@ -161,14 +145,12 @@ TEST(ImageCamera, PixelNoiseHasItsSigmaAndDiffersFromImageToImage) {
   EXPECT_NEAR(spread(difference), 3.0 * std::sqrt(2.0), 0.15);
 }
 
-TEST(ImageCamera, VignettingDarkensTheImageCorner) {
+TEST_F(ImageCameraTest, DarkensImageCornersByVignetting) {
   CameraSimulation settings = clean_settings();
-  StillCamera plain(small_camera(), settings);
   settings.vignetting = 0.3;
   StillCamera dark(small_camera(), settings);
-  const EvenMotion still(facing_camera(1));
-  const auto bright = plain.photograph(still, {});
-  const auto dimmed = dark.photograph(still, {});
+  const auto bright = photograph(facing_camera(1));
+  const auto dimmed = dark.photograph(EvenMotion(facing_camera(1)), {});
   EXPECT_NEAR(at(*dimmed, 0, 0), 0.7 * at(*bright, 0, 0), 1.0);
   EXPECT_NEAR(at(*dimmed, 188, 120), at(*bright, 188, 120), 1.0);
 }
@@ -177,60 +159,55 @@ TEST(ImageCamera, VignettingDarkensTheImageCorner) {
 constexpr double kSun = 4;
 DaylightConfig sunny_side() { return {kSun, {0, -10, -10}, {1e4, 10, 10}}; }
 
-TEST(ImageCamera, InDaylightForLongEverythingLooksAsItDoesInTheHall) {
-  StillCamera hall(small_camera(), clean_settings());
+TEST_F(ImageCameraTest, AdaptsItsExposureToDaylight) {
   StillCamera outside(small_camera(), clean_settings(), "clutter",
                       {kSun, {-10, -10, -10}, {10, 10, 10}});
-  const EvenMotion still(facing_camera(1));
-  const auto image = outside.photograph(still, {tag_at(3, 0.4)});
-  const auto expected = hall.photograph(still, {tag_at(3, 0.4)});
+  const auto image = outside.photograph(EvenMotion(facing_camera(1)), {tag_at(3, 0.4)});
+  const auto expected = photograph(facing_camera(1), {tag_at(3, 0.4)});
   for (std::size_t i = 0; i < image->pixels.size(); ++i)
     ASSERT_NEAR(image->pixels[i], expected->pixels[i], 1) << i;
 }
 
-TEST(ImageCamera, WhoComesOutIntoTheSunSeesWhiteUntilTheExposureFollows) {
+TEST(ImageCamera, IsWronglyExposedAfterAChangeOfLight) {
   CameraSimulation settings = clean_settings();
   settings.exposure_lag_s = 0.4;
-  StillCamera camera(small_camera(), settings, "clutter", sunny_side());
-  // A tag 1 m into the sun; the camera has just come out, or came long ago.
-  const auto print_at = [&](double speed_m_s) {
+  // A tag at this x; black of its border and white of the ring around it.
+  const auto print_at = [&](double x, double speed_m_s) {
+    StillCamera camera(small_camera(), settings, "clutter", sunny_side());
     Pose place = facing_camera(1);
-    place.p.x() = 1;
+    place.p.x() = x;
     const auto image =
-        camera.photograph(EvenMotion(place, {speed_m_s, 0, 0}), {tag_at(3, 0.4, {1, 0, 0})});
-    // The border is black, the ring around it white.
+        camera.photograph(EvenMotion(place, {speed_m_s, 0, 0}), {tag_at(3, 0.4, {x, 0, 0})});
     return std::pair(at(*image, 188 - 42, 120), at(*image, 188 - 52, 120));
   };
-  const auto [early_black, early_white] = print_at(1000);
+  const auto [early_black, early_white] = print_at(1, 1000);  // has just come into the sun
   EXPECT_NEAR(early_black, kSun * kBlack, 1);
   EXPECT_EQ(early_white, 255);
-  const auto [late_black, late_white] = print_at(0.1);
+  const auto [late_black, late_white] = print_at(1, 0.1);  // came long ago
   EXPECT_NEAR(late_black, kBlack, 1);
   EXPECT_NEAR(late_white, kWhite, 1);
+  settings = clean_settings();
+  const auto [dark_black, dark_white] = print_at(-1, -1000);  // has just come out of the sun
+  EXPECT_NEAR(dark_black, kBlack / kSun, 1);
+  EXPECT_NEAR(dark_white, kWhite / kSun, 1);
 }
 
-TEST(ImageCamera, WhoComesInFromTheSunSeesNextToNothing) {
-  CameraSimulation settings = clean_settings();
-  StillCamera camera(small_camera(), settings, "clutter", sunny_side());
-  Pose place = facing_camera(1);
-  place.p.x() = -1;
-  const auto image =
-      camera.photograph(EvenMotion(place, {-1000, 0, 0}), {tag_at(3, 0.4, {-1, 0, 0})});
-  EXPECT_NEAR(at(*image, 188 - 42, 120), kBlack / kSun, 1);
-  EXPECT_NEAR(at(*image, 188 - 52, 120), kWhite / kSun, 1);
-}
+/// A camera that moves before two tags.
+struct MovingScene {
+  StillCamera camera{small_lens_camera(), CameraSimulation{}};
+  EvenMotion motion{facing_camera(1), {0.3, 0.2, 0}, {0.2, 0.5, 0.8}};
+  std::vector<RecordedTag> tags{tag_at(3, 0.3, {-0.3, 0, 0}), tag_at(4, 0.3, {0.3, 0.1, 0})};
+};
 
-TEST(ImageCamera, SlicesGiveTheSameImageAsOnePiece) {
-  CameraSimulation settings;
-  StillCamera camera(small_lens_camera(), settings);
-  const EvenMotion moving(facing_camera(1), {0.3, 0.2, 0}, {0.2, 0.5, 0.8});
-  const std::vector<RecordedTag> tags{tag_at(3, 0.3, {-0.3, 0, 0}), tag_at(4, 0.3, {0.3, 0.1, 0})};
-  const auto whole = camera.photograph(moving, tags);
+TEST(ImageCamera, DrawsTheSameImageInSlices) {
+  MovingScene moving;
+  const auto whole = moving.camera.photograph(moving.motion, moving.tags);
   for (const int rows : {1, 7, 64})
-    EXPECT_EQ(camera.photograph(moving, tags, 0, rows)->pixels, whole->pixels) << rows;
+    EXPECT_EQ(moving.camera.photograph(moving.motion, moving.tags, 0, rows)->pixels, whole->pixels)
+        << rows;
 }
 
-TEST(ImageCamera, MotionSmearsAnEdgeOverItsPath) {
+TEST(ImageCamera, BlursEdgesByMotion) {
   CameraSimulation settings = clean_settings();
   settings.exposure_s = 0.02;
   StillCamera camera(small_camera(), settings);
@@ -242,14 +219,78 @@ TEST(ImageCamera, MotionSmearsAnEdgeOverItsPath) {
   EXPECT_LT(at(*image, 144, 119), at(*image, 141, 119) - 20);
 }
 
-TEST(ImageCamera, ASteadyStreamAllocatesNothing) {
-  CameraSimulation settings;
-  StillCamera camera(small_lens_camera(), settings);
-  const EvenMotion moving(facing_camera(1), {0.3, 0.2, 0}, {0.2, 0.5, 0.8});
-  const std::vector<RecordedTag> tags{tag_at(3, 0.3, {-0.3, 0, 0}), tag_at(4, 0.3, {0.3, 0.1, 0})};
-  (void)camera.photograph(moving, tags);
+TEST(ImageCamera, AllocatesNothingAfterWarmUp) {
+  MovingScene moving;
+  (void)moving.camera.photograph(moving.motion, moving.tags);
   const AllocationCounter counter;
-  for (std::uint64_t k = 1; k < 4; ++k) (void)camera.photograph(moving, tags, k);
+  for (std::uint64_t k = 1; k < 4; ++k)
+    (void)moving.camera.photograph(moving.motion, moving.tags, k);
+  EXPECT_EQ(counter.count(), 0u);
+}
+
+constexpr Instant kStart = instant_from_ns(1'000'000'000);
+
+SimulatedBodyConfig robot_with_images(double duration_s) {
+  SimulatedBodyConfig body = corner_robot("survey");
+  body.cameras[0].model = {188, 120, 115, 115, 93.5, 59.5};
+  body.cameras.push_back(body.cameras[0]);
+  body.camera.images = true;
+  body.trajectory.duration_s = duration_s;
+  return body;
+}
+
+std::unique_ptr<SimulatedSource> source_of(const SimulatedBodyConfig& body,
+                                           const Clock* clock = nullptr) {
+  return make_simulated_source(room_of("hall"), body, kStart, clock).value();
+}
+
+TEST(SimulatedImages, AreEqualWhenDrawnAheadOrAtOnce) {
+  SimulatedBodyConfig body = robot_with_images(3);
+  body.faults.drop_image = 0.2;
+  body.faults.jitter_s = 0.01;
+  body.faults.occlude = 0.2;
+  const FakeClock clock(kStart);
+  const auto a = run_out(*source_of(body, &clock));
+  const auto b = run_out(*source_of(body));
+  ASSERT_EQ(a.size(), b.size());
+  int images = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    ASSERT_EQ(time_of(a[i]), time_of(b[i]));
+    ASSERT_EQ(a[i].index(), b[i].index());
+    if (!std::holds_alternative<CameraFrame>(a[i])) continue;
+    ++images;
+    ASSERT_EQ(std::get<CameraFrame>(a[i]).camera, std::get<CameraFrame>(b[i]).camera);
+    ASSERT_EQ(std::get<CameraFrame>(a[i]).image->pixels, std::get<CameraFrame>(b[i]).image->pixels);
+  }
+  EXPECT_GT(images, 80);
+}
+
+TEST(SimulatedImages, DoNotAffectTheImu) {
+  SimulatedBodyConfig body = robot_with_images(1);
+  const auto with = only<ImuSample>(run_out(*source_of(body)));
+  body.camera.images = false;
+  const auto without = only<ImuSample>(run_out(*source_of(body)));
+  ASSERT_EQ(with.size(), without.size());
+  for (std::size_t k = 0; k < with.size(); ++k) {
+    EXPECT_EQ(with[k].f_B, without[k].f_B);
+    EXPECT_EQ(with[k].w_WB_B, without[k].w_WB_B);
+  }
+}
+
+TEST(SimulatedImages, AllocateNothingAfterWarmUp) {
+  const FakeClock clock(kStart);
+  const auto source = source_of(robot_with_images(0), &clock);
+  const auto run_until = [&](double t_s) {
+    int images = 0;
+    for (;;) {
+      const auto sample = source->next({});
+      images += std::holds_alternative<CameraFrame>(**sample) ? 1 : 0;
+      if (to_seconds(time_of(**sample) - kStart) > t_s) return images;
+    }
+  };
+  (void)run_until(100);  // once around the hall: every tag was printed
+  const AllocationCounter counter;
+  EXPECT_GT(run_until(130), 1000);
   EXPECT_EQ(counter.count(), 0u);
 }
 

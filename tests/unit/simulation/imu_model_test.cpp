@@ -18,20 +18,21 @@ ImuErrors no_errors() {
   return errors;
 }
 
+const Eigen::Vector3d kUp(0, 0, kGravity);
+
 Trajectory::Point at_rest() {
   return {{}, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
 }
 
-TEST(ImuModel, AtRestItFeelsTheFloorPushUp) {
+TEST(ImuModel, MeasuresGravityUpwardsAtRest) {
   ImuModel imu(no_errors(), kGravity, 1);
   const ImuSample sample = imu.measure(0, at_rest());
-  EXPECT_EQ(sample.f_B, Eigen::Vector3d(0, 0, kGravity));
+  EXPECT_EQ(sample.f_B, kUp);
   EXPECT_EQ(sample.w_WB_B, Eigen::Vector3d::Zero());
 }
 
-TEST(ImuModel, WithoutErrorsIntegrationGivesTheTrajectoryBack) {
-  // Mid-point integration at 1 kHz over 10 s of survey: its own error is below this; a wrong sign
-  // or frame is metres.
+TEST(ImuModel, IntegratesToTheTrajectoryWithoutErrors) {
+  // The error of mid-point integration at 1 kHz over 10 s is below this; wrong signs give metres.
   constexpr double kIntegration_m = 1e-4;
   const auto trajectory = make_trajectory({}, room_of("hall")).value();
   ImuModel imu(no_errors(), kGravity, 1);
@@ -41,7 +42,7 @@ TEST(ImuModel, WithoutErrorsIntegrationGivesTheTrajectoryBack) {
   for (int k = 0; k < 10000; ++k) {
     const ImuSample middle = imu.measure(0, trajectory->at((k + 0.5) * kStep_s));
     const Eigen::Quaterniond q_middle = X.q * exp_so3(middle.w_WB_B * (0.5 * kStep_s));
-    const Eigen::Vector3d a = q_middle * middle.f_B - Eigen::Vector3d(0, 0, kGravity);
+    const Eigen::Vector3d a = q_middle * middle.f_B - kUp;
     X.p += v * kStep_s + 0.5 * a * kStep_s * kStep_s;
     v += a * kStep_s;
     X.q = (X.q * exp_so3(middle.w_WB_B * kStep_s)).normalized();
@@ -50,7 +51,7 @@ TEST(ImuModel, WithoutErrorsIntegrationGivesTheTrajectoryBack) {
   EXPECT_LT(angle_between(X.q, trajectory->at(10).X_WB.q), kIntegration_m);
 }
 
-TEST(ImuModel, WhiteNoiseOfASampleIsDensityTimesRootOfRate) {
+TEST(ImuModel, HasWhiteNoiseOfDensityTimesRootOfRate) {
   for (const double rate : {100.0, 400.0}) {
     ImuErrors errors = no_errors();
     errors.noise = {1e-3, 0, 2e-2, 0, rate};
@@ -62,7 +63,7 @@ TEST(ImuModel, WhiteNoiseOfASampleIsDensityTimesRootOfRate) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (int k = 0; k < kSamples; ++k) {
       const ImuSample s = imu.measure(static_cast<std::uint64_t>(k), at_rest());
-      const Eigen::Vector3d f = s.f_B - Eigen::Vector3d(0, 0, kGravity);
+      const Eigen::Vector3d f = s.f_B - kUp;
       gyro += s.w_WB_B.squaredNorm();
       accel += f.squaredNorm();
       sum += s.w_WB_B;
@@ -98,7 +99,7 @@ TEST(ImuModel, BiasSpreadsWithTheRootOfTime) {
   }
 }
 
-TEST(ImuModel, TheTrueBiasIsTheOneInTheSamples) {
+TEST(ImuModel, HasTheTrueBiasInItsSamples) {
   ImuErrors errors;
   errors.noise.gyro_noise_rad_s_rtHz = 0;
   errors.noise.accel_noise_m_s2_rtHz = 0;
@@ -107,11 +108,11 @@ TEST(ImuModel, TheTrueBiasIsTheOneInTheSamples) {
     const ImuSample sample = imu.measure(k, at_rest());
     const ImuBias bias = imu.bias_at(static_cast<double>(k) / errors.noise.rate_hz);
     EXPECT_LT((sample.w_WB_B - bias.w).norm(), 1e-12);
-    EXPECT_LT((sample.f_B - Eigen::Vector3d(0, 0, kGravity) - bias.f).norm(), 1e-12);
+    EXPECT_LT((sample.f_B - kUp - bias.f).norm(), 1e-12);
   }
 }
 
-TEST(ImuModel, ScaleAndMisalignmentDifferBySeedAndHaveTheirSize) {
+TEST(ImuModel, HasScaleAndMisalignmentOfTheirSizePerSeed) {
   ImuErrors errors = no_errors();
   errors.scale_error = 0.01;
   errors.misalignment_rad = 0.003;
@@ -140,6 +141,50 @@ TEST(ImuModel, SaturatesAtItsRange) {
   const ImuSample sample = ImuModel(errors, kGravity, 1).measure(0, wild);
   EXPECT_EQ(sample.w_WB_B, Eigen::Vector3d(5, -5, 1));
   EXPECT_EQ(sample.f_B, Eigen::Vector3d(20, 0, -20));
+}
+
+TEST(RandomWalk, HasIndependentStepsOfVarianceOne) {
+  RandomWalk walk(5, Purpose::kGyroWalk);
+  constexpr std::uint64_t kSteps = 20000;
+  double square = 0;
+  double neighbours = 0;
+  Eigen::Vector3d last_step = Eigen::Vector3d::Zero();
+  for (std::uint64_t k = 0; k < kSteps; ++k) {
+    const Eigen::Vector3d before = walk.at(k);
+    const Eigen::Vector3d step = walk.at(k + 1) - before;
+    square += step.squaredNorm();
+    neighbours += step.dot(last_step);
+    last_step = step;
+  }
+  constexpr double kFiveSigma = 5 * 1.4142 / 245;  // √2 / √(3 · 20000)
+  EXPECT_NEAR(square / (3.0 * kSteps), 1.0, kFiveSigma);
+  EXPECT_NEAR(neighbours / (3.0 * kSteps), 0.0, kFiveSigma);
+}
+
+TEST(RandomWalk, SpreadsWithTheRootOfTime) {
+  constexpr std::uint64_t kWalks = 2000;
+  for (const std::uint64_t ticks : {100ULL, 10000ULL, 1000000ULL}) {
+    double square = 0;
+    for (std::uint64_t i = 0; i < kWalks; ++i)
+      square += RandomWalk(i, Purpose::kAccelWalk).at(ticks).squaredNorm();
+    constexpr double kFiveSigma = 5 * 1.4142 / 77.5;  // √2 / √(3 · 2000)
+    EXPECT_NEAR(square / (3.0 * kWalks * static_cast<double>(ticks)), 1.0, kFiveSigma) << ticks;
+  }
+}
+
+TEST(RandomWalk, IsIndependentOfTheOrderOfRequests) {
+  RandomWalk forward(9, Purpose::kGyroWalk);
+  std::vector<Eigen::Vector3d> seen;
+  for (std::uint64_t k = 0; k < 500; ++k) seen.push_back(forward.at(k));
+  RandomWalk backward(9, Purpose::kGyroWalk);
+  (void)backward.at(1'000'000'000'000);
+  for (std::uint64_t k = 500; k-- > 0;) EXPECT_EQ(backward.at(k), seen[k]);
+}
+
+TEST(RandomWalk, StartsAtZeroAndDependsOnPurposeAndSeed) {
+  EXPECT_EQ(RandomWalk(1, Purpose::kGyroWalk).at(0).norm(), 0.0);
+  EXPECT_NE(RandomWalk(1, Purpose::kGyroWalk).at(10), RandomWalk(1, Purpose::kAccelWalk).at(10));
+  EXPECT_NE(RandomWalk(1, Purpose::kGyroWalk).at(10), RandomWalk(2, Purpose::kGyroWalk).at(10));
 }
 
 }  // namespace

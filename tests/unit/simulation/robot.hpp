@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "simulation/simulation.hpp"
+#include "support/lens_models.hpp"
 
 namespace fiducap::simulation {
 
@@ -12,17 +13,10 @@ inline CameraModel plain_camera() { return {752, 480, 460, 460, 375.5, 239.5}; }
 
 /// A lens with about 60 px of barrel distortion in the image corner.
 inline CameraModel lens_camera() {
-  return {752,
-          480,
-          460,
-          458,
-          367.2,
-          248.4,
-          Distortion::kRadialTangential,
-          {-0.28, 0.07, 2e-4, 2e-5, 0}};
+  return radial_tangential({752, 480, 460, 458, 367.2, 248.4}, {-0.28, 0.07, 2e-4, 2e-5});
 }
 
-/// A robot without images; tests change what they are about.
+/// A robot without images.
 inline SimulatedBodyConfig corner_robot(const std::string& kind, std::uint64_t seed = 1) {
   SimulatedBodyConfig body;
   body.camera.images = false;
@@ -56,19 +50,15 @@ inline RoomConfig room_of(const std::string& preset) {
 /// Everything the source gives within the body's duration. @pre duration_s > 0
 inline std::vector<SensorSample> run_out(SimulatedSource& source) {
   std::vector<SensorSample> samples;
-  for (;;) {
-    auto sample = source.next({});
-    if (!sample || !*sample) return samples;
-    samples.push_back(std::move(**sample));
-  }
+  while (auto sample = source.next({}).value()) samples.push_back(std::move(*sample));
+  return samples;
 }
 
 template <typename T>
 std::vector<T> only(const std::vector<SensorSample>& samples) {
   std::vector<T> found;
-  for (const SensorSample& sample : samples) {
+  for (const SensorSample& sample : samples)
     if (const auto* one = std::get_if<T>(&sample)) found.push_back(*one);
-  }
   return found;
 }
 

@@ -41,7 +41,7 @@ Character character_of(const std::string& preset, const std::string& kind, doubl
   return c;
 }
 
-TEST(Room, TheHallHasTwentyFourUprightTagsOnItsFourWalls) {
+TEST(Room, HallHasUprightTagsOnItsFourWalls) {
   const auto tags = tags_of(room_of("hall"));
   const RoomBox box = box_of(room_of("hall"));
   ASSERT_EQ(tags.size(), 24u);
@@ -68,15 +68,14 @@ TEST(Room, TheHallHasTwentyFourUprightTagsOnItsFourWalls) {
 }
 
 TEST(Room, PresetsHaveTheTagsOfTheirClass) {
-  EXPECT_EQ(tags_of(room_of("table")).size(), 3u);
-  EXPECT_EQ(tags_of(room_of("sparse")).size(), 3u);
-  EXPECT_EQ(tags_of(room_of("loop")).size(), 36u);
-  EXPECT_EQ(tags_of(room_of("pavillon")).size(), 33u);
-  EXPECT_EQ(tags_of(room_of("ceiling")).size(), 100u);
+  for (const auto& [preset, tags] :
+       {std::pair("table", 3u), std::pair("sparse", 3u), std::pair("loop", 36u),
+        std::pair("pavillon", 33u), std::pair("ceiling", 100u)})
+    EXPECT_EQ(tags_of(room_of(preset)).size(), tags) << preset;
   for (const RecordedTag& tag : tags_of(room_of("table"))) EXPECT_EQ(tag.X_WT.p.z(), 0);
 }
 
-TEST(Room, OwnTagsAreAddedReplacedAndSorted) {
+TEST(Room, AddsReplacesAndSortsConfiguredTags) {
   RoomConfig room = room_of("table");
   room.tags = {tag_at(40, 0.3), tag_at(1, 0, {1, 2, 3})};
   const auto tags = tags_of(room);
@@ -88,7 +87,7 @@ TEST(Room, OwnTagsAreAddedReplacedAndSorted) {
   EXPECT_EQ(tags_of(room).size(), 2u);
 }
 
-TEST(Room, TheLoopsCloseAfterTheirLength) {
+TEST(Room, LoopsCloseAfterTheirLength) {
   for (const LoopShape& shape : {kLoop, kPavillon}) {
     EXPECT_LT((loop_at(shape, 0).p - loop_at(shape, shape.length_m - 1e-9).p).norm(), 1e-6);
     double path = 0;
@@ -98,7 +97,7 @@ TEST(Room, TheLoopsCloseAfterTheirLength) {
   }
 }
 
-TEST(Room, SurveyInTheHallAlwaysSeesTags) {
+TEST(Room, SurveyInTheHallHasTagsInView) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const Character c = character_of("hall", "survey", 120, seed);
     EXPECT_LE(c.empty_share, 0.03) << "seed " << seed;
@@ -107,16 +106,27 @@ TEST(Room, SurveyInTheHallAlwaysSeesTags) {
   }
 }
 
+struct ClassOfData {
+  const char* name;
+  double duration_s;
+  double tags_per_frame, tolerance, empty_below;
+};
+
 // The classes of data/, from their descriptions; the spread is that of seeds 1..10.
-TEST(Room, TableIsLikeItsClass) {
-  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-    const Character c = character_of("table", "table", 60, seed);
-    EXPECT_NEAR(c.tags_per_frame, 2.8, 0.25);
-    EXPECT_EQ(c.empty_share, 0);
+TEST(Room, IsLikeItsClassOfData) {
+  for (const ClassOfData& c : {ClassOfData{"table", 60, 2.8, 0.25, 1e-9},
+                               {"loop", 124, 1.85, 0.25, 0.03},
+                               {"ceiling", 90, 10, 1.0, 1e-9}}) {
+    for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+      SCOPED_TRACE(c.name);
+      const Character found = character_of(c.name, c.name, c.duration_s, seed);
+      EXPECT_NEAR(found.tags_per_frame, c.tags_per_frame, c.tolerance);
+      EXPECT_LT(found.empty_share, c.empty_below);
+    }
   }
 }
 
-TEST(Room, SparseIsLikeItsClass) {
+TEST(Room, SparseIsLikeItsClassOfData) {
   double empty = 0;
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     const Character c = character_of("sparse", "sparse", 60, seed);
@@ -125,22 +135,6 @@ TEST(Room, SparseIsLikeItsClass) {
     EXPECT_LT(c.tags_per_frame, 1.0);
   }
   EXPECT_NEAR(empty, 0.21, 0.06);
-}
-
-TEST(Room, LoopIsLikeItsClass) {
-  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-    const Character c = character_of("loop", "loop", 124, seed);
-    EXPECT_NEAR(c.tags_per_frame, 1.85, 0.25);
-    EXPECT_LT(c.empty_share, 0.03);
-  }
-}
-
-TEST(Room, CeilingIsLikeItsClass) {
-  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-    const Character c = character_of("ceiling", "ceiling", 90, seed);
-    EXPECT_NEAR(c.tags_per_frame, 10, 1.0);
-    EXPECT_EQ(c.empty_share, 0);
-  }
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 
 namespace fiducap::simulation {
 
-/// A body that drifts and turns evenly; at t = 0 it is where it was put.
+/// Constant velocity and angular rate; X_WB at t = 0.
 class EvenMotion final : public Trajectory {
  public:
   explicit EvenMotion(const Pose& X_WB, const Eigen::Vector3d& v_WB = Eigen::Vector3d::Zero(),
@@ -57,17 +57,10 @@ class StillCamera final {
 /// 376 × 240 pixels, so that tests stay quick.
 inline CameraModel small_camera() { return {376, 240, 230, 230, 187.5, 119.5}; }
 inline CameraModel small_lens_camera() {
-  return {376,
-          240,
-          230,
-          229,
-          183.6,
-          124.2,
-          Distortion::kRadialTangential,
-          {-0.28, 0.07, 2e-4, 2e-5, 0}};
+  return radial_tangential({376, 240, 230, 229, 183.6, 124.2}, {-0.28, 0.07, 2e-4, 2e-5});
 }
 inline CameraModel small_fisheye_camera() {
-  return {376, 240, 190, 190, 185, 122, Distortion::kEquidistant, {-0.01, 0.02, -0.01, 0.002, 0}};
+  return equidistant({376, 240, 190, 190, 185, 122}, {-0.01, 0.02, -0.01, 0.002});
 }
 
 inline CameraSimulation clean_settings() {

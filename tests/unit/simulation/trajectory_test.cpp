@@ -9,23 +9,22 @@
 namespace fiducap::simulation {
 namespace {
 
-// Steps of 1e-4 s: the next term of the series, jerk · step² / 6, stays below this for every kind.
+// Steps of 1e-4 s: the next term, jerk · step² / 6, is below this for every kind.
 constexpr double kDifferences = 3e-6;
+
+RoomConfig room_for(const std::string& kind) {
+  return room_of(kind == "survey" || kind == "hover" ? "hall" : kind);
+}
 
 class TrajectoryOfKind : public testing::TestWithParam<std::string> {
  protected:
-  [[nodiscard]] static RoomConfig room() {
-    const bool own = GetParam() == "table" || GetParam() == "sparse" || GetParam() == "loop" ||
-                     GetParam() == "ceiling";
-    return room_of(own ? GetParam() : "hall");
-  }
   [[nodiscard]] static std::unique_ptr<Trajectory> make(std::uint64_t seed = 1,
                                                         double speed = 1.0) {
     TrajectoryConfig config;
     config.kind = GetParam();
     config.seed = seed;
     config.speed = speed;
-    return make_trajectory(config, room(), corner_robot("").cameras[0].X_BV).value();
+    return make_trajectory(config, room_for(config.kind), corner_robot("").cameras[0].X_BV).value();
   }
 };
 
@@ -37,12 +36,11 @@ TEST_P(TrajectoryOfKind, VelocityAccelerationAndRateAreExact) {
       const Trajectory::Point before = trajectory->at(t - kStep);
       const Trajectory::Point here = trajectory->at(t);
       const Trajectory::Point after = trajectory->at(t + kStep);
-      ASSERT_LT(((after.X_WB.p - before.X_WB.p) / (2 * kStep) - here.v_WB).norm(), kDifferences)
-          << "at " << t;
-      ASSERT_LT(((after.v_WB - before.v_WB) / (2 * kStep) - here.a_WB).norm(), kDifferences)
-          << "at " << t;
+      SCOPED_TRACE(t);
+      ASSERT_LT(((after.X_WB.p - before.X_WB.p) / (2 * kStep) - here.v_WB).norm(), kDifferences);
+      ASSERT_LT(((after.v_WB - before.v_WB) / (2 * kStep) - here.a_WB).norm(), kDifferences);
       const Eigen::Vector3d turned = log_so3(before.X_WB.q.conjugate() * after.X_WB.q);
-      ASSERT_LT((turned / (2 * kStep) - here.w_WB_B).norm(), kDifferences) << "at " << t;
+      ASSERT_LT((turned / (2 * kStep) - here.w_WB_B).norm(), kDifferences);
     }
   }
 }
@@ -58,11 +56,10 @@ TEST_P(TrajectoryOfKind, RestsForOneSecondThenMoves) {
   EXPECT_GT(trajectory->at(3.5).v_WB.norm() + trajectory->at(3.5).w_WB_B.norm(), 1e-3);
 }
 
-TEST_P(TrajectoryOfKind, JerkHasNoSteps) {
+TEST_P(TrajectoryOfKind, HasAContinuousJerk) {
   const auto trajectory = make(2);
   constexpr double kStep = 1e-3;
-  // A step in the jerk would be of its own size, 1 m/s³ and more; a smooth one changes by snap ·
-  // step.
+  // A step would be 1 m/s³ and more; a smooth jerk changes by snap · step.
   constexpr double kLargestChange = 0.25;
   const auto jerk = [&](double t) -> Eigen::Vector3d {
     return (trajectory->at(t + kStep / 2).a_WB - trajectory->at(t - kStep / 2).a_WB) / kStep;
@@ -75,7 +72,7 @@ TEST_P(TrajectoryOfKind, JerkHasNoSteps) {
   }
 }
 
-TEST_P(TrajectoryOfKind, SeedsAreDifferentRobots) {
+TEST_P(TrajectoryOfKind, DiffersBySeed) {
   const auto one = make(1);
   const auto other = make(2);
   double apart = 0;
@@ -98,32 +95,27 @@ TEST(Trajectory, SurveyStaysInTheHallAtAModestPace) {
     for (double t = 0; t < 120; t += 0.1) {
       const Trajectory::Point here = trajectory->at(t);
       constexpr double kFromWall_m = 0.2;
-      ASSERT_TRUE(((here.X_WB.p - box.low).array() > kFromWall_m).all())
-          << here.X_WB.p.transpose() << " seed " << seed;
-      ASSERT_TRUE(((box.high - here.X_WB.p).array() > kFromWall_m).all())
-          << here.X_WB.p.transpose() << " seed " << seed;
+      ASSERT_GT((here.X_WB.p - box.low).minCoeff(), kFromWall_m) << "seed " << seed;
+      ASSERT_GT((box.high - here.X_WB.p).minCoeff(), kFromWall_m) << "seed " << seed;
       ASSERT_LE(here.v_WB.norm(), 1.0);
       ASSERT_LE(here.w_WB_B.norm(), 1.0);
     }
   }
 }
 
-TEST(Trajectory, AimsTheCameraWhereverItSitsOnTheBody) {
-  // The same camera motion from two mounts: what the camera does must not depend on how the body
-  // carries it.
+TEST(Trajectory, AimsTheCameraForEveryMount) {
   const RoomConfig room = room_of("hall");
   const Pose forward = forward_camera();
   const Pose upward{exp_so3({0.02, 0.01, 1.6}), {0.0, 0.0, 0.0}};
   const auto a = make_trajectory({}, room, forward).value();
   const auto b = make_trajectory({}, room, upward).value();
-  for (double t = 0; t < 30; t += 1.1) {
+  for (double t = 0; t < 30; t += 1.1)
     EXPECT_LT(angle_between(a->at(t).X_WB.q * forward.q, b->at(t).X_WB.q * upward.q), 1e-6);
-  }
 }
 
-TEST(Trajectory, ASeedIsTheSameMotionWithEveryCompiler) {
-  // Written down from a GCC build; Clang evaluates arguments in another order, and demos, scores
-  // and bug reports name seeds. Change these numbers only when the motion is meant to change.
+TEST(Trajectory, HasTheSameMotionPerSeedWithEveryCompiler) {
+  // From a GCC build; Clang evaluates arguments in another order, and demos, scores and bug reports
+  // name seeds. Change these numbers only when the motion shall change.
   const std::vector<std::pair<std::string, Eigen::Vector3d>> after_20_s{
       {"survey", {2.102815, -1.024579, 1.019457}}, {"hover", {-2.919340, -3.378057, 1.508900}},
       {"table", {0.081157, -0.070668, 0.857476}},  {"sparse", {0.343124, -0.326863, 1.647574}},
@@ -132,19 +124,15 @@ TEST(Trajectory, ASeedIsTheSameMotionWithEveryCompiler) {
     TrajectoryConfig config;
     config.kind = kind;
     config.seed = 5;
-    const bool in_hall = kind == "survey" || kind == "hover";
-    const auto trajectory = make_trajectory(config, room_of(in_hall ? "hall" : kind)).value();
+    const auto trajectory = make_trajectory(config, room_for(kind)).value();
     EXPECT_LT((trajectory->at(20).X_WB.p - p_WB).norm(), 2e-6) << kind;
   }
 }
 
-TEST(Trajectory, UnknownKindIsAnError) {
+TEST(Trajectory, RefusesUnknownKindsAndRoomsWithoutTags) {
   TrajectoryConfig config;
   config.kind = "teleport";
   EXPECT_FALSE(make_trajectory(config, room_of("hall")).has_value());
-}
-
-TEST(Trajectory, ARoomWithoutTagsIsAnError) {
   EXPECT_FALSE(make_trajectory({}, room_of("custom")).has_value());
 }
 

@@ -1,18 +1,15 @@
-// Recordings that are wrong in one way each: `fiducap check` and `replay` name the likely cause.
+// Recordings with one fault each: `fiducap check` and `replay` report the likely cause.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <functional>
 #include <memory>
-#include <sstream>
 #include <tuple>
 
-#include "base/whole_file.hpp"
+#include "support/command_run.hpp"
 #include "support/temporary_folder.hpp"
-#include "tools/command_line.hpp"
-#include "tools/terminal.hpp"
+#include "unit/tools/csv_rows.hpp"
 
 namespace fiducap {
 namespace {
@@ -24,113 +21,87 @@ namespace fs = std::filesystem;
 constexpr const char* kImu = "mav0/imu0/data.csv";
 constexpr const char* kCorners = "mav0/tags0/data.csv";
 
-using Fields = std::vector<std::string>;
-using Rows = std::vector<Fields>;
+using Rows = std::vector<CsvRow>;
 using Change = std::function<void(Rows&)>;
 
-Rows rows_of(const std::string& text) {
-  Rows rows;
-  std::istringstream lines(text);
-  for (std::string line; std::getline(lines, line);) {
-    if (line.starts_with('#')) continue;
-    std::istringstream fields(line);
-    rows.emplace_back();
-    for (std::string field; std::getline(fields, field, ',');) rows.back().push_back(field);
-  }
-  return rows;
-}
-
-Change each(const std::function<void(Fields&)>& change) {
+Change each(const std::function<void(CsvRow&)>& change) {
   return [change](Rows& rows) {
-    for (Fields& fields : rows) change(fields);
+    for (CsvRow& row : rows) change(row);
   };
 }
-
 Change stamps(const std::function<std::int64_t(std::int64_t)>& change) {
-  return each([change](Fields& f) { f[0] = std::to_string(change(std::stoll(f[0]))); });
+  return each([change](CsvRow& f) { f[0] = std::to_string(change(std::stoll(f[0]))); });
 }
-
 /// Multiplies three fields.
 Change scaled(std::size_t from, double factor) {
-  return each([=](Fields& f) {
+  return each([=](CsvRow& f) {
     for (std::size_t i = from; i < from + 3; ++i) f[i] = std::to_string(std::stod(f[i]) * factor);
   });
 }
+const Change kAccelerometerInG = scaled(4, 1 / 9.80665);
 
 struct Bad {
   const char* name;
   const char* file;
-  Change change;
+  Change change;  ///< None: the file is removed.
   bool usable;
-  const char* says;
+  const char* finding;
 };
 
 std::ostream& operator<<(std::ostream& out, const Bad& bad) { return out << bad.name; }
 
-/// One sound recording of a simulated robot, and a copy that is spoilt.
+/// A faultless recording of a simulated robot, and a copy with a fault.
 class BadRecordings : public testing::TestWithParam<Bad> {
  protected:
   static void SetUpTestSuite() {
     folder_ = std::make_unique<TemporaryFolder>();
     for (const char* seed : {"1", "5"})
-      ASSERT_EQ(say({"simulate", "--room", "table", "--seconds", "12", "--seed", seed, "--out",
-                     folder_->file(std::string("sound") + seed)}),
+      ASSERT_EQ(run_fiducap({"simulate", "--room", "table", "--seconds", "12", "--seed", seed,
+                             "--out", folder_->file(std::string("good") + seed)})
+                    .code,
                 kExitOk);
   }
   static void TearDownTestSuite() { folder_.reset(); }
 
-  static int say(std::vector<std::string> words) {
-    std::vector<const char*> argv{"fiducap"};
-    for (const std::string& word : words) argv.push_back(word.c_str());
-    std::ostringstream out;
-    std::ostringstream err;
-    const int code = run_command_line(static_cast<int>(argv.size()), argv.data(), {out, err});
-    out_ = out.str();
-    err_ = err.str();
-    return code;
+  CommandRun replay(const std::string& recording) const {
+    return run_fiducap({"replay", recording, "--out", own_.file("out")});
+  }
+  /// @return exit code
+  static int evaluate(const std::string& tum, const std::string& recording, std::string& err) {
+    const auto run = run_fiducap({"evaluate", tum, recording});
+    err = run.err;
+    return run.code;
   }
   std::string copy() const {
-    fs::copy(sound(), own_.file("copy"), fs::copy_options::recursive);
+    fs::copy(good(), own_.file("copy"), fs::copy_options::recursive);
     return own_.file("copy");
   }
-  static void spoil(const std::string& file, const Change& change) {
-    const auto text = read_whole_file(file);
-    ASSERT_TRUE(text) << text.error().text();
-    Rows rows = rows_of(*text);
-    change(rows);
-    std::string changed = text->substr(0, text->find('\n') + 1);
-    for (const Fields& fields : rows) {
-      for (const std::string& field : fields) changed += (&field == &fields[0] ? "" : ",") + field;
-      changed += '\n';
-    }
-    ASSERT_TRUE(write_whole_file(file, changed));
+  std::string copy_with(const char* file, const Change& change) const {
+    const std::string recording = copy();
+    change_csv(recording + "/" + file, change);
+    return recording;
   }
-  [[nodiscard]] static std::string sound() { return folder_->file("sound1"); }
+  [[nodiscard]] static std::string good() { return folder_->file("good1"); }
+  [[nodiscard]] bool has_report() const { return fs::exists(own_.file("out/report.json")); }
 
   TemporaryFolder own_;
   static std::unique_ptr<TemporaryFolder> folder_;
-  static std::string out_;
-  static std::string err_;
 };
 
 std::unique_ptr<TemporaryFolder> BadRecordings::folder_;
-std::string BadRecordings::out_;
-std::string BadRecordings::err_;
 
-TEST_P(BadRecordings, CheckAndReplayNameTheLikelyCause) {
+TEST_P(BadRecordings, CheckAndReplayReportTheCause) {
   const Bad& bad = GetParam();
-  const std::string recording = copy();
-  if (bad.change)
-    spoil(recording + "/" + bad.file, bad.change);
-  else
-    fs::remove(recording + "/" + bad.file);
-  EXPECT_EQ(say({"check", recording}), bad.usable ? kExitOk : kExitFailed);
-  EXPECT_THAT(out_, HasSubstr(bad.usable ? "  warning: " : "  unusable: "));
-  EXPECT_THAT(out_, HasSubstr(bad.says));
-  const int replayed = say({"replay", recording, "--out", own_.file("out")});
-  EXPECT_TRUE(bad.usable || replayed == kExitFailed);
-  EXPECT_THAT(err_, HasSubstr(bad.says));
-  EXPECT_EQ(fs::exists(own_.file("out/report.json")), bad.usable) << "nothing is made of nonsense";
+  const std::string recording = bad.change ? copy_with(bad.file, bad.change) : copy();
+  if (!bad.change) fs::remove(recording + "/" + bad.file);
+  const auto checked = run_fiducap({"check", recording});
+  EXPECT_EQ(checked.code, bad.usable ? kExitOk : kExitFailed);
+  EXPECT_THAT(checked.out, HasSubstr(bad.usable ? "  warning: " : "  unusable: "));
+  EXPECT_THAT(checked.out, HasSubstr(bad.finding));
+  const auto replayed = replay(recording);
+  EXPECT_TRUE(bad.usable || replayed.code == kExitFailed);
+  EXPECT_THAT(replayed.err, HasSubstr(bad.finding));
+  EXPECT_EQ(has_report(), bad.usable);
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -139,7 +110,7 @@ INSTANTIATE_TEST_SUITE_P(
         Bad{"ImuEmpty", kImu, [](Rows& rows) { rows.clear(); }, false, "has no reading"},
         Bad{"ImuMissing", kImu, nullptr, false, "data.csv is missing"},
         Bad{"ImuInFractionsOfSeconds", kImu,
-            each([](Fields& f) { f[0] = f[0].substr(0, 10) + "." + f[0].substr(10, 6); }), false,
+            each([](CsvRow& f) { f[0] = f[0].substr(0, 10) + "." + f[0].substr(10, 6); }), false,
             "stamps seem to be seconds; whole nanoseconds are expected, not '1600000000.000000'"},
         Bad{"ImuInWholeSeconds", kImu, stamps([](auto ns) { return ns / 1'000'000'000; }), false,
             "stamps seem to be seconds"},
@@ -155,13 +126,13 @@ INSTANTIATE_TEST_SUITE_P(
             "ends 6.0 s before the images"},
         Bad{"GyroInDegrees", kImu, scaled(1, 57.29578), false,
             "the gyro seems to be in degrees per second"},
-        Bad{"AccelerometerInG", kImu, scaled(4, 1 / 9.80665), false,
+        Bad{"AccelerometerInG", kImu, kAccelerometerInG, false,
             "the accelerometer seems to be in g"},
-        Bad{"CornersOfMirroredImages", kCorners, each([](Fields& f) {
+        Bad{"CornersOfMirroredImages", kCorners, each([](CsvRow& f) {
               for (std::size_t i = 3; i < 11; i += 2) f[i] = std::to_string(751 - std::stod(f[i]));
             }),
             false, "sightings run clockwise"},
-        Bad{"CornersInAnotherOrder", kCorners, each([](Fields& f) {
+        Bad{"CornersInAnotherOrder", kCorners, each([](CsvRow& f) {
               std::swap(f[3], f[9]);
               std::swap(f[4], f[10]);
               std::swap(f[5], f[7]);
@@ -173,75 +144,74 @@ INSTANTIATE_TEST_SUITE_P(
             "time goes back in most of its lines"}),
     [](const auto& param) { return param.param.name; });
 
-TEST_F(BadRecordings, PosesThatContradictTheTagsAreNoSuccess) {
-  const std::string recording = copy();
-  // Enough to spoil, too little for the stamps to show it.
-  spoil(recording + "/" + kImu, stamps([](auto ns) { return ns + 900'000'000; }));
-  EXPECT_EQ(say({"check", recording}), kExitOk);
-  EXPECT_EQ(say({"replay", recording, "--out", own_.file("out")}), kExitFailed);
-  EXPECT_THAT(err_, HasSubstr("most sightings of tags contradict the rest"));
+class ReplayVerdict : public BadRecordings {};
+
+TEST_F(ReplayVerdict, PosesThatContradictTheTagsAreAFailure) {
+  // A shift that breaks the poses and is too small to be seen in the stamps.
+  const std::string recording = copy_with(kImu, stamps([](auto ns) { return ns + 900'000'000; }));
+  EXPECT_EQ(run_fiducap({"check", recording}).code, kExitOk);
+  const auto replayed = replay(recording);
+  EXPECT_EQ(replayed.code, kExitFailed);
+  EXPECT_THAT(replayed.err, HasSubstr("most sightings of tags contradict the rest"));
 }
 
-class SoundRecordings : public BadRecordings {};
-
-TEST_F(SoundRecordings, AreNotObjectedTo) {
-  EXPECT_EQ(say({"check", sound()}), kExitOk);
-  EXPECT_THAT(out_, HasSubstr("no findings"));
-  EXPECT_EQ(say({"replay", sound(), "--out", own_.file("out")}), kExitOk);
-  EXPECT_THAT(err_, IsEmpty());
+TEST_F(ReplayVerdict, GoodRecordingHasNoFindings) {
+  const auto checked = run_fiducap({"check", good()});
+  EXPECT_EQ(checked.code, kExitOk);
+  EXPECT_THAT(checked.out, HasSubstr("no findings"));
+  const auto replayed = replay(good());
+  EXPECT_EQ(replayed.code, kExitOk);
+  EXPECT_THAT(replayed.err, IsEmpty());
 }
 
-TEST_F(SoundRecordings, OneWrongStampCostsNoImageNoPose) {
-  ASSERT_EQ(say({"replay", sound(), "--out", own_.file("sound")}), kExitOk);
-  const auto placed = [](const std::string& out) {
-    return out.substr(out.find("240 frames"), out.find(" with a pose") - out.find("240 frames"));
+TEST_F(ReplayVerdict, WrongStampCostsNoPose) {
+  const auto placed = [](const CommandRun& run) {
+    const auto from = run.out.find("240 frames");
+    return run.out.substr(from, run.out.find(" with a pose") - from);
   };
-  const std::string expected = placed(out_);
+  const auto expected = replay(good());
+  ASSERT_EQ(expected.code, kExitOk);
   for (const auto& [file, line, stamp] :
-       {std::tuple(kCorners, 200, "5"), std::tuple(kImu, 0, "3900000000000000000"),
-        std::tuple(kImu, 700, "0")}) {
+       {std::tuple(kCorners, 200u, "5"), std::tuple(kImu, 0u, "3900000000000000000"),
+        std::tuple(kImu, 700u, "0")}) {
     SCOPED_TRACE(stamp);
-    const std::string recording = copy();
-    spoil(recording + "/" + file, [line = line, stamp = stamp](Rows& rows) {
-      rows[static_cast<std::size_t>(line)][0] = stamp;
-    });
-    EXPECT_EQ(say({"replay", recording, "--out", own_.file("out")}), kExitOk) << err_;
-    EXPECT_EQ(placed(out_), expected);
+    const std::string recording =
+        copy_with(file, [line = line, stamp = stamp](Rows& rows) { rows[line][0] = stamp; });
+    const auto replayed = replay(recording);
+    EXPECT_EQ(replayed.code, kExitOk) << replayed.err;
+    EXPECT_EQ(placed(replayed), placed(expected));
     fs::remove_all(recording);
   }
 }
 
-TEST_F(SoundRecordings, AnUnusableOneRunsWhenToldTo) {
-  const std::string recording = copy();
-  spoil(recording + "/" + kImu, scaled(4, 1 / 9.80665));
-  (void)say({"replay", recording, "--anyway", "--out", own_.file("out")});
-  EXPECT_THAT(err_, HasSubstr("warning: "));
-  EXPECT_TRUE(fs::exists(own_.file("out/report.json")));
+TEST_F(ReplayVerdict, UnusableRecordingRunsOnRequest) {
+  const auto replayed = run_fiducap(
+      {"replay", copy_with(kImu, kAccelerometerInG), "--anyway", "--out", own_.file("out")});
+  EXPECT_THAT(replayed.err, HasSubstr("warning: "));
+  EXPECT_TRUE(has_report());
 }
 
-TEST_F(SoundRecordings, ARunIsNotHeldAgainstAnotherRecording) {
-  ASSERT_EQ(say({"replay", sound(), "--out", own_.file("out")}), kExitOk);
-  EXPECT_EQ(say({"evaluate", own_.file("out/sound1.tum"), sound()}), kExitOk) << err_;
-  EXPECT_EQ(say({"evaluate", own_.file("out/sound1.tum"), folder_->file("sound5")}), kExitFailed);
-  EXPECT_THAT(err_, HasSubstr("it is the run of another recording, or it has failed"));
-}
-
-TEST_F(SoundRecordings, TruthOfAnotherRecordingIsNoticed) {
+TEST_F(ReplayVerdict, EvaluationNeedsTheSameRecording) {
+  ASSERT_EQ(replay(good()).code, kExitOk);
+  std::string err;
+  EXPECT_EQ(evaluate(own_.file("out/good1.tum"), good(), err), kExitOk) << err;
+  EXPECT_EQ(evaluate(own_.file("out/good1.tum"), folder_->file("good5"), err), kExitFailed);
+  EXPECT_THAT(err, HasSubstr("it is the run of another recording, or it has failed"));
   const std::string recording = copy();
   const std::string truth = "/mav0/state_groundtruth_estimate0/data.csv";
-  fs::copy_file(folder_->file("sound5") + truth, recording + truth,
+  fs::copy_file(folder_->file("good5") + truth, recording + truth,
                 fs::copy_options::overwrite_existing);
-  ASSERT_EQ(say({"replay", recording, "--out", own_.file("out")}), kExitOk);
-  EXPECT_EQ(say({"evaluate", own_.file("out/copy.tum"), recording}), kExitFailed);
-  EXPECT_THAT(err_, HasSubstr("the truth is that of another recording"));
+  ASSERT_EQ(replay(recording).code, kExitOk);
+  EXPECT_EQ(evaluate(own_.file("out/copy.tum"), recording, err), kExitFailed);
+  EXPECT_THAT(err, HasSubstr("the truth is that of another recording"));
 }
 
-TEST_F(SoundRecordings, CalibrationRefusesWhatIsUnusable) {
-  const std::string recording = copy();
-  spoil(recording + "/" + kImu, scaled(4, 1 / 9.80665));
+TEST_F(ReplayVerdict, CalibrationRefusesUnusableRecordings) {
+  const std::string recording = copy_with(kImu, kAccelerometerInG);
   for (const char* what : {"imu", "extrinsics"}) {
-    EXPECT_EQ(say({"calibrate", what, recording, "--out", own_.file("out")}), kExitFailed);
-    EXPECT_THAT(err_, HasSubstr("the accelerometer seems to be in g")) << what;
+    const auto run = run_fiducap({"calibrate", what, recording, "--out", own_.file("out")});
+    EXPECT_EQ(run.code, kExitFailed);
+    EXPECT_THAT(run.err, HasSubstr("the accelerometer seems to be in g")) << what;
   }
 }
 

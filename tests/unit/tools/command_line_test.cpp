@@ -1,168 +1,153 @@
 #include "tools/command_line.hpp"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
+#include <sys/wait.h>
 
 #include <cstdio>
 #include <filesystem>
-#include <memory>
-#include <sstream>
-#include <vector>
 
-#include <sys/wait.h>
+#include <nlohmann/json.hpp>
 
 #include "base/whole_file.hpp"
+#include "support/command_run.hpp"
+#include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/live/live_verbs.hpp"
 
 namespace fiducap {
 namespace {
 
-using ::testing::AllOf;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::PrintToString;
+using testing::SizeIs;
 
-struct Answer {
-  int code{};
-  std::string out;
-  std::string err;
-};
+using Words = std::vector<std::string>;
 
-Answer say(std::vector<std::string> words) {
-  std::vector<const char*> argv{"fiducap"};
-  for (const std::string& word : words) argv.push_back(word.c_str());
-  std::ostringstream out;
-  std::ostringstream err;
-  const int code = run_command_line(static_cast<int>(argv.size()), argv.data(), {out, err});
-  return {code, out.str(), err.str()};
-}
-
-const std::vector<std::vector<std::string>> kVerbs{
-    {"watch"},      {"import"},           {"check"},
-    {"events"},     {"replay"},           {"evaluate"},
-    {"map"},        {"map", "export"},    {"map", "import"},
-    {"map", "log"}, {"map", "diff"},      {"map", "show"},
-    {"tags"},       {"tags", "sheet"},    {"simulate"},
-    {"cameras"},    {"capture"},          {"doctor"},
-    {"control"},    {"control", "list"},  {"control", "rename"},
-    {"calibrate"},  {"calibrate", "imu"}, {"calibrate", "extrinsics"}};
-
-TEST(CommandLine, WhatCannotBeWrittenOutIsAFailure) {
-  std::ostringstream out;
+TEST(CommandLine, FailedOutputIsAFailure) {
+  std::ostringstream out, err;
   out.setstate(std::ios::badbit);
-  std::ostringstream err;
   const char* const argv[] = {"fiducap", "cameras", "--json"};
   EXPECT_EQ(run_command_line(3, argv, {out, err}), kExitFailed);
   EXPECT_THAT(err.str(), HasSubstr("is the disk full?"));
 }
 
-TEST(TagsSheet, WritesOverNoConfigurationOfAPerson) {
+TEST(TagsSheet, OverwritesNoConfiguration) {
   const TemporaryFolder folder;
   const std::string mine = folder.write("robot.yaml", "bodies: []\n");
-  Answer answer = say({"tags", "sheet", "--ids", "4", "--out", folder.file("robot.pdf")});
-  EXPECT_EQ(answer.code, kExitFailed);
-  EXPECT_THAT(answer.err, HasSubstr("it would be written over"));
+  const auto sheet = [&](const std::string& name) {
+    return run_fiducap({"tags", "sheet", "--ids", "4", "--out", folder.file(name)});
+  };
+  EXPECT_EQ(sheet("robot.pdf").code, kExitFailed);
+  EXPECT_THAT(sheet("robot.pdf").err, HasSubstr("it would be written over"));
   EXPECT_EQ(read_whole_file(mine), "bodies: []\n");
-  answer = say({"tags", "sheet", "--ids", "4", "--out", folder.file("sheet.yaml")});
-  EXPECT_THAT(answer.err, HasSubstr("must end in .pdf"));
-  for (int again = 0; again < 2; ++again)
-    EXPECT_EQ(say({"tags", "sheet", "--ids", "4", "--out", folder.file("my.pdf")}).code, kExitOk);
+  EXPECT_THAT(sheet("sheet.yaml").err, HasSubstr("must end in .pdf"));
+  for (int again = 0; again < 2; ++again) EXPECT_EQ(sheet("my.pdf").code, kExitOk);
 }
 
-TEST(CommandLine, HelpOfEveryVerbTeachesWithAnExample) {
-  for (auto words : kVerbs) {
+TEST(TagsSheet, WritesPdfAndConfiguration) {
+  const TemporaryFolder folder;
+  const auto run = run_fiducap(
+      {"tags", "sheet", "--ids", "4,5", "--size-mm", "80", "--out", folder.file("my.pdf")});
+  EXPECT_EQ(run.code, kExitOk) << run.err;
+  EXPECT_THAT(value_of(read_whole_file(folder.file("my.pdf"))),
+              HasSubstr("id 5   tag36h11   80 mm"));
+  EXPECT_THAT(value_of(read_whole_file(folder.file("my.yaml"))), HasSubstr("    5: 0.08\n"));
+}
+
+TEST(CommandLine, HelpOfEveryVerbHasAnExample) {
+  for (Words words :
+       std::vector<Words>{{"watch"},      {"import"},           {"check"},
+                          {"events"},     {"replay"},           {"evaluate"},
+                          {"map"},        {"map", "export"},    {"map", "import"},
+                          {"map", "log"}, {"map", "diff"},      {"map", "show"},
+                          {"tags"},       {"tags", "sheet"},    {"simulate"},
+                          {"cameras"},    {"capture"},          {"doctor"},
+                          {"control"},    {"control", "list"},  {"control", "rename"},
+                          {"calibrate"},  {"calibrate", "imu"}, {"calibrate", "extrinsics"}}) {
     std::string verb = "fiducap";
     for (const std::string& word : words) verb += " " + word;
+    SCOPED_TRACE(verb);
     words.push_back("--help");
-    const Answer answer = say(words);
-    EXPECT_EQ(answer.code, kExitOk) << verb;
-    EXPECT_THAT(answer.out, AllOf(HasSubstr("Example:\n  " + verb.substr(0, verb.find(' ', 8))),
-                                  HasSubstr(verb)))
-        << verb;
-    EXPECT_THAT(answer.err, IsEmpty()) << verb;
+    const auto run = run_fiducap(words);
+    EXPECT_EQ(run.code, kExitOk);
+    EXPECT_THAT(run.out, AllOf(HasSubstr("Example:\n  " + verb.substr(0, verb.find(' ', 8))),
+                               HasSubstr(verb)));
+    EXPECT_THAT(run.err, IsEmpty());
   }
 }
 
-TEST(CommandLine, WrongUsageEndsWithTwoAndPointsToHelp) {
-  for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{
-           {},
-           {"fly"},
-           {"replay"},
-           {"replay", "x"},
-           {"replay", "x", "--out", "y", "--filter", "magic"},
-           {"watch", "--duration", "x"},
-           {"watch", "--duration", "-1"},
-           {"watch", "--duration", "nan"},
-           {"watch", "--server", "host:port"},
-           {"map"},
-           {"map", "log"},
-           {"tags", "sheet", "--paper", "a9"},
-           {"tags", "sheet", "--ids", "x", "--out", "/dev/null/x"},
-           {"simulate", "--out", "x", "--images", "--corners"},
-           {"simulate", "--out", "x", "--room", "moon"}}) {
-    const Answer answer = say(words);
-    EXPECT_EQ(answer.code, kExitUsage) << ::testing::PrintToString(words);
-    EXPECT_FALSE(answer.err.empty()) << ::testing::PrintToString(words);
-    EXPECT_THAT(answer.out, IsEmpty());
+TEST(CommandLine, WrongUsageEndsWithTwo) {
+  for (const Words& words :
+       std::vector<Words>{{},
+                          {"fly"},
+                          {"replay"},
+                          {"replay", "x"},
+                          {"replay", "x", "--out", "y", "--filter", "magic"},
+                          {"watch", "--duration", "x"},
+                          {"watch", "--duration", "-1"},
+                          {"watch", "--duration", "nan"},
+                          {"watch", "--server", "host:port"},
+                          {"map"},
+                          {"map", "log"},
+                          {"tags", "sheet", "--paper", "a9"},
+                          {"tags", "sheet", "--ids", "x", "--out", "/dev/null/x"},
+                          {"simulate", "--out", "x", "--images", "--corners"},
+                          {"simulate", "--out", "x", "--room", "moon"}}) {
+    const auto run = run_fiducap(words);
+    EXPECT_EQ(run.code, kExitUsage) << PrintToString(words);
+    EXPECT_FALSE(run.err.empty()) << PrintToString(words);
+    EXPECT_THAT(run.out, IsEmpty());
   }
 }
 
-TEST(CommandLine, AWrongWordIsAnsweredWithTheOneThatWasMeant) {
-  const auto answer_to = [](const std::vector<std::string>& words) {
-    const Answer answer = say(words);
-    EXPECT_EQ(answer.code, kExitUsage) << ::testing::PrintToString(words);
-    EXPECT_THAT(answer.out, IsEmpty());
-    return answer.err;
-  };
-  EXPECT_EQ(answer_to({"replay", "x", "--ot", "y"}),
-            "fiducap replay --ot: there is no such option; did you mean --out?\n");
-  EXPECT_THAT(answer_to({"replay", "x", "--outt=y"}), HasSubstr("did you mean --out?"));
-  EXPECT_THAT(answer_to({"map", "import", "--stoer", "y"}),
-              HasSubstr("fiducap map import --stoer: there is no such option; did you mean "
-                        "--store?"));
-  EXPECT_THAT(answer_to({"tags", "sheet", "--magic"}),
-              HasSubstr("`fiducap tags sheet --help` lists them"));
-  EXPECT_THAT(answer_to({"--versoin"}), HasSubstr("did you mean --version?"));
-  EXPECT_THAT(answer_to({"replya"}), HasSubstr("did you mean replay?"));
+TEST(CommandLine, SuggestsTheClosestWord) {
+  const std::pair<Words, const char*> kCases[]{
+      {{"replay", "x", "--ot", "y"},
+       "fiducap replay --ot: there is no such option; did you mean --out?\n"},
+      {{"replay", "x", "--outt=y"}, "did you mean --out?"},
+      {{"map", "import", "--stoer", "y"},
+       "fiducap map import --stoer: there is no such option; did you mean --store?"},
+      {{"tags", "sheet", "--magic"}, "`fiducap tags sheet --help` lists them"},
+      {{"--versoin"}, "did you mean --version?"},
+      {{"replya"}, "did you mean replay?"}};
+  for (const auto& [words, expected] : kCases) {
+    const auto run = run_fiducap(words);
+    EXPECT_EQ(run.code, kExitUsage) << PrintToString(words);
+    EXPECT_THAT(run.out, IsEmpty());
+    EXPECT_THAT(run.err, HasSubstr(expected));
+  }
+  EXPECT_EQ(run_fiducap(kCases[0].first).err, kCases[0].second) << "nothing else";
 }
 
-TEST(CommandLine, FailuresEndWithOneAndNameWhatIsWrong) {
+TEST(CommandLine, FailureEndsWithOneAndItsReason) {
   const TemporaryFolder folder;
-  const auto expect_failure = [](const std::vector<std::string>& words, const std::string& what) {
-    const Answer answer = say(words);
-    EXPECT_EQ(answer.code, kExitFailed) << ::testing::PrintToString(words);
-    EXPECT_THAT(answer.err, AllOf(HasSubstr("fiducap: "), HasSubstr(what)))
-        << ::testing::PrintToString(words);
-  };
-  expect_failure({"replay", folder.file("none"), "--out", folder.file("out")}, "none");
-  expect_failure({"evaluate", folder.file("none.tum"), folder.file("none")}, "none");
-  expect_failure({"evaluate", folder.file("none.tum"), folder.file("none"), "--plot", "a.svg"},
-                 "must end in .html");
-  expect_failure({"map", "log", "--store", folder.file("none.map")}, "no such map store");
-  expect_failure({"map", "import", "--store", folder.file("new.map"), folder.file("none.csv")},
-                 "no such file");
-  expect_failure({"tags", "sheet", "--size-mm", "900", "--out", folder.file("t.pdf")},
-                 "does not fit");
+  const std::pair<Words, const char*> kCases[]{
+      {{"replay", folder.file("none"), "--out", folder.file("out")}, "none"},
+      {{"evaluate", folder.file("none.tum"), folder.file("none")}, "none"},
+      {{"evaluate", folder.file("none.tum"), folder.file("none"), "--plot", "a.svg"},
+       "must end in .html"},
+      {{"map", "log", "--store", folder.file("none.map")}, "no such map store"},
+      {{"map", "import", "--store", folder.file("new.map"), folder.file("none.csv")},
+       "no such file"},
+      {{"tags", "sheet", "--size-mm", "900", "--out", folder.file("t.pdf")}, "does not fit"}};
+  for (const auto& [words, reason] : kCases) {
+    const auto run = run_fiducap(words);
+    EXPECT_EQ(run.code, kExitFailed) << PrintToString(words);
+    EXPECT_THAT(run.err, AllOf(HasSubstr("fiducap: "), HasSubstr(reason)));
+  }
 }
 
-TEST(CommandLine, TagSheetWritesThePdfAndItsStub) {
-  const TemporaryFolder folder;
-  const Answer answer =
-      say({"tags", "sheet", "--ids", "4,5", "--size-mm", "80", "--out", folder.file("my.pdf")});
-  EXPECT_EQ(answer.code, kExitOk) << answer.err;
-  EXPECT_THAT(read_whole_file(folder.file("my.pdf")).value(), HasSubstr("id 5   tag36h11   80 mm"));
-  EXPECT_THAT(read_whole_file(folder.file("my.yaml")).value(), HasSubstr("    5: 0.08\n"));
+TEST(CommandLine, WatchWithoutAServerFailsWithARemedy) {
+  // Port 9 is "discard": nothing there uses our protocol.
+  const auto run = run_fiducap({"watch", "--server", "127.0.0.1:9", "--duration", "0.1"});
+  EXPECT_EQ(run.code, kExitFailed);
+  EXPECT_THAT(run.err, AllOf(HasSubstr("no Fiducap server answers at 127.0.0.1:9"),
+                             HasSubstr("fiducapd --config"), HasSubstr("--server HOST:PORT")));
 }
 
-TEST(CommandLine, WatchFailsWhenNobodyAnswersAndSaysWhatToDo) {
-  // Port 9 is "discard": nothing that speaks our protocol listens there.
-  const Answer answer = say({"watch", "--server", "127.0.0.1:9", "--duration", "0.1"});
-  EXPECT_EQ(answer.code, kExitFailed);
-  EXPECT_THAT(answer.err, AllOf(HasSubstr("no Fiducap server answers at 127.0.0.1:9"),
-                                HasSubstr("fiducapd --config"), HasSubstr("--server HOST:PORT")));
-}
-
-TEST(ServerAddress, ReadsHostAndPort) {
+TEST(ServerAddress, HasHostAndPort) {
   const auto parsed = [](const char* text) {
     const auto address = parse_server_address(text, 21600);
     return address ? address->host + " " + std::to_string(address->port) : "none";
@@ -177,44 +162,128 @@ TEST(ServerAddress, ReadsHostAndPort) {
     EXPECT_EQ(parsed(bad), "none") << bad;
 }
 
-// ---- The program itself.
-
-Answer run(const std::string& arguments) {
+/// The program itself. @return its exit code
+int run_program(const std::string& arguments, std::string* output = nullptr) {
   const std::string command =
       std::string(FIDUCAP_BINARY_DIR) + "/bin/fiducap " + arguments + " 2>&1";
   std::FILE* pipe = ::popen(command.c_str(), "r");
-  if (pipe == nullptr) return {-1, "", "popen"};
-  std::string out;
-  for (int c = std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) out += static_cast<char>(c);
+  if (pipe == nullptr) return -1;
+  std::string text;
+  for (int c = std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) text += static_cast<char>(c);
+  if (output != nullptr) *output = text;
   const int status = ::pclose(pipe);
-  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, out, ""};
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
 TEST(Program, EndsWithTheThreeExitCodes) {
-  EXPECT_EQ(run("--help").code, 0);
-  EXPECT_EQ(run("--version").code, 0);
-  EXPECT_EQ(run("map log --store /nowhere/at/all").code, 1);
-  EXPECT_EQ(run("nonsense").code, 2);
-  EXPECT_EQ(run("").code, 2);
+  EXPECT_EQ(run_program("--version"), 0);
+  EXPECT_EQ(run_program("map log --store /nowhere/at/all"), 1);
+  EXPECT_EQ(run_program("nonsense"), 2);
+  EXPECT_EQ(run_program(""), 2);
 }
 
-TEST(Program, WhatItWritesIsNotForEverybody) {
+TEST(Program, FilesAreNotReadableByOtherUsers) {
   namespace fs = std::filesystem;
   const TemporaryFolder folder;
   const std::string recording = folder.file("table");
-  ASSERT_EQ(run("simulate --room table --seconds 1 --out " + recording).code, 0);
+  ASSERT_EQ(run_program("simulate --room table --seconds 1 --out " + recording), 0);
   const std::string store = folder.file("hall.map");
-  ASSERT_EQ(run("map import --store " + store + " " + recording + "/truth/tags.csv").code, 0);
+  ASSERT_EQ(run_program("map import --store " + store + " " + recording + "/truth/tags.csv"), 0);
   for (const std::string& written : {store, recording + "/mav0/imu0/data.csv", recording})
     EXPECT_EQ(fs::status(written).permissions() & fs::perms::others_all, fs::perms::none)
         << written;
 }
 
-TEST(Program, HelpListsEveryVerb) {
-  const Answer answer = run("--help");
-  for (const char* verb : {"watch", "replay", "evaluate", "map", "tags", "simulate"})
-    EXPECT_THAT(answer.out, HasSubstr(verb));
-  EXPECT_THAT(answer.out, HasSubstr("Exit codes: 0 done, 1 failed, 2 wrong usage"));
+TEST(Program, HelpListsTheVerbs) {
+  std::string help;
+  EXPECT_EQ(run_program("--help", &help), 0);
+  for (const char* part : {"watch", "replay", "evaluate", "map", "tags", "simulate",
+                           "Exit codes: 0 done, 1 failed, 2 wrong usage"})
+    EXPECT_THAT(help, HasSubstr(part));
+}
+
+/// Scripts read stdout: with --json it is one JSON value and nothing else, with any exit code.
+class JsonOutput : public ::testing::Test {
+ protected:
+  /// @return stdout; discarded when it was not one JSON value
+  nlohmann::json run(std::vector<std::string> words, int exit_code = kExitOk) {
+    words.emplace_back("--json");
+    const auto run = run_fiducap(words);
+    EXPECT_EQ(run.code, exit_code) << ::testing::PrintToString(words) << run.err;
+    err_ = run.err;
+    auto json = nlohmann::json::parse(run.out, nullptr, false);
+    EXPECT_FALSE(json.is_discarded()) << ::testing::PrintToString(words) << run.out;
+    return json;
+  }
+
+  TemporaryFolder folder_;
+  std::string err_;
+};
+
+TEST_F(JsonOutput, OfRecordingsRunsAndEvaluations) {
+  const std::string recording = folder_.file("table");
+  const auto made = run({"simulate", "--room", "table", "--seconds", "8", "--out", recording});
+  EXPECT_GT(made["frames"], 100);
+  EXPECT_EQ(made["recording"], recording);
+  const auto checked = run({"check", recording});
+  EXPECT_EQ(checked["recordings"][0]["usable"], true);
+  EXPECT_THAT(checked["recordings"][0]["streams"], SizeIs(3));
+  const std::string out = folder_.file("out");
+  const auto replayed = run({"replay", recording, "--out", out});
+  EXPECT_THAT(err_, IsEmpty()) << "without a terminal there is no progress to show";
+  EXPECT_EQ(replayed["body"], "table");
+  EXPECT_THAT(value_of(read_whole_file(out + "/plots.html")), HasSubstr("table over time"));
+  const std::string plot = folder_.file("e.html");
+  const auto evaluated = run({"evaluate", out + "/table.tum", recording, "--plot", plot});
+  EXPECT_THAT(err_, IsEmpty());
+  EXPECT_GT(evaluated["pose"]["samples"], 20);
+  EXPECT_THAT(value_of(read_whole_file(plot)), HasSubstr("Position error against truth"));
+  run({"replay", recording, "--no-plots", "--out", out});
+  EXPECT_FALSE(read_whole_file(out + "/plots.html"));
+}
+
+TEST_F(JsonOutput, OfFailures) {
+  const auto checked = run({"check", folder_.file("none")}, kExitFailed);
+  EXPECT_EQ(checked["recordings"][0]["usable"], false);
+  EXPECT_THAT(err_, HasSubstr("none"));
+  const auto found = run({"doctor", "--server", "127.0.0.1:9"}, kExitFailed);
+  EXPECT_GT(found["faults"], 0);
+  EXPECT_EQ(found["sections"][0]["title"], "Network");
+}
+
+TEST_F(JsonOutput, OfATagSheet) {
+  const auto sheet =
+      run({"tags", "sheet", "--ids", "4,5", "--size-mm", "80", "--out", folder_.file("t.pdf")});
+  EXPECT_EQ(sheet["ids"], (std::vector<int>{4, 5}));
+  EXPECT_EQ(sheet["yaml"], folder_.file("t.yaml"));
+}
+
+TEST_F(JsonOutput, OfMapVerbs) {
+  const std::string csv = folder_.write("tags.csv",
+                                        "id,size,px,py,pz,qw,qx,qy,qz\n1,0.16,0,0,0,1,0,0,0\n"
+                                        "2,0.16,1,0,0,1,0,0,0\n3,0.16,0,1,0,1,0,0,0\n");
+  const std::string survey = folder_.write("m.csv", "id,x,y,z\n1,5,0,0\n2,6,0,0\n3,5,1,0\n");
+  const auto map = [&](std::vector<std::string> words) {
+    words.insert(words.begin(), "map");
+    words.insert(words.end(), {"--store", folder_.file("hall.map")});
+    return run(std::move(words));
+  };
+  const auto imported = map({"import", csv});
+  EXPECT_EQ(imported["version"], 1);
+  EXPECT_EQ(imported["tags"], 3);
+  EXPECT_EQ(map({"edit", "--quarantine", "3"})["version"], 2);
+  EXPECT_EQ(map({"rollback", "1"})["version"], 3);
+  EXPECT_EQ(map({"name", "3", "as it was"})["comment"], "as it was");
+  const auto aligned = map({"align", "--to", survey});
+  EXPECT_EQ(aligned["version"], 4);
+  EXPECT_THAT(aligned["residuals"], SizeIs(3));
+  EXPECT_NEAR(map({"align", "--distance", "1", "2", "1.01"})["tape_less_map_m"], 0.01, 1e-6);
+  EXPECT_EQ(map({"export", folder_.file("out.yaml")})["version"], 4);
+  EXPECT_EQ(map({"check"})["sound"], true);
+  EXPECT_EQ(map({"repair"})["kept_as"], "");
+  EXPECT_THAT(map({"log"}), SizeIs(4));
+  EXPECT_EQ(map({"show"})["version"], 4);
+  EXPECT_EQ(map({"diff"})["after"], 4);
 }
 
 }  // namespace

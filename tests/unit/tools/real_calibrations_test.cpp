@@ -1,12 +1,13 @@
 // Real boards and a real field video, each with the calibration that its authors made. Prints the
 // second table of docs/design/intrinsics.md.
-#include <iostream>
-#include <sstream>
-
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <iostream>
+
 #include <nlohmann/json.hpp>
 
+#include "support/command_run.hpp"
 #include "support/shared_data.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/calibrate/calibrate.hpp"
@@ -25,31 +26,19 @@ struct RealRow {
 
 CalibrateCameraArguments corners(const std::string& file, const std::string& set, int camera,
                                  const std::string& board, const std::string& size) {
-  CalibrateCameraArguments a;
-  a.corners = file;
-  a.set = set;
-  a.camera = camera;
-  a.board = board;
-  a.size = size;
-  return a;
+  return {.input = {},
+          .corners = file,
+          .board = board,
+          .size = size,
+          .set = set,
+          .checkerboard = {},
+          .camera = camera};
 }
-
 CalibrateCameraArguments video(const std::string& file, bool loose, const std::string& lens) {
-  CalibrateCameraArguments a;
-  a.input = file;
-  a.loose = loose;
-  a.lens = lens;
-  return a;
+  return {.input = file, .checkerboard = {}, .lens = lens, .loose = loose};
 }
 
 class RealCalibrations : public ::testing::TestWithParam<RealRow> {};
-
-std::string real_name(const ::testing::TestParamInfo<RealRow>& info) {
-  std::string name;
-  for (const char c : info.param.name)
-    name += std::isalnum(static_cast<unsigned char>(c)) != 0 ? c : '_';
-  return name;
-}
 
 void print_real_row(const RealRow& row, const nlohmann::json& r) {
   const auto& fu = r["numbers"]["fu"];
@@ -64,7 +53,7 @@ void print_real_row(const RealRow& row, const nlohmann::json& r) {
   std::cout << "|\n    " << r["checks"].dump() << "\n";
 }
 
-TEST_P(RealCalibrations, GetTheVerdictThatTheyDeserve) {
+TEST_P(RealCalibrations, GetTheExpectedVerdict) {
   const auto data = shared_data();
   if (!data) GTEST_SKIP() << kNoSharedData;
   const RealRow& row = GetParam();
@@ -74,18 +63,18 @@ TEST_P(RealCalibrations, GetTheVerdictThatTheyDeserve) {
   TemporaryFolder folder;
   arguments.out = folder.file("out");
   arguments.json = true;
-  std::ostringstream out, err;
-  const int code = run_calibrate_camera(arguments, {out, err});
-  if (out.str().empty()) {
-    std::cout << "| " << row.name << " | error | " << err.str();
-    EXPECT_EQ(row.verdict, "error") << err.str();
-    EXPECT_THAT(err.str(), ::testing::HasSubstr(row.why));
+  const auto run = on_terminal(
+      [&](const Terminal& terminal) { return run_calibrate_camera(arguments, terminal); });
+  if (run.out.empty()) {
+    std::cout << "| " << row.name << " | error | " << run.err;
+    EXPECT_EQ(row.verdict, "error") << run.err;
+    EXPECT_THAT(run.err, ::testing::HasSubstr(row.why));
     return;
   }
-  const auto report = nlohmann::json::parse(out.str());
+  const auto report = nlohmann::json::parse(run.out);
   print_real_row(row, report);
   EXPECT_EQ(report["verdict"], row.verdict) << report["advice"];
-  EXPECT_EQ(code, row.verdict == "useless" ? kExitFailed : kExitOk);
+  EXPECT_EQ(run.code, row.verdict == "useless" ? kExitFailed : kExitOk);
   EXPECT_EQ(std::filesystem::exists(folder.file("out") + "/camera.yaml"), row.verdict != "useless");
   EXPECT_THAT(report["advice"].dump(), ::testing::HasSubstr(row.why));
   if (row.most_off == 0) return;
@@ -102,17 +91,17 @@ std::vector<RealRow> real_rows() {
   const std::string fairo = "outside_in/fairo_eyehandcal/corners.csv";
   const std::string board = "charuco:4x5:54:40.5";
   std::vector<RealRow> rows;
-  rows.push_back({"field video, as it is", video(wpical, false, "auto"), 1826.1, 1821.5, "useless",
-                  "known to"});
-  rows.push_back({"field video, tags by themselves", video(wpical, true, "auto"), 1826.1, 1821.5,
-                  "useless", "known to"});
-  rows.push_back({"field video, tags by themselves, equidistant",
-                  video(wpical, true, "equidistant"), 1826.1, 1821.5, "useless", "known to"});
+  const auto field = [&](const char* name, bool loose, const char* lens) {
+    rows.push_back({name, video(wpical, loose, lens), 1826.1, 1821.5, "useless", "known to"});
+  };
+  field("field video, as it is", false, "auto");
+  field("field video, tags by themselves", true, "auto");
+  field("field video, tags by themselves, equidistant", true, "equidistant");
   const double f[4][2] = {{903.6, 907.9}, {760.3, 761.0}, {650.8, 654.5}, {639.9, 639.5}};
   for (int k = 0; k < 4; ++k) {
     const std::string camera = "caliscope camera " + std::to_string(k);
-    // Only the first camera saw the board in a quarter of its image; its focus was another one, see
-    // the design page.
+    // Only the first camera has the board in a quarter of its image; its focus differs, see the
+    // design page.
     rows.push_back({camera + ", ChArUco markers",
                     corners(caliscope, "charuco_calibration", k, board, "1280x720"), f[k][0],
                     f[k][1], k == 0 ? "weak" : "useless", "of the image was seen",
@@ -133,7 +122,13 @@ std::vector<RealRow> real_rows() {
   return rows;
 }
 
-INSTANTIATE_TEST_SUITE_P(Real, RealCalibrations, ::testing::ValuesIn(real_rows()), real_name);
+INSTANTIATE_TEST_SUITE_P(Real, RealCalibrations, ::testing::ValuesIn(real_rows()),
+                         [](const ::testing::TestParamInfo<RealRow>& row) {
+                           std::string name = row.param.name;
+                           for (char& c : name)
+                             if (std::isalnum(static_cast<unsigned char>(c)) == 0) c = '_';
+                           return name;
+                         });
 
 }  // namespace
 }  // namespace fiducap

@@ -1,99 +1,79 @@
 // `fiducap replay --resolve`.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <algorithm>
-#include <sstream>
 
 #include <nlohmann/json.hpp>
 
 #include "base/whole_file.hpp"
+#include "support/command_run.hpp"
 #include "support/temporary_folder.hpp"
-#include "tools/command_line.hpp"
-#include "tools/terminal.hpp"
 
 namespace fiducap {
 namespace {
 
 using testing::HasSubstr;
+using Words = std::vector<std::string>;
 
 class ResolveTest : public testing::Test {
  protected:
-  int run(const std::vector<std::string>& words) {
-    std::vector<const char*> argv{"fiducap"};
-    for (const std::string& word : words) argv.push_back(word.c_str());
-    out_.str("");
-    err_.str("");
-    return run_command_line(static_cast<int>(argv.size()), argv.data(), {out_, err_});
+  /// @return stdout, or stderr of a failure
+  static std::string run(const Words& words, int exit_code = kExitOk) {
+    const auto run = run_fiducap(words);
+    EXPECT_EQ(run.code, exit_code) << run.err;
+    return exit_code == kExitOk ? run.out : run.err;
   }
-  void simulate(const std::vector<std::string>& more = {}) {
-    std::vector<std::string> words{
-        "simulate", "--room", "table", "--seconds", "15", "--out", folder_.file("table")};
+  void simulate(const std::string& name, const Words& more = {}) const {
+    Words words{"simulate", "--room", "table", "--seconds", "15", "--out", folder_.file(name)};
     words.insert(words.end(), more.begin(), more.end());
-    ASSERT_EQ(run(words), kExitOk) << err_.str();
+    run(words);
+  }
+  std::string replay(const Words& more, int exit_code = kExitOk) const {
+    Words words{"replay", folder_.file("table"), "--out", folder_.file("out")};
+    words.insert(words.end(), more.begin(), more.end());
+    return run(words, exit_code);
   }
   [[nodiscard]] std::size_t lines(const std::string& name) const {
     const auto text = read_whole_file(folder_.file("out/" + name));
     return text ? static_cast<std::size_t>(std::count(text->begin(), text->end(), '\n')) : 0;
   }
-  nlohmann::json evaluated() {
-    EXPECT_EQ(run({"evaluate", folder_.file("out/table.tum"), folder_.file("table"), "--json"}),
-              kExitOk)
-        << err_.str();
-    return nlohmann::json::parse(out_.str());
+  [[nodiscard]] double position_rmse_m() const {
+    const auto json = nlohmann::json::parse(
+        run({"evaluate", folder_.file("out/table.tum"), folder_.file("table"), "--json"}));
+    return json["pose"]["position_rmse_m"];
   }
 
   TemporaryFolder folder_;
-  std::ostringstream out_;
-  std::ostringstream err_;
 };
 
-TEST_F(ResolveTest, WritesEveryPoseWithItsCovarianceAndWhatWasKnownLive) {
-  simulate();
-  ASSERT_EQ(run({"replay", folder_.file("table"), "--resolve", "--out", folder_.file("out")}),
-            kExitOk)
-      << err_.str();
+TEST_F(ResolveTest, WritesPosesCovariancesAndLivePoses) {
+  simulate("table");
+  replay({"--resolve"});
   const std::size_t poses = lines("table.tum");
-  EXPECT_GT(poses, 150U) << "20 images a second, from when the start is not taken back any more";
+  EXPECT_GT(poses, 150U) << "20 images per second, from when the start is final";
   EXPECT_NEAR(static_cast<double>(lines("table.covariance.csv")), static_cast<double>(poses), 1)
       << "and a header";
   EXPECT_GT(lines("table.live.tum"), 100U);
-  EXPECT_LT(evaluated()["pose"]["position_rmse_m"], 0.01);
+  EXPECT_LT(position_rmse_m(), 0.01);
 }
 
-TEST_F(ResolveTest, WithoutAnImuARecordingIsAlwaysResolved) {
-  simulate({"--no-imu"});
-  ASSERT_EQ(run({"replay", folder_.file("table"), "--out", folder_.file("out")}), kExitOk)
-      << err_.str();
+TEST_F(ResolveTest, IsTheOnlyWayWithoutAnImu) {
+  simulate("table", {"--no-imu"});
+  replay({});
   EXPECT_GT(lines("table.covariance.csv"), 150U);
   EXPECT_GT(lines("table.live.tum"), 0U);
 }
 
-TEST_F(ResolveTest, GoesOnFromAStoredMapAndSaysWhenThereIsNone) {
-  simulate();
+TEST_F(ResolveTest, StartsFromAStoredMap) {
+  simulate("table");
   const std::string store = folder_.file("hall.map");
-  EXPECT_EQ(run({"replay", folder_.file("table"), "--resolve", "--store", store, "--out",
-                 folder_.file("out")}),
-            kExitFailed);
-  EXPECT_THAT(err_.str(), HasSubstr("is not there"));
-  ASSERT_EQ(run({"simulate", "--room", "table", "--seconds", "15", "--seed", "5", "--out",
-                 folder_.file("before")}),
-            kExitOk);
-  ASSERT_EQ(run({"map", "build", folder_.file("before"), "--store", store}), kExitOk) << err_.str();
-  ASSERT_EQ(run({"replay", folder_.file("table"), "--resolve", "--store", store, "--out",
-                 folder_.file("out")}),
-            kExitOk)
-      << err_.str();
+  EXPECT_THAT(replay({"--resolve", "--store", store}, kExitFailed), HasSubstr("is not there"));
+  simulate("before", {"--seed", "5"});
+  run({"map", "build", folder_.file("before"), "--store", store});
+  replay({"--resolve", "--store", store});
   EXPECT_GT(lines("table.tum"), 150U);
-  EXPECT_LT(evaluated()["pose"]["position_rmse_m"], 0.01);
-}
-
-TEST_F(ResolveTest, BeginsWithOneMapOnly) {
-  simulate();
-  EXPECT_EQ(run({"replay", folder_.file("table"), "--map", "a.yaml", "--store", "b.map", "--out",
-                 folder_.file("out")}),
-            kExitFailed);
-  EXPECT_THAT(err_.str(), HasSubstr("not both"));
+  EXPECT_LT(position_rmse_m(), 0.01);
+  EXPECT_THAT(replay({"--map", "a.yaml", "--store", "b.map"}, kExitFailed), HasSubstr("not both"));
 }
 
 }  // namespace

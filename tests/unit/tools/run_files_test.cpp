@@ -1,22 +1,23 @@
 #include "tools/replay/run_files.hpp"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
-#include "base/pose.hpp"
 #include "base/whole_file.hpp"
+#include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/replay/evaluation.hpp"
+#include "tools/replay/trajectory_files.hpp"
 
 namespace fiducap {
 namespace {
 
-using ::testing::HasSubstr;
+using testing::HasSubstr;
+using testing::StartsWith;
 
-constexpr double kRounding =
-    1e-12;  // metres and radians: numbers are written so that they read back
+// Metres and radians: numbers are written so that they read back.
+constexpr double kRounding = 1e-12;
 
 OfflineResult result() {
   OfflineResult r;
@@ -36,150 +37,132 @@ OfflineResult result() {
   return r;
 }
 
-/// A run of one body, as the writer wants it.
-struct OneBody {
-  explicit OneBody(OfflineResult r) : result(std::move(r)) {}
-  OfflineSetup setup;
-  OfflineResult result;
-  OfflineSession session;
-  std::string name{"table"};
-  [[nodiscard]] std::vector<RunBody> bodies() const { return {{name, "", &setup, &result}}; }
-  [[nodiscard]] Expected<void> write(const std::string& folder) const {
-    return write_run_files(folder, bodies(), session);
+class RunFiles : public ::testing::Test {
+ protected:
+  [[nodiscard]] std::vector<RunBody> bodies() const { return {{name_, "", &setup_, &result_}}; }
+  void write(const std::string& folder = "out") const {
+    value_of(write_run_files(folder_.file(folder), bodies(), session_));
   }
+  [[nodiscard]] nlohmann::json report() const {
+    return nlohmann::json::parse(run_report(bodies(), session_));
+  }
+  [[nodiscard]] Expected<RunResults> read(const std::string& name = "out/table.tum") const {
+    return read_run(folder_.file(name), 1);
+  }
+
+  TemporaryFolder folder_;
+  OfflineSetup setup_;
+  OfflineResult result_{result()};
+  OfflineSession session_;
+  std::string name_{"table"};
 };
 
-TEST(RunFiles, WhatIsWrittenReadsBackAsTheSameRun) {
-  const TemporaryFolder folder;
-  const OfflineResult written = result();
-  ASSERT_TRUE(OneBody(written).write(folder.file("out")));
-  const auto run = read_run(folder.file("out/table.tum"), 1);
-  ASSERT_TRUE(run) << run.error().text();
-  ASSERT_EQ(run->trajectory.size(), 1u);
-  EXPECT_EQ(run->trajectory[0].at, written.trajectory[0].at);
-  ASSERT_EQ(run->map.size(), 2u);
-  EXPECT_EQ(run->map[0].tag_id, 1);
-  EXPECT_LT((run->map[0].X_WT.p - written.tags[0].tag.X_WT.p).norm(), kRounding);
-  EXPECT_LT(angle_between(run->map[1].X_WT.q, written.known[0].X_WT.q), kRounding);
-  EXPECT_EQ(run->map[1].edge_m, 0.2);
-  EXPECT_LT((run->X_BV[0].p - written.extrinsics[0].X_BV.p).norm(), kRounding);
-  EXPECT_LT(angle_between(run->X_BV[0].q, written.extrinsics[0].X_BV.q), kRounding);
+TEST_F(RunFiles, RoundTripGivesTheSameRun) {
+  write();
+  const auto run = value_of(read());
+  ASSERT_EQ(run.trajectory.size(), 1u);
+  EXPECT_EQ(run.trajectory[0].at, result_.trajectory[0].at);
+  ASSERT_EQ(run.map.size(), 2u);
+  EXPECT_EQ(run.map[0].tag_id, 1);
+  EXPECT_LT((run.map[0].X_WT.p - result_.tags[0].tag.X_WT.p).norm(), kRounding);
+  EXPECT_LT(angle_between(run.map[1].X_WT.q, result_.known[0].X_WT.q), kRounding);
+  EXPECT_EQ(run.map[1].edge_m, 0.2);
+  EXPECT_LT((run.X_BV[0].p - result_.extrinsics[0].X_BV.p).norm(), kRounding);
+  EXPECT_LT(angle_between(run.X_BV[0].q, result_.extrinsics[0].X_BV.q), kRounding);
 }
 
-TEST(RunFiles, WhatNothingTiesToTheWorkspaceIsWrittenBesideItAndGoesWithTheRun) {
-  const TemporaryFolder folder;
-  OfflineResult written = result();
+TEST_F(RunFiles, PartsOutsideOfTheWorkspaceHaveFilesOfTheirOwn) {
   for (int k = 0; k < 2; ++k) {
     OfflinePart part;
     part.trajectory = {
         {instant_from_ns(2'000'000'000 + k), {exp_so3({0, 0, 0.1}), {k + 1., 0, 0}}}};
     part.tags = {{70 + k, 0.2, {exp_so3({1, 0, 0}), {0, 0, 1. / 3}}, Matrix6d::Zero()}};
-    written.parts.push_back(part);
+    result_.parts.push_back(part);
   }
-  const OneBody body(written);
-  ASSERT_TRUE(body.write(folder.file("out")));
-  const auto run = read_run(folder.file("out/table.tum"), 1);
-  ASSERT_TRUE(run) << run.error().text();
-  ASSERT_EQ(run->map.size(), 2u) << "their tags are not in the map";
-  ASSERT_EQ(run->parts.size(), 2u);
-  EXPECT_EQ(run->parts[1].trajectory.at(0).at, written.parts[1].trajectory[0].at);
-  EXPECT_LT((run->parts[1].trajectory[0].X_WB.p - Eigen::Vector3d(2, 0, 0)).norm(), kRounding);
-  EXPECT_EQ(run->parts[1].map.at(0).tag_id, 71);
-  const auto report = nlohmann::json::parse(run_report(body.bodies(), body.session));
-  EXPECT_EQ(report["parts"][1]["file"], "table.2.part.tum");
-  EXPECT_EQ(report["parts"][1]["tags"][0], 71);
-  ASSERT_TRUE(OneBody(result()).write(folder.file("out")));
-  const auto next = read_run(folder.file("out/table.tum"), 1);
-  ASSERT_TRUE(next);
-  EXPECT_TRUE(next->parts.empty()) << "an earlier run is replaced whole";
+  write();
+  const auto run = value_of(read());
+  ASSERT_EQ(run.map.size(), 2u) << "their tags are not in the map";
+  ASSERT_EQ(run.parts.size(), 2u);
+  EXPECT_EQ(run.parts[1].trajectory.at(0).at, result_.parts[1].trajectory[0].at);
+  EXPECT_LT((run.parts[1].trajectory[0].X_WB.p - Eigen::Vector3d(2, 0, 0)).norm(), kRounding);
+  EXPECT_EQ(run.parts[1].map.at(0).tag_id, 71);
+  EXPECT_EQ(report()["parts"][1]["file"], "table.2.part.tum");
+  EXPECT_EQ(report()["parts"][1]["tags"][0], 71);
+  result_.parts.clear();
+  write();
+  EXPECT_TRUE(value_of(read()).parts.empty()) << "an earlier run is replaced completely";
 }
 
-TEST(RunFiles, ReportCarriesTheFigures) {
-  const OneBody run(result());
-  const auto report = nlohmann::json::parse(run_report(run.bodies(), run.session));
-  EXPECT_EQ(report["frames"], 40);
-  EXPECT_EQ(report["frames_with_pose"], 39);
-  EXPECT_EQ(report["tags_mapped"], 1);
-  EXPECT_DOUBLE_EQ(report["cpu_s"]["filter_per_second_of_data"], 0.5);
-  EXPECT_DOUBLE_EQ(report["filter_statistics"]["nis_per_dof"], 0.9);
+TEST_F(RunFiles, ReportHasNumbersAndEvents) {
+  BodyEvent relocalised;
+  relocalised.kind = BodyEvent::Kind::kRelocalised;
+  BodyEvent mismatch;
+  mismatch.kind = BodyEvent::Kind::kMismatch;
+  mismatch.at = instant_from_ns(5);
+  mismatch.text = "all tags seem larger";
+  result_.events = {relocalised, relocalised, mismatch};
+  const auto json = report();
+  EXPECT_EQ(json["frames"], 40);
+  EXPECT_EQ(json["frames_with_pose"], 39);
+  EXPECT_EQ(json["tags_mapped"], 1);
+  EXPECT_DOUBLE_EQ(json["cpu_s"]["filter_per_second_of_data"], 0.5);
+  EXPECT_DOUBLE_EQ(json["filter_statistics"]["nis_per_dof"], 0.9);
+  EXPECT_EQ(json["events"]["relocalised"], 2);
+  EXPECT_EQ(json["events"]["reset"], 0);
+  ASSERT_EQ(json["said"].size(), 1u);
+  EXPECT_EQ(json["said"][0]["event"], "mismatch");
+  EXPECT_EQ(json["said"][0]["t_ns"], 5);
+  EXPECT_EQ(json["said"][0]["text"], mismatch.text);
 }
 
-TEST(RunFiles, ReportSaysWhatHappenedAndWhatWasSaid) {
-  OfflineResult r = result();
-  BodyEvent found;
-  found.kind = BodyEvent::Kind::kRelocalised;
-  BodyEvent said;
-  said.kind = BodyEvent::Kind::kMismatch;
-  said.at = instant_from_ns(5);
-  said.text = "all tags seem larger";
-  r.events = {found, found, said};
-  const OneBody run(r);
-  const auto report = nlohmann::json::parse(run_report(run.bodies(), run.session));
-  EXPECT_EQ(report["events"]["relocalised"], 2);
-  EXPECT_EQ(report["events"]["reset"], 0);
-  ASSERT_EQ(report["said"].size(), 1u);
-  EXPECT_EQ(report["said"][0]["event"], "mismatch");
-  EXPECT_EQ(report["said"][0]["t_ns"], 5);
-  EXPECT_EQ(report["said"][0]["text"], said.text);
-}
-
-TEST(RunFiles, AKnownTagThatIsAlsoInTheStateIsListedOnce) {
-  OfflineResult r = result();
-  r.tags[0].tag.tag_id = 3;
-  const OneBody run(r);
-  const TagMap map = run_map(run.bodies());
+TEST_F(RunFiles, MapListsATagInTheStateAndKnownOnce) {
+  result_.tags[0].tag.tag_id = 3;
+  const TagMap map = run_map(bodies());
   ASSERT_EQ(map.tags.size(), 1u);
   EXPECT_EQ(map.tags[0].state, TagState::kSurveyed);
 }
 
-TEST(RunFiles, AnEarlierRunInTheFolderIsReplacedWhole) {
-  const TemporaryFolder folder;
-  OneBody first(result());
-  first.name = "hall";
-  ASSERT_TRUE(check_run_folder(folder.file("out")));
-  ASSERT_TRUE(first.write(folder.file("out")));
-  ASSERT_TRUE(check_run_folder(folder.file("out")));
-  ASSERT_TRUE(OneBody(result()).write(folder.file("out")));
-  EXPECT_FALSE(std::filesystem::exists(folder.file("out/hall.tum")));
-  EXPECT_TRUE(read_run(folder.file("out/table.tum"), 1));
+TEST_F(RunFiles, ReplaceAnEarlierRun) {
+  name_ = "hall";
+  ASSERT_TRUE(check_run_folder(folder_.file("out")));
+  write();
+  ASSERT_TRUE(check_run_folder(folder_.file("out")));
+  name_ = "table";
+  write();
+  EXPECT_FALSE(std::filesystem::exists(folder_.file("out/hall.tum")));
+  EXPECT_TRUE(read());
 }
 
-TEST(RunFiles, ATrajectoryOfAnotherRunIsNeverScored) {
-  const TemporaryFolder folder;
-  ASSERT_TRUE(OneBody(result()).write(folder.file("out")));
-  ASSERT_TRUE(write_whole_file(folder.file("out/hall.tum"), "1.0 0 0 0 0 0 0 1\n"));
-  const auto run = read_run(folder.file("out/hall.tum"), 1);
-  ASSERT_FALSE(run);
-  EXPECT_THAT(run.error().text(), HasSubstr("another run"));
+TEST_F(RunFiles, RefuseForeignFiles) {
+  write();
+  folder_.write("out/hall.tum", "1.0 0 0 0 0 0 0 1\n");
+  EXPECT_THAT(error_of(read("out/hall.tum")), HasSubstr("another run"));
+  folder_.write("other/map.csv", "id,size\n");
+  EXPECT_THAT(error_of(check_run_folder(folder_.file("other"))), HasSubstr("map.csv"));
 }
 
-TEST(RunFiles, FilesThatNobodyKnowsAreRefused) {
-  const TemporaryFolder folder;
-  ASSERT_TRUE(write_whole_file(folder.file("out/map.csv"), "id,size\n"));
-  const auto checked = check_run_folder(folder.file("out"));
-  ASSERT_FALSE(checked);
-  EXPECT_THAT(checked.error().text(), HasSubstr("map.csv"));
-}
-
-TEST(RunFiles, CovariancesAndEventsAreThere) {
-  const TemporaryFolder folder;
-  OfflineResult r = result();
-  r.covariances = {{r.trajectory[0].at, Matrix6d::Identity() * 0.25}};
-  r.events = {{BodyEvent::Kind::kReset, instant_from_ns(5), -1, {}, {}}};
-  OneBody run(r);
-  run.session.map_events = {
+TEST_F(RunFiles, HaveCovariancesAndEvents) {
+  result_.covariances = {{result_.trajectory[0].at, Matrix6d::Identity() * 0.25}};
+  result_.events = {{BodyEvent::Kind::kReset, instant_from_ns(5), -1, {}, {}}};
+  session_.map_events = {
       {instant_from_ns(3), {MapEvent::Kind::kTagAdded, 4, "tag 4 joined the map, seen by body 1"}}};
-  ASSERT_TRUE(run.write(folder.file("out")));
-  const auto covariance = read_whole_file(folder.file("out/table.covariance.csv"));
-  ASSERT_TRUE(covariance);
-  EXPECT_THAT(*covariance, HasSubstr("\n1000000001,0.25,0,0,0,0,0,0.25,"));
-  const auto events = read_whole_file(folder.file("out/events.csv"));
-  ASSERT_TRUE(events);
-  EXPECT_THAT(*events, HasSubstr("\n3,,tag_added,4,0,0,tag 4 joined the map; seen by body 1\n"
-                                 "5,table,reset,,0,0,\n"));
+  write();
+  EXPECT_THAT(value_of(read_whole_file(folder_.file("out/table.covariance.csv"))),
+              HasSubstr("\n1000000001,0.25,0,0,0,0,0,0.25,"));
+  EXPECT_THAT(value_of(read_whole_file(folder_.file("out/events.csv"))),
+              HasSubstr("\n3,,tag_added,4,0,0,tag 4 joined the map; seen by body 1\n"
+                        "5,table,reset,,0,0,\n"));
 }
 
-TEST(Extrinsics, RefuseWhatIsNoRotation) {
+TEST_F(RunFiles, ErrorNamesTheMissingFile) {
+  write("");
+  for (const char* missing : {"extrinsics.yaml", "map.csv"}) {
+    std::filesystem::remove(folder_.file(missing));
+    EXPECT_THAT(read("table.tum").error().context, HasSubstr(missing));
+  }
+}
+
+TEST(Extrinsics, AreRefusedUnlessRigid) {
   const auto read = [](const std::string& text) { return extrinsics_from_yaml(text, 1, "e.yaml"); };
   EXPECT_TRUE(read("cam0:\n  T_BS:\n    data: [1,0,0,1, 0,1,0,2, 0,0,1,3, 0,0,0,1]\n"));
   for (const char* bad :
@@ -191,13 +174,74 @@ TEST(Extrinsics, RefuseWhatIsNoRotation) {
     EXPECT_FALSE(read(bad)) << bad;
 }
 
-TEST(ReadRun, NamesTheFileThatIsMissing) {
-  const TemporaryFolder folder;
-  ASSERT_TRUE(OneBody(result()).write(folder.file("")));
-  std::filesystem::remove(folder.file("extrinsics.yaml"));
-  EXPECT_THAT(read_run(folder.file("table.tum"), 1).error().context, HasSubstr("extrinsics.yaml"));
-  std::filesystem::remove(folder.file("map.csv"));
-  EXPECT_THAT(read_run(folder.file("table.tum"), 1).error().context, HasSubstr("map.csv"));
+// (2, 4, 5, 6)/9 is a unit quaternion with four different parts: no swapped order can pass. Eigen
+// takes w x y z.
+const Pose kPose{{2 / 9., 4 / 9., 5 / 9., 6 / 9.}, {1.5, -2.25, 0.125}};
+
+TEST(TumFile, RoundTripIsExact) {
+  const std::vector<StampedPose> poses{{instant_from_ns(1'600'000'000'000'000'001), kPose},
+                                       {instant_from_ns(1'600'000'000'999'999'999), kPose}};
+  const std::string text = to_tum(poses);
+  EXPECT_THAT(text, StartsWith("1600000000.000000001 1.5 -2.25 0.125 0.4444444444444444 "
+                               "0.5555555555555556 0.6666666666666666 0.2222222222222222\n"));
+  const auto read = value_of(tum_from(text, "test"));
+  ASSERT_EQ(read.size(), 2u);
+  EXPECT_EQ(read[0].at, poses[0].at);
+  EXPECT_EQ(read[1].at, poses[1].at);
+  EXPECT_EQ(read[0].X_WB.p, kPose.p);
+  EXPECT_LT(read[0].X_WB.q.angularDistance(kPose.q), 1e-15);
+}
+
+TEST(TumFile, ReadsFilesOfOtherPrograms) {
+  const auto read =
+      value_of(tum_from("# comment\n\n 12.5\t1 2 3  0 0 0 1\r\n13 1 2 3 0 0 0 -1", "test"));
+  ASSERT_EQ(read.size(), 2u);
+  EXPECT_EQ(to_ns(read[0].at), 12'500'000'000);
+  EXPECT_EQ(to_ns(read[1].at), 13'000'000'000);
+}
+
+TEST(TumFile, ReportsTheLineThatIsNoPose) {
+  for (const char* bad :
+       {"1 2 3", "1 0 0 0 0 0 0 2", "x 0 0 0 0 0 0 1", "1 0 0 nan 0 0 0 1", "1 0 0 0 0 0 0 1 9",
+        "-1 0 0 0 0 0 0 1", "1.5x 0 0 0 0 0 0 1", "99999999999 0 0 0 0 0 0 1"}) {
+    const auto read = tum_from(std::string("0 0 0 0 0 0 0 1\n") + bad + "\n", "file.tum");
+    ASSERT_FALSE(read) << bad;
+    EXPECT_EQ(read.error().context, "file.tum:2") << bad;
+  }
+  EXPECT_FALSE(tum_from("1 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "test")) << "time does not increase";
+}
+
+std::string line_of(const std::string& stamp, const std::string& last = "1e-6") {
+  return stamp + ",1e-6,0,0,0,0,0,1e-6,0,0,0,0,1e-6,0,0,0,1e-6,0,0,1e-6,0," + last + "\n";
+}
+
+TEST(CovarianceFile, RoundTripIsExact) {
+  StampedCovariance one{instant_from_ns(1'600'000'000'123'456'789), Matrix6d::Zero()};
+  for (int row = 0; row < 6; ++row)
+    for (int column = row; column < 6; ++column)
+      one.covariance(row, column) = one.covariance(column, row) =
+          (row == column ? 1. : -0.1) / (3 + row + 7 * column);
+  const std::vector<StampedCovariance> written{one, {one.at + Duration{1}, one.covariance / 3}};
+  const auto read = value_of(covariances_from_csv(to_covariance_csv(written), "c.csv"));
+  ASSERT_EQ(read.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(read[i].at, written[i].at);
+    EXPECT_EQ(read[i].covariance, written[i].covariance);
+  }
+}
+
+TEST(CovarianceFile, SkipsCommentsAndEmptyLines) {
+  EXPECT_EQ(value_of(covariances_from_csv("#t_ns,P00\n\n" + line_of("5"), "c.csv")).size(), 1u);
+  EXPECT_TRUE(covariances_from_csv("", "c.csv"));
+}
+
+TEST(CovarianceFile, ReportsTheLineThatIsNoCovariance) {
+  for (const std::string& bad :
+       {line_of("x"), line_of("5.5"), line_of("5", "nan"), line_of("5", "-1e-6"),
+        line_of("5", "1e-6,0"), line_of("5", ""), std::string("5,1,2\n"), line_of("4"),
+        line_of("99999999999999999999")})
+    EXPECT_THAT(error_of(covariances_from_csv(line_of("4") + bad, "c.csv")), HasSubstr("c.csv:2"))
+        << bad;
 }
 
 }  // namespace

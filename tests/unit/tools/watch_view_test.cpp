@@ -1,80 +1,74 @@
-#include "tools/live/live_verbs.hpp"
-
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
 #include <nlohmann/json.hpp>
 
+#include "tools/live/live_verbs.hpp"
+
 namespace fiducap {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-Frame frame() {
-  Frame f;
-  f.number = 42;
-  f.map_version = 3;
-  Body body;
-  body.id = 1;
-  body.name = "drone";
-  body.tracking = Tracking::kTracking;
-  body.valid = true;
-  body.position_m = {1.25, -2.5, 0.375};
-  body.orientation_wxyz = {std::sqrt(0.5), 0, 0, std::sqrt(0.5)};  // heading 90 degrees
-  body.velocity_m_s = {3, 0, 4};
-  body.position_sigma_m = 0.0042;
-  body.age_s = 0.037;
-  body.tags_in_view = 5;
-  f.bodies = {body};
-  return f;
-}
+class WatchView : public ::testing::Test {
+ protected:
+  WatchView() {
+    frame_.number = 42;
+    frame_.map_version = 3;
+    Body body;
+    body.id = 1;
+    body.name = "drone";
+    body.tracking = Tracking::kTracking;
+    body.valid = true;
+    body.position_m = {1.25, -2.5, 0.375};
+    body.orientation_wxyz = {std::sqrt(0.5), 0, 0, std::sqrt(0.5)};  // heading 90 degrees
+    body.velocity_m_s = {3, 0, 4};
+    body.position_sigma_m = 0.0042;
+    body.age_s = 0.037;
+    body.tags_in_view = 5;
+    frame_.bodies = {body};
+    statistics_.connected = true;
+    statistics_.rate_hz = 99.96;
+    statistics_.lost = 7;
+    statistics_.latency_p50_s = 0.00025;
+    statistics_.latency_p99_s = std::numeric_limits<double>::quiet_NaN();
+  }
+  [[nodiscard]] std::string table() const { return watch_table("hall:21600", frame_, statistics_); }
 
-ClientStatistics statistics() {
-  ClientStatistics s;
-  s.connected = true;
-  s.rate_hz = 99.96;
-  s.lost = 7;
-  s.latency_p50_s = 0.00025;
-  s.latency_p99_s = std::numeric_limits<double>::quiet_NaN();
-  return s;
-}
+  Frame frame_;
+  ClientStatistics statistics_;
+};
 
-TEST(WatchView, TableShowsPoseSpeedAndLoss) {
-  const std::string table = watch_table("hall:21600", frame(), statistics());
+TEST_F(WatchView, TableHasPoseSpeedAndLoss) {
   EXPECT_THAT(
-      table,
-      HasSubstr(
-          "hall:21600  frame 42  100.0 Hz  latency p50 0.25 ms p99 unknown  lost 7  map v3\n"));
-  EXPECT_THAT(table, HasSubstr("drone            tracking     1.250   -2.500    0.375     90.0"));
-  EXPECT_THAT(table, HasSubstr(" 5.00 "));
+      table(),
+      AllOf(HasSubstr("hall:21600  frame 42  100.0 Hz  latency p50 0.25 ms p99 unknown  lost 7  "
+                      "map v3\n"),
+            HasSubstr("drone            tracking     1.250   -2.500    0.375     90.0"),
+            HasSubstr(" 5.00 ")));
 }
 
-TEST(WatchView, ColumnsStandBelowTheirNames) {
-  const std::string table = watch_table("s", frame(), statistics());
-  const std::size_t names = table.find('\n') + 1;
-  const std::size_t row = table.find('\n', names) + 1;
-  EXPECT_EQ(row - names, table.size() - row) << table;
+TEST_F(WatchView, ColumnsAreBelowTheirNames) {
+  const std::string text = table();
+  const std::size_t names = text.find('\n') + 1;
+  const std::size_t row = text.find('\n', names) + 1;
+  EXPECT_EQ(row - names, text.size() - row) << text;
 }
 
-TEST(WatchView, AnInvalidPoseIsNotShown) {
-  Frame f = frame();
-  f.bodies[0].valid = false;
-  EXPECT_THAT(watch_table("s", f, statistics()), Not(HasSubstr("1.250")));
-  EXPECT_THAT(watch_lines(f, statistics()), Not(HasSubstr("1.250")));
+TEST_F(WatchView, HidesInvalidPosesAndReportsSilence) {
+  frame_.bodies[0].valid = false;
+  EXPECT_THAT(table(), Not(HasSubstr("1.250")));
+  EXPECT_THAT(watch_lines(frame_, statistics_), Not(HasSubstr("1.250")));
+  statistics_.connected = false;
+  EXPECT_THAT(table(), HasSubstr("NOT ANSWERING"));
 }
 
-TEST(WatchView, ASilentServerIsSaid) {
-  ClientStatistics s = statistics();
-  s.connected = false;
-  EXPECT_THAT(watch_table("s", frame(), s), HasSubstr("NOT ANSWERING"));
-}
-
-TEST(WatchView, JsonIsOneLineWithUnknownAsNull) {
-  const std::string text = watch_json(frame(), statistics());
+TEST_F(WatchView, JsonIsOneLineWithUnknownAsNull) {
+  const std::string text = watch_json(frame_, statistics_);
   EXPECT_EQ(text.find('\n'), text.size() - 1);
   const auto json = nlohmann::json::parse(text);
   EXPECT_EQ(json["frame"], 42);

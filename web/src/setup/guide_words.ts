@@ -64,13 +64,13 @@ export interface Served {
  * @param host  of this page: replaces "every address of the server", to which no client can connect
  */
 export function servedBy(
-  lines: readonly Pick<LogLine, 'room' | 'text'>[],
+  lines: readonly Pick<LogLine, 'module' | 'text'>[],
   host: string,
 ): Served[] {
   const found = new Map<string, string>();
-  for (const { room, text } of lines) {
+  for (const { module, text } of lines) {
     const match = /^(?:serves |page at )(.+)$/.exec(text);
-    if (match?.[1]) found.set(room, match[1].replace('0.0.0.0', host));
+    if (match?.[1]) found.set(module, match[1].replace('0.0.0.0', host));
   }
   return [...found]
     .map(([protocol, words]) => ({ protocol, words }))

@@ -1,9 +1,9 @@
 #include <numbers>
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "capture/import/imu_csv.hpp"
+#include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {
@@ -19,66 +19,58 @@ Expected<ImuColumns> columns_of(const std::string& header) {
   return find_imu_columns(split_header(header), "", "");
 }
 
-TEST(ImuColumns, HeadersOfManyKindsAreUnderstood) {
-  struct Case {
+TEST(ImuColumns, AreFoundInHeadersOfManyKinds) {
+  const struct {
     const char* header;
     int exponent;
-    double gyro;
-    double accel;
+    double gyro, accel;
+  } kCases[] = {
+      {"#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
+       "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]",
+       0, 1, 1},
+      {"timestamp,omega_x,omega_y,omega_z,alpha_x,alpha_y,alpha_z", -1, 0, 0},
+      {"t_us,gx,gy,gz,ax,ay,az", 3, 0, 0},
+      {"time_ms,gyro_x_dps,gyro_y_dps,gyro_z_dps,acc_x_g,acc_y_g,acc_z_g", 6, kDegree,
+       kStandardGravity_m_s2},
+      {"\xef\xbb\xbf\"Time (s)\",\"GyroX (deg/s)\",\"GyroY (deg/s)\",\"GyroZ (deg/s)\","
+       "\"AccX (m/s^2)\",\"AccY (m/s^2)\",\"AccZ (m/s^2)\"\r",
+       9, kDegree, 1},
+      {"%time,field.angular_velocity.x,field.angular_velocity.y,field.angular_velocity.z,"
+       "field.linear_acceleration.x,field.linear_acceleration.y,field.linear_acceleration.z",
+       -1, 0, 0},
+      {"seconds_elapsed,motionRotationRateX(rad/s),motionRotationRateY(rad/s),"
+       "motionRotationRateZ(rad/s),accelerometerAccelerationX(G),"
+       "accelerometerAccelerationY(G),accelerometerAccelerationZ(G)",
+       9, 1, kStandardGravity_m_s2},
   };
-  for (const Case& c : {
-           Case{"#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
-                "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]",
-                0, 1, 1},
-           Case{"timestamp,omega_x,omega_y,omega_z,alpha_x,alpha_y,alpha_z", -1, 0, 0},
-           Case{"t_us,gx,gy,gz,ax,ay,az", 3, 0, 0},
-           Case{"time_ms,gyro_x_dps,gyro_y_dps,gyro_z_dps,acc_x_g,acc_y_g,acc_z_g", 6, kDegree,
-                kStandardGravity_m_s2},
-           Case{"\xef\xbb\xbf\"Time (s)\",\"GyroX (deg/s)\",\"GyroY (deg/s)\",\"GyroZ (deg/s)\","
-                "\"AccX (m/s^2)\",\"AccY (m/s^2)\",\"AccZ (m/s^2)\"\r",
-                9, kDegree, 1},
-           Case{"%time,field.angular_velocity.x,field.angular_velocity.y,field.angular_velocity.z,"
-                "field.linear_acceleration.x,field.linear_acceleration.y,field.linear_acceleration."
-                "z",
-                -1, 0, 0},
-           Case{"seconds_elapsed,motionRotationRateX(rad/s),motionRotationRateY(rad/s),"
-                "motionRotationRateZ(rad/s),accelerometerAccelerationX(G),"
-                "accelerometerAccelerationY(G),accelerometerAccelerationZ(G)",
-                9, 1, kStandardGravity_m_s2},
-       }) {
-    const auto columns = columns_of(c.header);
-    ASSERT_TRUE(columns) << c.header << ": " << columns.error().text();
-    EXPECT_EQ(columns->time, 0u);
-    EXPECT_THAT(columns->gyro, ElementsAre(1, 2, 3)) << c.header;
-    EXPECT_THAT(columns->accel, ElementsAre(4, 5, 6)) << c.header;
-    EXPECT_EQ(columns->time_exponent, c.exponent) << c.header;
-    EXPECT_DOUBLE_EQ(columns->gyro_unit, c.gyro) << c.header;
-    EXPECT_DOUBLE_EQ(columns->accel_unit, c.accel) << c.header;
+  for (const auto& c : kCases) {
+    SCOPED_TRACE(c.header);
+    const ImuColumns columns = value_of(columns_of(c.header));
+    EXPECT_EQ(columns.time, 0u);
+    EXPECT_THAT(columns.gyro, ElementsAre(1, 2, 3));
+    EXPECT_THAT(columns.accel, ElementsAre(4, 5, 6));
+    EXPECT_EQ(columns.time_exponent, c.exponent);
+    EXPECT_DOUBLE_EQ(columns.gyro_unit, c.gyro);
+    EXPECT_DOUBLE_EQ(columns.accel_unit, c.accel);
   }
 }
 
-TEST(ImuColumns, WhatIsNoImuIsPassedOver) {
-  const auto columns = columns_of(
-      "time,mag_x,mag_y,mag_z,userAccX,userAccY,userAccZ,gravityX,ax,ay,az,gx,gy,gz,temp");
-  ASSERT_TRUE(columns) << columns.error().text();
-  EXPECT_THAT(columns->accel, ElementsAre(8, 9, 10));
-  EXPECT_THAT(columns->gyro, ElementsAre(11, 12, 13));
+TEST(ImuColumns, IgnoreOtherColumnsAndNameMissingOnes) {
+  const ImuColumns columns = value_of(columns_of(
+      "time,mag_x,mag_y,mag_z,userAccX,userAccY,userAccZ,gravityX,ax,ay,az,gx,gy,gz,temp"));
+  EXPECT_THAT(columns.accel, ElementsAre(8, 9, 10));
+  EXPECT_THAT(columns.gyro, ElementsAre(11, 12, 13));
+  EXPECT_THAT(error_of(columns_of("time,gx,gy,ax,ay,az,light")),
+              HasSubstr("no column for gyro z; there is: time, gx, gy, ax"));
 }
 
-TEST(ImuColumns, WhatIsMissingIsNamedWithWhatIsThere) {
-  const auto columns = columns_of("time,gx,gy,ax,ay,az,light");
-  ASSERT_FALSE(columns);
-  EXPECT_THAT(columns.error().what, HasSubstr("no column for gyro z; there is: time, gx, gy, ax"));
-}
-
-TEST(ImuColumns, NamedColumnsAndUnitsAreTakenAsTheyAre) {
+TEST(ImuColumns, MayBeNamedWithTheirUnits) {
   const auto header = split_header("a,b,c,d,e,f,g");
-  auto columns = find_imu_columns(header, "g,f,e,d,c,b,a", "us,deg/s,g");
-  ASSERT_TRUE(columns) << columns.error().text();
-  EXPECT_EQ(columns->time, 6u);
-  EXPECT_THAT(columns->gyro, ElementsAre(5, 4, 3));
-  EXPECT_THAT(columns->accel, ElementsAre(2, 1, 0));
-  EXPECT_EQ(columns->time_exponent, 3);
+  const ImuColumns columns = value_of(find_imu_columns(header, "g,f,e,d,c,b,a", "us,deg/s,g"));
+  EXPECT_EQ(columns.time, 6u);
+  EXPECT_THAT(columns.gyro, ElementsAre(5, 4, 3));
+  EXPECT_THAT(columns.accel, ElementsAre(2, 1, 0));
+  EXPECT_EQ(columns.time_exponent, 3);
   EXPECT_FALSE(find_imu_columns(header, "a,b", ""));
   EXPECT_FALSE(find_imu_columns(header, "a,b,c,d,e,f,x", ""));
   EXPECT_FALSE(find_imu_columns(header, "a,b,c,d,e,f,g", "furlongs,deg/s,g"));
@@ -88,7 +80,7 @@ constexpr Duration kGap = std::chrono::milliseconds(100);
 
 VectorReading reading(std::int64_t ms, double x) { return {ms * 1'000'000, {x, 0, 0}}; }
 
-TEST(ImuPairs, TheAccelerometerIsInterpolatedAtTheTimesOfTheGyro) {
+TEST(ImuPairs, InterpolateTheAccelerometerAtTheTimesOfTheGyro) {
   const auto pairs = pair_readings({reading(10, 1), reading(15, 2), reading(20, 3)},
                                    {reading(10, 100), reading(20, 200)}, kGap);
   ASSERT_EQ(pairs.samples.size(), 3u);
@@ -98,7 +90,7 @@ TEST(ImuPairs, TheAccelerometerIsInterpolatedAtTheTimesOfTheGyro) {
   EXPECT_EQ(pairs.samples[2].f_B.x(), 200);
 }
 
-TEST(ImuPairs, NothingIsMadeUpBeforeBehindOrInGaps) {
+TEST(ImuPairs, AreNotExtrapolatedNorMadeInGaps) {
   const auto pairs =
       pair_readings({reading(5, 1), reading(60, 2), reading(250, 3), reading(900, 4)},
                     {reading(10, 1), reading(100, 1), reading(400, 1)}, kGap);
@@ -107,7 +99,7 @@ TEST(ImuPairs, NothingIsMadeUpBeforeBehindOrInGaps) {
   EXPECT_EQ(pairs.alone, 3u);
 }
 
-TEST(ImuPairs, ReadingsAreSortedAndComeOnce) {
+TEST(ImuPairs, AreSortedAndUnique) {
   std::vector<VectorReading> readings{reading(2, 2), reading(1, 1), reading(2, 3), reading(3, 3)};
   EXPECT_EQ(put_in_order(readings), 1u);
   ASSERT_EQ(readings.size(), 3u);
@@ -123,69 +115,67 @@ class ImuCsvTest : public testing::Test {
   ImportOptions options_;
 };
 
-TEST(ParseTime, DigitsBecomeNanosecondsWithoutADouble) {
+TEST(ParseTime, ReadsDigitsExactly) {
+  const struct {
+    const char* text;
+    int exponent;
+    std::int64_t ns;
+  } kCases[] = {{"1403636579.763555123", 9, 1'403'636'579'763'555'123},
+                {"1403636579763555123", 0, 1'403'636'579'763'555'123},
+                {"12.5", 6, 12'500'000},
+                {"-0.25", 9, -250'000'000},
+                {"1.5e2", 3, 150'000}};
   std::int64_t ns = 0;
-  ASSERT_TRUE(parse_time("1403636579.763555123", 9, ns));
-  EXPECT_EQ(ns, 1'403'636'579'763'555'123);
-  ASSERT_TRUE(parse_time("1403636579763555123", 0, ns));
-  EXPECT_EQ(ns, 1'403'636'579'763'555'123);
-  ASSERT_TRUE(parse_time("12.5", 6, ns));
-  EXPECT_EQ(ns, 12'500'000);
-  ASSERT_TRUE(parse_time("-0.25", 9, ns));
-  EXPECT_EQ(ns, -250'000'000);
-  ASSERT_TRUE(parse_time("1.5e2", 3, ns));
-  EXPECT_EQ(ns, 150'000);
+  for (const auto& [text, exponent, expected] : kCases) {
+    ASSERT_TRUE(parse_time(text, exponent, ns)) << text;
+    EXPECT_EQ(ns, expected);
+  }
   for (const char* wrong : {"", "x", "1.x", "99999999999999999999", "1e300"})
     EXPECT_FALSE(parse_time(wrong, 9, ns)) << wrong;
 }
 
-TEST_F(ImuCsvTest, UnitsAreSeenByTheNumbersAndSaid) {
+TEST_F(ImuCsvTest, InfersAndReportsUnitsFromTheNumbers) {
   std::string text = "t,gx,gy,gz,ax,ay,az\n";
   for (int i = 0; i < 200; ++i)
     text += std::to_string(5000 * i) + ",90,-45,0,0,0,1\n";  // µs, deg/s, g
-  const auto table = read(text);
-  ASSERT_TRUE(table) << table.error().text();
-  ASSERT_EQ(table->samples.size(), 200u);
-  EXPECT_EQ(to_ns(table->samples[1].sampled_at), 5'000'000);
-  EXPECT_NEAR(table->samples[0].w_WB_B.x(), std::numbers::pi / 2, 1e-12);
-  EXPECT_NEAR(table->samples[0].f_B.z(), 9.80665, 1e-12);
-  EXPECT_THAT(table->remarks, Contains(HasSubstr("time is assumed in µs")));
-  EXPECT_THAT(table->remarks, Contains(HasSubstr("the gyro is assumed in deg/s")));
-  EXPECT_THAT(table->remarks, Contains(HasSubstr("the accelerometer is assumed in g")));
+  const ImuTable table = value_of(read(text));
+  ASSERT_EQ(table.samples.size(), 200u);
+  EXPECT_EQ(to_ns(table.samples[1].sampled_at), 5'000'000);
+  EXPECT_NEAR(table.samples[0].w_WB_B.x(), std::numbers::pi / 2, 1e-12);
+  EXPECT_NEAR(table.samples[0].f_B.z(), 9.80665, 1e-12);
+  for (const char* remark : {"time is assumed in µs", "the gyro is assumed in deg/s",
+                             "the accelerometer is assumed in g"})
+    EXPECT_THAT(table.remarks, Contains(HasSubstr(remark)));
 }
 
-TEST_F(ImuCsvTest, SecondsSinceThen) {
+TEST_F(ImuCsvTest, ReadsSecondsOfTheUnixEpoch) {
   std::string text = "time,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n";
   for (int i = 0; i < 50; ++i)
     text += "1600000000." + std::to_string(1000 + 10 * i).substr(1) + ",0.1,0,0,0,9.8,0\n";
-  const auto table = read(text);
-  ASSERT_TRUE(table) << table.error().text();
-  EXPECT_EQ(to_ns(table->samples[1].sampled_at), 1'600'000'000'010'000'000);
-  EXPECT_DOUBLE_EQ(table->samples[0].w_WB_B.x(), 0.1);
-  EXPECT_DOUBLE_EQ(table->samples[0].f_B.y(), 9.8);
+  const ImuTable table = value_of(read(text));
+  EXPECT_EQ(to_ns(table.samples[1].sampled_at), 1'600'000'000'010'000'000);
+  EXPECT_DOUBLE_EQ(table.samples[0].w_WB_B.x(), 0.1);
+  EXPECT_DOUBLE_EQ(table.samples[0].f_B.y(), 9.8);
 }
 
-TEST_F(ImuCsvTest, WithoutAHeaderTheUsualOrderIsTakenAndSaid) {
-  const auto table = read("0,1,2,3,0,0,9.8\n5000000,1,2,3,0,0,9.8\n");
-  ASSERT_TRUE(table) << table.error().text();
-  EXPECT_EQ(table->samples.size(), 2u);
-  EXPECT_THAT(table->remarks, Contains(HasSubstr("has no header")));
+TEST_F(ImuCsvTest, AssumesAndReportsTheUsualOrderWithoutAHeader) {
+  const ImuTable table = value_of(read("0,1,2,3,0,0,9.8\n5000000,1,2,3,0,0,9.8\n"));
+  EXPECT_EQ(table.samples.size(), 2u);
+  EXPECT_THAT(table.remarks, Contains(HasSubstr("has no header")));
 }
 
-TEST_F(ImuCsvTest, BrokenAndBackwardLinesAreCountedAndLeftOut) {
-  const auto table = read(
-      "t_ms,gx,gy,gz,ax,ay,az\n0,0,0,0,0,0,9.8\n5,0,0,0,0,0,9.8\n3,0,0,0,0,0,9.8\n"
-      "10,0,0,nan,0,0,9.8\n15,0,0\n20,0,0,0,0,0,9.8\n25,0,0,0,0,0,9.");
-  ASSERT_TRUE(table) << table.error().text();
-  EXPECT_EQ(table->samples.size(), 3u);
-  EXPECT_EQ(table->found.backwards, 1u);
-  EXPECT_EQ(table->found.unreadable, 2u);
+TEST_F(ImuCsvTest, DropsAndCountsDamagedAndBackwardLines) {
+  const ImuTable table =
+      value_of(read("t_ms,gx,gy,gz,ax,ay,az\n0,0,0,0,0,0,9.8\n5,0,0,0,0,0,9.8\n3,0,0,0,0,0,9.8\n"
+                    "10,0,0,nan,0,0,9.8\n15,0,0\n20,0,0,0,0,0,9.8\n25,0,0,0,0,0,9."));
+  EXPECT_EQ(table.samples.size(), 3u);
+  EXPECT_EQ(table.found.backwards, 1u);
+  EXPECT_EQ(table.found.unreadable, 2u);
 }
 
-TEST_F(ImuCsvTest, AnErrorNamesFileAndColumn) {
-  const auto table = read("t,gx,gy,gz\n0,1,2,3\n");
-  ASSERT_FALSE(table);
-  EXPECT_THAT(table.error().text(), HasSubstr("imu.csv: no column for accelerometer x"));
+TEST_F(ImuCsvTest, RefusesFilesWithoutColumnsOrLines) {
+  EXPECT_THAT(error_of(read("t,gx,gy,gz\n0,1,2,3\n")),
+              HasSubstr("imu.csv: no column for accelerometer x"));
   EXPECT_FALSE(read(""));
   EXPECT_FALSE(read("t,gx,gy,gz,ax,ay,az\n"));
   EXPECT_FALSE(read_imu_csv(folder_.file("nothing.csv"), options_));

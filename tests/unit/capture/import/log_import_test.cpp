@@ -5,6 +5,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "support/log_files.hpp"
+#include "support/results.hpp"
 #include "support/ros_bytes.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -17,7 +18,7 @@ using testing::Each;
 using testing::HasSubstr;
 
 constexpr std::int64_t kBegin_ns = 1'600'000'000'000'000'000;
-constexpr std::int64_t kLate_ns = 30'000'000;  // the recorder gets a message so much later
+constexpr std::int64_t kLate_ns = 30'000'000;  // delay of the recorder
 
 std::string png() {
   std::vector<std::uint8_t> bytes;
@@ -50,8 +51,9 @@ std::vector<StoredMessage> walk(RosDialect dialect) {
 
 class LogImportTest : public testing::Test {
  protected:
-  Expected<std::unique_ptr<ImportSource>> open(const std::vector<StoredMessage>& messages) {
-    return open_log_import(folder_.write("a.bag", test::bag_file(messages)), options_, {});
+  std::unique_ptr<ImportSource> open(const std::vector<StoredMessage>& messages) {
+    return value_of(
+        open_log_import(folder_.write("a.bag", test::bag_file(messages)), options_, {}));
   }
   TemporaryFolder folder_;
   ImportOptions options_;
@@ -64,57 +66,52 @@ const FoundStream& stream(const ImportSource& source, const std::string& name) {
   return source.streams().front();
 }
 
-TEST_F(LogImportTest, TopicsAreCountedWithSizesAndLenses) {
+TEST_F(LogImportTest, CountsTopicsWithSizesAndLenses) {
   const auto source = open(walk(RosDialect::kRos1));
-  ASSERT_TRUE(source) << source.error().text();
-  const FoundStream& imu = stream(**source, "/imu");
+  const FoundStream& imu = stream(*source, "/imu");
   EXPECT_EQ(imu.count, 10u);
   EXPECT_EQ(imu.first_ns, kBegin_ns);
   EXPECT_NEAR(imu.rate_hz(), 200, 1e-6);
-  const FoundStream& camera = stream(**source, "/cam/image_raw");
+  const FoundStream& camera = stream(*source, "/cam/image_raw");
   EXPECT_EQ(camera.count, 2u);
   EXPECT_TRUE(camera.lens_known);
   EXPECT_EQ(camera.mount.model.fu, 10);
-  const FoundStream& compressed = stream(**source, "/front/image/compressed");
+  const FoundStream& compressed = stream(*source, "/front/image/compressed");
   EXPECT_EQ(compressed.mount.model.width, 8);
   EXPECT_FALSE(compressed.lens_known);
   EXPECT_THAT(compressed.lens_fault, HasSubstr("/front/camera_info"));
-  EXPECT_TRUE(stream(**source, "/depth/image_raw").is_depth);
-  EXPECT_THAT((*source)->others(), testing::Contains("/scan (sensor_msgs/LaserScan, 2 messages)"));
+  EXPECT_TRUE(stream(*source, "/depth/image_raw").is_depth);
+  EXPECT_THAT(source->others(), testing::Contains("/scan (sensor_msgs/LaserScan, 2 messages)"));
 }
 
-TEST_F(LogImportTest, ATopicWithoutItsFirstSlashHasItsLens) {
+TEST_F(LogImportTest, FindsTheLensOfATopicWithoutFirstSlash) {
   auto messages = walk(RosDialect::kRos1);
   for (StoredMessage& message : messages)
     if (message.topic == "/cam/image_raw") message.topic = "cam/image_raw";
-  const auto source = open(messages);
-  ASSERT_TRUE(source);
-  EXPECT_TRUE(stream(**source, "cam/image_raw").lens_known);
+  EXPECT_TRUE(stream(*open(messages), "cam/image_raw").lens_known);
 }
 
-TEST_F(LogImportTest, WhatWasChosenComesAsSamples) {
+TEST_F(LogImportTest, ReadsTheChosenStreams) {
   auto source = open(walk(RosDialect::kRos1));
-  ASSERT_TRUE(source);
   ImportChoice choice;
   std::vector<CameraMount> cameras;
-  for (std::size_t i = 0; i < (*source)->streams().size(); ++i) {
-    const FoundStream& one = (*source)->streams()[i];
+  for (std::size_t i = 0; i < source->streams().size(); ++i) {
+    const FoundStream& one = source->streams()[i];
     if (one.name == "/imu") choice.imu = i;
     if (one.name != "/cam/image_raw" && one.name != "/front/image/compressed") continue;
     choice.images.push_back(i);
     cameras.push_back(one.mount);
   }
-  auto samples = (*source)->open(choice, cameras);
-  ASSERT_TRUE(samples);
+  const auto samples = value_of(source->open(choice, cameras));
   std::array<int, 2> images{};
   int readings = 0;
-  for (auto sample = (*samples)->next({}); sample && *sample; sample = (*samples)->next({})) {
-    if (const auto* imu = std::get_if<ImuSample>(&**sample)) {
+  while (const auto sample = value_of(samples->next({}))) {
+    if (const auto* imu = std::get_if<ImuSample>(&*sample)) {
       EXPECT_EQ(imu->f_B.z(), 9.8);
       EXPECT_EQ(to_ns(imu->sampled_at), kBegin_ns + 5'000'000 * readings++);
       continue;
     }
-    const auto& frame = std::get<CameraFrame>(**sample);
+    const auto& frame = std::get<CameraFrame>(*sample);
     ++images[static_cast<std::size_t>(frame.camera)];
     EXPECT_THAT(frame.image->pixels, Each(frame.camera == 0 ? 'x' : 77));
   }
@@ -122,22 +119,19 @@ TEST_F(LogImportTest, WhatWasChosenComesAsSamples) {
   EXPECT_THAT(images, testing::ElementsAre(2, 2));
 }
 
-TEST_F(LogImportTest, TheTimeOfTheRecorderIsTakenWhenAskedFor) {
+TEST_F(LogImportTest, UsesTheTimeOfTheRecorderWhenConfigured) {
   options_.log_stamps = true;
-  const auto source = open(walk(RosDialect::kRos1));
-  ASSERT_TRUE(source);
-  EXPECT_EQ(stream(**source, "/imu").first_ns, kBegin_ns + kLate_ns);
+  EXPECT_EQ(stream(*open(walk(RosDialect::kRos1)), "/imu").first_ns, kBegin_ns + kLate_ns);
 }
 
-TEST_F(LogImportTest, StampsThatAreZeroOrGoBackAreCounted) {
+TEST_F(LogImportTest, CountsStampsThatAreZeroOrGoBack) {
   std::vector<StoredMessage> messages;
   for (const std::int64_t ns : {kBegin_ns, std::int64_t{0}, kBegin_ns + 10, kBegin_ns + 5})
     messages.push_back(
         {"/imu", "sensor_msgs/Imu", kBegin_ns, test::imu_message(RosDialect::kRos1, ns, {}, {})});
   messages.push_back({"/imu", "sensor_msgs/Imu", kBegin_ns, "cut"});
   const auto source = open(messages);
-  ASSERT_TRUE(source);
-  const FoundStream& imu = stream(**source, "/imu");
+  const FoundStream& imu = stream(*source, "/imu");
   EXPECT_EQ(imu.count, 4u);
   EXPECT_EQ(imu.zero_stamps, 1u);
   EXPECT_EQ(imu.backwards, 1u);
@@ -145,15 +139,14 @@ TEST_F(LogImportTest, StampsThatAreZeroOrGoBackAreCounted) {
   EXPECT_THAT(imu.first_fault, HasSubstr("sensor_msgs/Imu: needs"));
 }
 
-TEST_F(LogImportTest, Rosbag2InBothByteOrdersGivesTheSame) {
+TEST_F(LogImportTest, ReadsRosbag2InBothByteOrders) {
   for (const RosDialect dialect : {RosDialect::kCdrLittle, RosDialect::kCdrBig}) {
     const std::string path = folder_.file(dialect == RosDialect::kCdrBig ? "b.db3" : "l.db3");
     test::write_db3(path, walk(dialect));
-    const auto source = open_log_import(path, options_, {});
-    ASSERT_TRUE(source) << source.error().text();
-    EXPECT_EQ(stream(**source, "/imu").count, 10u);
-    EXPECT_EQ(stream(**source, "/imu").last_ns, kBegin_ns + 45'000'000);
-    EXPECT_TRUE(stream(**source, "/cam/image_raw").lens_known);
+    const auto source = value_of(open_log_import(path, options_, {}));
+    EXPECT_EQ(stream(*source, "/imu").count, 10u);
+    EXPECT_EQ(stream(*source, "/imu").last_ns, kBegin_ns + 45'000'000);
+    EXPECT_TRUE(stream(*source, "/cam/image_raw").lens_known);
   }
 }
 

@@ -1,8 +1,11 @@
 #include "capture/import/message_log.hpp"
 
 #include <gmock/gmock.h>
+#include <lz4frame.h>
+#include <zstd.h>
 
 #include "support/log_files.hpp"
+#include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {
@@ -10,6 +13,7 @@ namespace {
 
 using test::LogFileOptions;
 using test::StoredMessage;
+using testing::AnyOf;
 using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -50,43 +54,41 @@ class MessageLogTest : public testing::Test {
   Read read(const std::string& name, const std::string& content) {
     return read_all(folder_.write(name, content));
   }
+  template <typename Remarks>
+  static void expect_all(const Read& log, const Remarks& remarks) {
+    EXPECT_THAT(log.messages, kAll);
+    EXPECT_THAT(log.remarks, remarks);
+  }
   TemporaryFolder folder_;
 };
 
-TEST_F(MessageLogTest, BagsOfEveryCompressionGiveTheirMessages) {
+TEST_F(MessageLogTest, ReadsBagsOfEveryCompression) {
   for (const char* compression : {"none", "bz2", "lz4"}) {
-    const Read bag = read("a.bag", bag_file(kMessages, {compression}));
-    EXPECT_THAT(bag.messages, kAll) << compression;
-    EXPECT_THAT(bag.remarks, IsEmpty()) << compression;
+    SCOPED_TRACE(compression);
+    expect_all(read("a.bag", bag_file(kMessages, {compression})), IsEmpty());
+    // The inner chunk is unpacked while the memory of the outer one is still in use.
+    const std::string nested = bag_file(kMessages, {.compression = compression, .nested = true});
+    EXPECT_THAT(read("a.bag", nested).messages, kAll);
   }
+  expect_all(read("a.bag", bag_file(kMessages, {.closed = false})),
+             ElementsAre(HasSubstr("has no index")));
 }
 
-TEST_F(MessageLogTest, ABagWithoutIndexIsReadAndThatIsSaid) {
-  LogFileOptions options;
-  options.closed = false;
-  const Read bag = read("a.bag", bag_file(kMessages, options));
-  EXPECT_THAT(bag.messages, kAll);
-  EXPECT_THAT(bag.remarks, ElementsAre(HasSubstr("has no index")));
-}
-
-TEST_F(MessageLogTest, ACutBagIsReadUpToWhereItIsWhole) {
-  LogFileOptions options{"lz4", 1};
-  options.closed = false;
-  const std::string whole = bag_file(kMessages, options);
+TEST_F(MessageLogTest, ReadsATruncatedBagUpToTheCut) {
+  const std::string whole =
+      bag_file(kMessages, {.compression = "lz4", .messages_per_chunk = 1, .closed = false});
   std::size_t most = 0;
   for (std::size_t n = 13; n < whole.size(); n += n < 4000 ? 997 : 13) {
     const Read bag = read("a.bag", whole.substr(0, n));
     most = std::max(most, bag.messages.size());
-    if (n > 4096 && n + 40 < whole.size()) {
-      EXPECT_THAT(bag.remarks,
-                  Contains(testing::AnyOf(HasSubstr("is truncated"), HasSubstr("no index"))))
-          << n;
-    }
+    if (n <= 4096 || n + 40 >= whole.size()) continue;
+    EXPECT_THAT(bag.remarks, Contains(AnyOf(HasSubstr("is truncated"), HasSubstr("no index"))))
+        << n;
   }
   EXPECT_EQ(most, 4u);
 }
 
-TEST_F(MessageLogTest, ADamagedChunkCostsItsMessagesOnly) {
+TEST_F(MessageLogTest, DropsADamagedChunk) {
   std::string content = bag_file(kMessages, {"bz2", 3});
   content[content.rfind("BZh") + 12] ^= 0x55;
   const Read bag = read("a.bag", content);
@@ -94,32 +96,29 @@ TEST_F(MessageLogTest, ADamagedChunkCostsItsMessagesOnly) {
   EXPECT_THAT(bag.remarks, ElementsAre(HasSubstr("a chunk cannot be unpacked")));
 }
 
-TEST_F(MessageLogTest, McapOfEveryCompressionAndProfileGivesItsMessages) {
+TEST_F(MessageLogTest, ReadsMcapOfEveryCompressionAndProfile) {
   for (const char* compression : {"none", "lz4", "zstd"}) {
     for (const bool ros2 : {false, true}) {
-      LogFileOptions options{compression};
-      options.ros2 = ros2;
-      const Read mcap = read("a.mcap", mcap_file(kMessages, options));
-      EXPECT_THAT(mcap.messages, kAll) << compression;
-      EXPECT_THAT(mcap.remarks, IsEmpty()) << compression << ros2;
+      SCOPED_TRACE(testing::Message() << compression << ros2);
+      LogFileOptions options{.compression = compression, .ros2 = ros2};
+      expect_all(read("a.mcap", mcap_file(kMessages, options)), IsEmpty());
       options.closed = false;
-      const Read open = read("b.mcap", mcap_file(kMessages, options));
-      EXPECT_THAT(open.messages, kAll) << "without a summary";
-      EXPECT_THAT(open.remarks, ElementsAre(HasSubstr("was not closed")));
+      expect_all(read("b.mcap", mcap_file(kMessages, options)),
+                 ElementsAre(HasSubstr("was not closed")));
     }
   }
 }
 
-TEST_F(MessageLogTest, AChunkOfAnotherChecksumIsLeftOut) {
-  LogFileOptions options{"zstd", 1};
-  options.wrong_crc = true;
-  const Read mcap = read("a.mcap", mcap_file(kMessages, options));
+TEST_F(MessageLogTest, DropsAChunkWithAWrongChecksum) {
+  const Read mcap = read(
+      "a.mcap",
+      mcap_file(kMessages, {.compression = "zstd", .messages_per_chunk = 1, .wrong_crc = true}));
   EXPECT_THAT(mcap.messages, ElementsAre("/cam0 sensor_msgs/Image 5000000002 two"))
       << "the channel of the others was in that chunk";
   EXPECT_THAT(mcap.remarks, ElementsAre(HasSubstr("a chunk has a wrong checksum")));
 }
 
-TEST_F(MessageLogTest, ChecksumsOverDataAndSummaryAreChecked) {
+TEST_F(MessageLogTest, ChecksTheSumsOverDataAndSummary) {
   LogFileOptions options{"none", 10};
   std::string mcap = mcap_file(kMessages, options);
   mcap[mcap.find("fiducap tests")] ^= 1;
@@ -129,38 +128,27 @@ TEST_F(MessageLogTest, ChecksumsOverDataAndSummaryAreChecked) {
   EXPECT_THAT(read("a.mcap", mcap).remarks, ElementsAre(HasSubstr("the summary has a wrong")));
 }
 
-TEST_F(MessageLogTest, AnSqliteFileOfRosbag2GivesItsMessages) {
-  test::write_db3(folder_.file("a.db3"), kMessages);
-  const Read db3 = read_all(folder_.file("a.db3"));
-  EXPECT_THAT(db3.messages, kAll);
-  EXPECT_THAT(db3.remarks, IsEmpty());
-}
-
-TEST_F(MessageLogTest, AFolderOfRosbag2IsReadFileAfterFile) {
-  const std::vector<StoredMessage> first(kMessages.begin(), kMessages.begin() + 2);
-  const std::vector<StoredMessage> second(kMessages.begin() + 2, kMessages.end());
+TEST_F(MessageLogTest, ReadsFilesAndFoldersOfRosbag2) {
+  const TemporaryFolder other;
+  test::write_db3(other.file("a.db3"), kMessages);
+  expect_all(read_all(other.file("a.db3")), IsEmpty());
   // In the order of metadata.yaml, not of the names; older recorders wrote the folder before them.
-  test::write_db3(folder_.file("b_0.db3"), first);
-  test::write_db3(folder_.file("a_1.db3"), second);
+  const auto middle = kMessages.begin() + 2;
+  test::write_db3(folder_.file("b_0.db3"), {kMessages.begin(), middle});
+  test::write_db3(folder_.file("a_1.db3"), {middle, kMessages.end()});
   folder_.write("metadata.yaml",
                 "rosbag2_bagfile_information:\n  version: 4\n  storage_identifier: sqlite3\n"
                 "  relative_file_paths:\n    - walk/b_0.db3\n    - a_1.db3\n    - gone_2.db3\n"
                 "  compression_format: \"\"\n  compression_mode: \"\"\n");
-  const Read bag = read_all(folder_.text());
-  EXPECT_THAT(bag.messages, kAll);
-  EXPECT_THAT(bag.remarks, ElementsAre(HasSubstr("lacks gone_2.db3")));
+  expect_all(read_all(folder_.text()), ElementsAre(HasSubstr("lacks gone_2.db3")));
 }
 
-TEST_F(MessageLogTest, AFolderWithoutMetadataIsReadByName) {
-  LogFileOptions options;
-  options.ros2 = true;
-  folder_.write("a_0.mcap", mcap_file(kMessages, options));
-  const Read bag = read_all(folder_.text());
-  EXPECT_THAT(bag.messages, kAll);
-  EXPECT_THAT(bag.remarks, ElementsAre(HasSubstr("has no metadata.yaml")));
+TEST_F(MessageLogTest, ReadsAFolderWithoutMetadataByName) {
+  folder_.write("a_0.mcap", mcap_file(kMessages, {.ros2 = true}));
+  expect_all(read_all(folder_.text()), ElementsAre(HasSubstr("has no metadata.yaml")));
 }
 
-TEST_F(MessageLogTest, OtherFilesAreNamedForWhatTheyAreNot) {
+TEST_F(MessageLogTest, RefusesOtherFilesWithTheReason) {
   EXPECT_THAT(read("a", "hello").messages, ElementsAre(HasSubstr("is neither a bag of ROS 1")));
   EXPECT_THAT(read("a.bag", "#ROSBAG V1.2\n").messages, ElementsAre(HasSubstr("format 1.2")));
   EXPECT_THAT(read("a.db3", "SQLite format 3").messages, ElementsAre(HasSubstr("a.db3: is no")));
@@ -168,13 +156,62 @@ TEST_F(MessageLogTest, OtherFilesAreNamedForWhatTheyAreNot) {
 }
 
 // A record of 4 GB in a file of 30 bytes.
-TEST_F(MessageLogTest, LengthsThatTheFileDoesNotHaveCostNothing) {
+TEST_F(MessageLogTest, RefusesLengthsBeyondTheFile) {
   const std::string bag = "#ROSBAG V2.0\n" + std::string("\xff\xff\xff\xff", 4);
   EXPECT_THAT(read("a.bag", bag).messages, ElementsAre(HasSubstr("ends before its header")));
   const std::string mcap("\x89MCAP0\r\n\x06\xff\xff\xff\xff\xff\xff\xff\x7f", 17);
   const Read cut = read("a.mcap", mcap);
   EXPECT_THAT(cut.messages, IsEmpty());
   EXPECT_THAT(cut.remarks, ElementsAre(HasSubstr("of 17 bytes the first 8 are complete")));
+}
+
+std::string zstd(const std::string& text) {
+  std::string out(ZSTD_compressBound(text.size()), '\0');
+  out.resize(ZSTD_compress(out.data(), out.size(), text.data(), text.size(), 1));
+  return out;
+}
+
+std::string lz4(const std::string& text) {
+  std::string out(LZ4F_compressFrameBound(text.size(), nullptr), '\0');
+  out.resize(LZ4F_compressFrame(out.data(), out.size(), text.data(), text.size(), nullptr));
+  return out;
+}
+
+class ChunkCodecTest : public testing::Test {
+ protected:
+  Expected<void> unpack(const std::string& codec, const std::string& packed, std::uint64_t size) {
+    return unpack_chunk(codec, bytes_of(packed), size, out_);
+  }
+  std::vector<std::byte> out_;
+  const std::string text_ = std::string(300'000, 'a') + "end";
+};
+
+TEST_F(ChunkCodecTest, UnpacksEveryCompression) {
+  for (const auto& [name, packed] :
+       {std::pair("zstd", zstd(text_)), std::pair("lz4", lz4(text_)), std::pair("none", text_)}) {
+    ASSERT_TRUE(unpack(name, packed, text_.size())) << name;
+    EXPECT_TRUE(std::ranges::equal(out_, bytes_of(text_))) << name;
+  }
+  EXPECT_TRUE(unpack("zstd", zstd(text_) + "padding", text_.size()));
+}
+
+TEST_F(ChunkCodecTest, RefusesSizesThatAreWrongOrTooLarge) {
+  EXPECT_FALSE(unpack("zstd", zstd(text_), std::uint64_t{1} << 40));
+  EXPECT_TRUE(out_.empty()) << "refused before it is unpacked";
+  EXPECT_THAT(error_of(unpack("zstd", zstd(text_), text_.size() + 1)),
+              HasSubstr("unpacks to 300003 bytes, not to 300004"));
+  EXPECT_FALSE(unpack("lz4", lz4(text_), 100));
+  EXPECT_LE(out_.size(), 65536u) << "little more than the stated size is unpacked";
+}
+
+TEST_F(ChunkCodecTest, RefusesTruncatedAndDamagedChunks) {
+  for (const auto& [name, packed] :
+       {std::pair("zstd", zstd(text_)), std::pair("lz4", lz4(text_))}) {
+    EXPECT_FALSE(unpack(name, packed.substr(0, packed.size() - 5), text_.size())) << name;
+    EXPECT_FALSE(unpack(name, "no such thing", text_.size())) << name;
+  }
+  EXPECT_FALSE(unpack("bz2", "BZh9 and no more", text_.size()));
+  EXPECT_FALSE(unpack("lzma", "x", 1));
 }
 
 }  // namespace

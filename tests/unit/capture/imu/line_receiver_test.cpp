@@ -1,21 +1,24 @@
 #include "capture/imu/line_receiver.hpp"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <chrono>
 #include <random>
 
+#include "capture/imu/byte_link.hpp"
 #include "support/allocation_counter.hpp"
+#include "support/results.hpp"
 
 namespace fiducap {
 namespace {
 
 using namespace std::chrono_literals;
+using testing::HasSubstr;
 
 constexpr Instant kReceiverStart = instant_from_ns(900'000'000'000);
 
 // The example of docs/imu-line-protocol.md.
-constexpr const char* kReading = "IMU,1000000,0.01,-0.02,0.03,0.1,-0.2,9.81*";
+const std::string kReading = "IMU,1000000,0.01,-0.02,0.03,0.1,-0.2,9.81*";
 
 std::string with_checksum(const std::string& text) {
   unsigned sum = 0;
@@ -28,18 +31,11 @@ std::string reading(std::uint64_t count_us) {
   return with_checksum("IMU," + std::to_string(count_us) + ",0.01,-0.02,0.03,0.1,-0.2,9.81") + "\n";
 }
 
-LineFault line_fault_of(const std::string& line) {
-  const auto parsed = parse_line(line);
-  const auto* fault = std::get_if<LineFault>(&parsed);
-  EXPECT_NE(fault, nullptr) << line;
-  return fault != nullptr ? *fault : LineFault::kForm;
-}
+LineFault line_fault_of(const std::string& line) { return std::get<LineFault>(parse_line(line)); }
 
 class LineReceiverTest : public testing::Test {
  protected:
-  void give(const std::string& text) {
-    receiver_.receive(std::as_bytes(std::span(text.data(), text.size())), now_);
-  }
+  void give(const std::string& text) { receiver_.receive(bytes_of(text), now_); }
   int take_all() {
     int samples = 0;
     while (const auto sample = receiver_.take()) {
@@ -54,32 +50,26 @@ class LineReceiverTest : public testing::Test {
   ImuSample newest_;
 };
 
-TEST(LineParser, ReadsTheExampleOfTheDocument) {
-  const auto parsed = parse_line(std::string(kReading) + "4F");
-  const auto* imu = std::get_if<ImuLine>(&parsed);
-  ASSERT_NE(imu, nullptr);
-  EXPECT_EQ(imu->count_us, 1'000'000u);
-  EXPECT_EQ(imu->w, Eigen::Vector3d(0.01, -0.02, 0.03));
-  EXPECT_EQ(imu->f, Eigen::Vector3d(0.1, -0.2, 9.81));
+TEST(LineParser, ReadsTheExampleOfTheDocumentation) {
+  const auto imu = std::get<ImuLine>(parse_line(kReading + "4F"));
+  EXPECT_EQ(imu.count_us, 1'000'000u);
+  EXPECT_EQ(imu.w, Eigen::Vector3d(0.01, -0.02, 0.03));
+  EXPECT_EQ(imu.f, Eigen::Vector3d(0.1, -0.2, 9.81));
 }
 
 TEST(LineParser, ReadsATrigger) {
-  const auto parsed = parse_line(with_checksum("TRG,4294967295,17"));
-  const auto* trigger = std::get_if<TriggerLine>(&parsed);
-  ASSERT_NE(trigger, nullptr);
-  EXPECT_EQ(trigger->count_us, 4'294'967'295u);
-  EXPECT_EQ(trigger->number, 17u);
+  const auto trigger = std::get<TriggerLine>(parse_line(with_checksum("TRG,4294967295,17")));
+  EXPECT_EQ(trigger.count_us, 4'294'967'295u);
+  EXPECT_EQ(trigger.number, 17u);
 }
 
-TEST(LineParser, AWrongChecksumIsToldApartFromAnotherForm) {
-  EXPECT_EQ(line_fault_of(std::string(kReading) + "41"), LineFault::kChecksum);
-  EXPECT_EQ(line_fault_of(kReading), LineFault::kForm);
-  EXPECT_EQ(line_fault_of("hello"), LineFault::kForm);
-  EXPECT_EQ(line_fault_of(""), LineFault::kForm);
-  EXPECT_EQ(line_fault_of(std::string(kReading) + "4G"), LineFault::kForm);
+TEST(LineParser, DistinguishesChecksumAndForm) {
+  EXPECT_EQ(line_fault_of(kReading + "41"), LineFault::kChecksum);
+  for (const std::string& line : {kReading, std::string("hello"), std::string(), kReading + "4G"})
+    EXPECT_EQ(line_fault_of(line), LineFault::kForm);
 }
 
-TEST(LineParser, WhatIsNoReadingIsRefusedWithARightChecksum) {
+TEST(LineParser, RefusesInvalidReadingsWithARightChecksum) {
   for (const char* text :
        {"IMU,1,2,3,4,5,6", "IMU,1,2,3,4,5,6,7,8", "IMU,-1,0,0,0,0,0,9", "IMU,1,nan,0,0,0,0,9",
         "IMU,1,inf,0,0,0,0,9", "IMU,1,0,0,,0,0,9", "IMU,1, 0,0,0,0,0,9", "GPS,1,0,0,0,0,0,9",
@@ -87,14 +77,14 @@ TEST(LineParser, WhatIsNoReadingIsRefusedWithARightChecksum) {
     EXPECT_EQ(line_fault_of(with_checksum(text)), LineFault::kForm) << text;
 }
 
-TEST_F(LineReceiverTest, AHalfLineAtTheBeginningIsNoFault) {
+TEST_F(LineReceiverTest, IgnoresAPartialFirstLine) {
   give(".02,0.03,0.1,-0.2,9.81*4F\r\n" + reading(5000));
   EXPECT_EQ(take_all(), 1);
   EXPECT_EQ(receiver_.counts().malformed, 0u);
   EXPECT_EQ(newest_.f_B, Eigen::Vector3d(0.1, -0.2, 9.81));
 }
 
-TEST_F(LineReceiverTest, LinesMayComeInPiecesAndSeveralAtOnce) {
+TEST_F(LineReceiverTest, ReadsLinesInPiecesAndBlocks) {
   // Eight at a time, as a USB chip passes them on.
   give("\n");
   std::string block;
@@ -110,8 +100,8 @@ TEST_F(LineReceiverTest, LinesMayComeInPiecesAndSeveralAtOnce) {
   }
 }
 
-TEST_F(LineReceiverTest, FaultsAreCountedAndTheOthersGoOn) {
-  give("\n# started\nIMU,1,2*00\n" + std::string(kReading) + "41\n" + std::string(500, 'x') + "\n" +
+TEST_F(LineReceiverTest, CountsFaultsAndReadsTheOtherLines) {
+  give("\n# started\nIMU,1,2*00\n" + kReading + "41\n" + std::string(500, 'x') + "\n" +
        reading(20'000));
   EXPECT_EQ(take_all(), 1);
   EXPECT_EQ(receiver_.counts().comments, 1u);
@@ -120,7 +110,7 @@ TEST_F(LineReceiverTest, FaultsAreCountedAndTheOthersGoOn) {
   EXPECT_EQ(receiver_.counts().readings, 1u);
 }
 
-TEST_F(LineReceiverTest, ATriggerIsPlacedBesideTheReadings) {
+TEST_F(LineReceiverTest, PlacesATriggerByTheSameClock) {
   give("\n");
   for (int i = 0; i < 1000; ++i, now_ += 5ms) give(reading(static_cast<std::uint64_t>(i) * 5000));
   EXPECT_EQ(take_all(), 1000);
@@ -131,7 +121,7 @@ TEST_F(LineReceiverTest, ATriggerIsPlacedBesideTheReadings) {
   EXPECT_EQ(receiver_.counts().triggers, 1u);
 }
 
-TEST_F(LineReceiverTest, AnyBytesAreSurvived) {
+TEST_F(LineReceiverTest, ToleratesAnyBytes) {
   std::mt19937 random(3);
   for (int i = 0; i < 1000; ++i, now_ += 1ms) {
     std::string text(64, 0);
@@ -149,9 +139,57 @@ TEST_F(LineReceiverTest, AllocatesNothingPerReadingAfterWarmUp) {
   const std::string next = reading(10'000);
   now_ += 5ms;
   const AllocationCounter allocations;
-  receiver_.receive(std::as_bytes(std::span(next.data(), next.size())), now_);
+  give(next);
   EXPECT_TRUE(receiver_.take());
   EXPECT_EQ(allocations.count(), 0u);
+}
+
+class LinkWatchTest : public testing::Test {
+ protected:
+  std::string add(std::size_t bytes, std::size_t printable, std::uint64_t units,
+                  std::uint64_t broken = 0) {
+    now_ += 100ms;
+    return watch_.add(bytes, printable, units, broken, now_);
+  }
+  void reset() { watch_ = LinkWatch("line of the IMU protocol", true, 115200); }
+
+  LinkWatch watch_{"line of the IMU protocol", true, 115200};
+  Instant now_{};
+};
+
+TEST_F(LinkWatchTest, ReportsNothingOfAGoodLine) {
+  for (int i = 0; i < 1000; ++i) EXPECT_EQ(add(200, 200, 4), "");
+  reset();
+  for (int i = 0; i < 500; ++i) EXPECT_EQ(add(700, 700, 10, i % 50 == 0 ? 1 : 0), "");
+}
+
+TEST_F(LinkWatchTest, ReportsWhyNothingCanBeRead) {
+  EXPECT_EQ(add(4000, 1500, 0), "");
+  const std::string text = add(100, 40, 0);
+  EXPECT_THAT(text, HasSubstr("no line of the IMU protocol among 4100 bytes"));
+  EXPECT_THAT(text, HasSubstr("is the baud rate right (115200 here)?"));
+  EXPECT_EQ(add(9000, 4000, 0), "") << "once";
+  reset();
+  EXPECT_THAT(add(5000, 5000, 0), HasSubstr("but another text: is it the right device?"));
+  reset();
+  EXPECT_THAT(add(5000, 5000, 0, 100), HasSubstr("with a wrong checksum"));
+  watch_ = LinkWatch("MAVLink frame", false, 115200);
+  EXPECT_THAT(add(5000, 1000, 0), HasSubstr("another protocol is sent to this port"));
+}
+
+TEST_F(LinkWatchTest, ReportsSilenceAndItsEndOnce) {
+  std::string text;
+  for (int i = 0; i < 200; ++i) text += add(0, 0, 0);
+  EXPECT_THAT(text, HasSubstr("nothing received for 5 s"));
+  EXPECT_EQ(text.find("nothing"), text.rfind("nothing"));
+  EXPECT_EQ(add(50, 50, 1), "it sends again");
+}
+
+TEST_F(LinkWatchTest, ReportsTheShareOfWrongChecksumsOnce) {
+  std::string text;
+  for (int i = 0; i < 100; ++i) text += add(700, 600, 9, 1);
+  EXPECT_THAT(text, HasSubstr("100 of 1000 have a wrong checksum"));
+  for (int i = 0; i < 100; ++i) EXPECT_EQ(add(700, 600, 9, 1), "");
 }
 
 }  // namespace

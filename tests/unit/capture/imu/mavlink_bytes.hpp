@@ -1,7 +1,7 @@
 #pragma once
 
 // Golden bytes, made by mavlink/c_library_v2, commit 7e16bc08f14a4f8bfab474de831013a6455ee3da.
-// Every number is another one, so that no swapped order can pass.
+// All numbers differ, so that no swapped order can pass.
 namespace fiducap::mavlink::golden {
 
 // --- system 3, PX4, MAVLink 2 --------------------------------------------------------------------
@@ -10,7 +10,7 @@ inline constexpr const char* kHeartbeatOfPx4 = "fd09000000030100000000000504020c
 inline constexpr const char* kHighres =
     "fd3e000002030169000015cd5b07000000000000003f000080be00001cc10000003e000080bd0000003d"
     "cdcccc3dcdcc4c3e9a99993e00507d440000003f0000f64200001242ff1f184c";
-/// 5 ms later, with only the accelerometer read anew.
+/// 5 ms later, with a new reading of the accelerometer only.
 inline constexpr const char* kHighresWithoutGyro =
     "fd3d00000303016900009de05b07000000000000003f000080be00001cc10000003e000080bd0000003d"
     "cdcccc3dcdcc4c3e9a99993e00507d440000003f0000f642000012420725dc";
@@ -18,7 +18,7 @@ inline constexpr const char* kHighresWithoutGyro =
 inline constexpr const char* kHighresSigned =
     "fd3d010006030169000015ae510d000000000000003f000080be00001cc10000003e000080bd0000003d"
     "cdcccc3dcdcc4c3e9a99993e00507d440000003f0000f642000012423f46c802e8030000000022fa38c3410e";
-/// Its clock is 7 s; asked at our 5 s.
+/// Its clock is 7 s; our request was at 5 s.
 inline constexpr const char* kTimesyncAnswer = "fd0d00000403016f000000863ba10100000000f2052a0104b5";
 inline constexpr const char* kTimesyncQuestion =
     "fd0d00000503016f00000000000000000000c05a90a8010885";
@@ -37,7 +37,7 @@ inline constexpr const char* kScaled2 =
 /// f = (11, −21, −1001) mg, w = (0.101, −0.201, 0.301).
 inline constexpr const char* kScaled3 =
     "fd1500000a07018100007b093d000b00ebff17fc650037ff2d01010002000309ae";
-/// A message that we do not know.
+/// An unknown message.
 inline constexpr const char* kAttitude =
     "fe1c0a07011e7b093d000000803f0000004000004040000080400000a0400000c0409fde";
 

@@ -13,24 +13,22 @@ Timed timed(std::int64_t stamp_ns, double value) {
   return {stamp_ns, Eigen::Vector3d::Constant(value)};
 }
 
-TEST(ReadingPairs, TheAccelerometerIsBroughtToTheGyrosTimes) {
+TEST(ReadingPairs, InterpolatesTheAccelerometerAtTheTimesOfTheGyro) {
   ReadingPairs pairs;
-  pairs.add_accel(timed(0, 0));
-  pairs.add_accel(timed(10, 1));
-  pairs.add_accel(timed(20, 4));
+  for (const auto& [at, value] : {std::pair(0, 0.0), std::pair(10, 1.0), std::pair(20, 4.0)})
+    pairs.add_accel(timed(at, value));
   for (const std::int64_t at : {0, 5, 10, 15}) pairs.add_gyro(timed(at, static_cast<double>(at)));
   for (const auto& [at, expected] :
        {std::pair(0, 0.0), std::pair(5, 0.5), std::pair(10, 1.0), std::pair(15, 2.5)}) {
-    const auto pair = pairs.take();
-    ASSERT_TRUE(pair);
-    EXPECT_EQ(pair->stamp_ns, at);
-    EXPECT_EQ(pair->w.x(), at);
-    EXPECT_DOUBLE_EQ(pair->f.z(), expected);
+    const auto pair = pairs.take().value();
+    EXPECT_EQ(pair.stamp_ns, at);
+    EXPECT_EQ(pair.w.x(), at);
+    EXPECT_DOUBLE_EQ(pair.f.z(), expected);
   }
   EXPECT_FALSE(pairs.take());
 }
 
-TEST(ReadingPairs, AGyroReadingWaitsForTheAccelerometer) {
+TEST(ReadingPairs, HoldsAGyroReadingUntilTheAccelerometer) {
   ReadingPairs pairs;
   pairs.add_accel(timed(0, 0));
   pairs.add_gyro(timed(5, 1));
@@ -41,34 +39,31 @@ TEST(ReadingPairs, AGyroReadingWaitsForTheAccelerometer) {
   EXPECT_TRUE(pairs.take());
 }
 
-TEST(ReadingPairs, WhatIsBeforeTheFirstReadingOfTheOtherIsDropped) {
+TEST(ReadingPairs, DropsReadingsBeforeTheFirstPair) {
   ReadingPairs pairs;
   pairs.add_gyro(timed(5, 1));
   pairs.add_gyro(timed(12, 2));
   pairs.add_accel(timed(10, 1));
   pairs.add_accel(timed(20, 2));
-  const auto pair = pairs.take();
-  ASSERT_TRUE(pair);
-  EXPECT_EQ(pair->stamp_ns, 12);
+  const auto pair = pairs.take().value();
+  EXPECT_EQ(pair.stamp_ns, 12);
   EXPECT_EQ(pairs.dropped(), 1u);
 }
 
-TEST(ReadingPairs, OneDeviceThatIsSilentFillsNothing) {
+TEST(ReadingPairs, BoundsTheReadingsOfASilentDevice) {
   ReadingPairs pairs;
   for (int i = 0; i < 10'000; ++i) pairs.add_gyro(timed(i, 1));
   EXPECT_FALSE(pairs.take());
   EXPECT_EQ(pairs.dropped(), 10'000u - 256);
 }
 
-TEST(ReadingPairs, StampsThatDoNotIncreaseAreDropped) {
+TEST(ReadingPairs, DropsStampsThatDoNotIncrease) {
   ReadingPairs pairs;
-  pairs.add_accel(timed(10, 1));
-  pairs.add_accel(timed(10, 2));
-  pairs.add_accel(timed(5, 3));
+  for (const std::int64_t at : {10, 10, 5}) pairs.add_accel(timed(at, 1));
   EXPECT_EQ(pairs.dropped(), 2u);
 }
 
-TEST(ReadingPairs, TwoRatesAndAPhaseGiveASmoothCurve) {
+TEST(ReadingPairs, ResamplesTwoRatesToASmoothCurve) {
   ReadingPairs pairs;
   const auto curve = [](std::int64_t at_us) { return std::sin(static_cast<double>(at_us) * 1e-5); };
   // Straight lines over 5 ms of a curve of ω = 10 rad/s: (ω Δt)² / 8.
@@ -85,7 +80,7 @@ TEST(ReadingPairs, TwoRatesAndAPhaseGiveASmoothCurve) {
   EXPECT_GT(taken, 790);
 }
 
-TEST(MountMatrix, IsReadAsTheKernelWritesIt) {
+TEST(MountMatrix, IsReadInTheFormOfTheKernel) {
   const auto matrix = parse_mount_matrix("0, 1, 0; -1, 0, 0; 0, 0, 1\n");
   ASSERT_TRUE(matrix);
   EXPECT_EQ(*matrix * Eigen::Vector3d(1, 2, 3), Eigen::Vector3d(2, -1, 3));
@@ -93,7 +88,7 @@ TEST(MountMatrix, IsReadAsTheKernelWritesIt) {
       parse_mount_matrix("1.000000, 0.000000, 0.000000; 0, 0.707, 0.707; 0, -0.707, 0.707"));
 }
 
-TEST(MountMatrix, WhatIsNoTurnIsRefused) {
+TEST(MountMatrix, RefusesWhatIsNoRotation) {
   for (const char* text :
        {"", "1, 0, 0; 0, 1, 0; 0, 0", "1, 0, 0; 0, 1, 0; 0, 0, 1, 5", "2, 0, 0; 0, 1, 0; 0, 0, 1",
         "a, 0, 0; 0, 1, 0; 0, 0, 1", "nan, 0, 0; 0, 1, 0; 0, 0, 1", "0, 0, 0; 0, 0, 0; 0, 0, 0"})

@@ -1,7 +1,6 @@
 #include "capture/v4l2/controls.hpp"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <linux/videodev2.h>
 
@@ -18,19 +17,22 @@ class SettingsTest : public testing::Test {
  protected:
   SettingsTest() {
     camera_.offers = {{V4L2_PIX_FMT_GREY, {64, 48}, 60, 60}};
-    camera_.knobs[V4L2_CID_EXPOSURE_AUTO] = {"Auto Exposure",     0, 3,     3,
-                                             V4L2_CTRL_TYPE_MENU, 1, {1, 3}};
-    camera_.knobs[V4L2_CID_EXPOSURE_ABSOLUTE] = {"Exposure Time, Absolute", 1, 2000, 156};
-    camera_.knobs[V4L2_CID_GAIN] = {"Gain", 0, 64, 30, V4L2_CTRL_TYPE_INTEGER, 4};
-    camera_.knobs[V4L2_CID_AUTO_WHITE_BALANCE] = {"White Balance, Automatic", 0, 1, 1,
-                                                  V4L2_CTRL_TYPE_BOOLEAN};
-    camera_.knobs[V4L2_CID_WHITE_BALANCE_TEMPERATURE] = {"White Balance Temperature", 2800, 6500,
-                                                         4600};
-    camera_.knobs[V4L2_CID_FOCUS_AUTO] = {"Focus, Automatic Continuous", 0, 1, 1,
-                                          V4L2_CTRL_TYPE_BOOLEAN};
-    camera_.knobs[V4L2_CID_FOCUS_ABSOLUTE] = {"Focus, Absolute", 0, 250, 100};
-    camera_.knobs[V4L2_CID_POWER_LINE_FREQUENCY] = {"Power Line Frequency", 0, 2,        2,
-                                                    V4L2_CTRL_TYPE_MENU,    1, {0, 1, 2}};
+    const auto automatic = [](const char* name) {
+      return SimulatedCamera::Knob{name, 0, 1, 1, V4L2_CTRL_TYPE_BOOLEAN};
+    };
+    const auto menu = [](const char* name, int value, std::set<std::int32_t> choices) {
+      const int last = *choices.rbegin();
+      return SimulatedCamera::Knob{name, 0, last, value, V4L2_CTRL_TYPE_MENU, 1, choices};
+    };
+    camera_.knobs = {
+        {V4L2_CID_EXPOSURE_AUTO, menu("Auto Exposure", 3, {1, 3})},
+        {V4L2_CID_EXPOSURE_ABSOLUTE, {"Exposure Time, Absolute", 1, 2000, 156}},
+        {V4L2_CID_GAIN, {"Gain", 0, 64, 30, V4L2_CTRL_TYPE_INTEGER, 4}},
+        {V4L2_CID_AUTO_WHITE_BALANCE, automatic("White Balance, Automatic")},
+        {V4L2_CID_WHITE_BALANCE_TEMPERATURE, {"White Balance Temperature", 2800, 6500, 4600}},
+        {V4L2_CID_FOCUS_AUTO, automatic("Focus, Automatic Continuous")},
+        {V4L2_CID_FOCUS_ABSOLUTE, {"Focus, Absolute", 0, 250, 100}},
+        {V4L2_CID_POWER_LINE_FREQUENCY, menu("Power Line Frequency", 2, {0, 1, 2})}};
     port_ = camera_.open();
   }
   SettingsReport apply() { return apply_settings(*port_, config_); }
@@ -42,14 +44,14 @@ class SettingsTest : public testing::Test {
   CameraDeviceConfig config_;
 };
 
-TEST_F(SettingsTest, NothingAskedNothingTouched) {
+TEST_F(SettingsTest, ChangesNothingByDefault) {
   const SettingsReport report = apply();
   EXPECT_THAT(report.done, IsEmpty());
   EXPECT_THAT(report.undone, IsEmpty());
   EXPECT_THAT(camera_.set, IsEmpty());
 }
 
-TEST_F(SettingsTest, WhatIsAskedIsSetAndReadBack) {
+TEST_F(SettingsTest, SetsAndReadsBackWhatIsConfigured) {
   config_.exposure_s = 0.008;
   config_.gain = "12";
   config_.white_balance = "4000";
@@ -66,7 +68,7 @@ TEST_F(SettingsTest, WhatIsAskedIsSetAndReadBack) {
   EXPECT_EQ(value(V4L2_CID_POWER_LINE_FREQUENCY), 1);
 }
 
-TEST_F(SettingsTest, WhatTheDeviceMadeOfItIsSaid) {
+TEST_F(SettingsTest, ReportsValuesThatTheDeviceChanged) {
   config_.exposure_s = 0.5;
   config_.gain = "13";
   const SettingsReport report = apply();
@@ -75,7 +77,7 @@ TEST_F(SettingsTest, WhatTheDeviceMadeOfItIsSaid) {
                           "gain is 12, not 13 as requested: its control \"Gain\" accepts 0 to 64"));
 }
 
-TEST_F(SettingsTest, AutomaticsAreSwitchedOn) {
+TEST_F(SettingsTest, EnablesAutomaticModes) {
   camera_.knobs[V4L2_CID_EXPOSURE_AUTO].value = V4L2_EXPOSURE_MANUAL;
   camera_.knobs[V4L2_CID_EXPOSURE_AUTO_PRIORITY] = {"Exposure, Dynamic Framerate", 0, 1, 1,
                                                     V4L2_CTRL_TYPE_BOOLEAN};
@@ -86,7 +88,7 @@ TEST_F(SettingsTest, AutomaticsAreSwitchedOn) {
   EXPECT_EQ(value(V4L2_CID_EXPOSURE_AUTO_PRIORITY), 0) << "the rate stays in the dark";
 }
 
-TEST_F(SettingsTest, WhatADeviceDoesNotHaveIsSaid) {
+TEST_F(SettingsTest, ReportsControlsThatAreMissing) {
   config_.gain = "auto";
   config_.trigger = "on";
   camera_.knobs.erase(V4L2_CID_EXPOSURE_ABSOLUTE);
@@ -99,14 +101,14 @@ TEST_F(SettingsTest, WhatADeviceDoesNotHaveIsSaid) {
   EXPECT_THAT(undone[2], HasSubstr("gain auto was requested, but it has no automatic mode for it"));
 }
 
-TEST_F(SettingsTest, ATriggerIsFoundByItsName) {
+TEST_F(SettingsTest, FindsATriggerByItsName) {
   camera_.knobs[0x00980fff] = {"Ext TRIGGER mode", 0, 3, 0};
   config_.trigger = "2";
   EXPECT_THAT(apply().done, ElementsAre("trigger 2"));
   EXPECT_EQ(value(0x00980fff), 2);
 }
 
-TEST_F(SettingsTest, TheExposureIsReadInTimeOrSaidToBeInLines) {
+TEST_F(SettingsTest, ReadsTheExposureInTimeOrInLines) {
   EXPECT_EQ(read_exposure(*port_).time, std::chrono::microseconds(15'600));
   EXPECT_TRUE(read_exposure(*port_).is_automatic);
   camera_.knobs.erase(V4L2_CID_EXPOSURE_ABSOLUTE);
@@ -116,14 +118,12 @@ TEST_F(SettingsTest, TheExposureIsReadInTimeOrSaidToBeInLines) {
   EXPECT_TRUE(read_exposure(*port_).is_in_lines);
 }
 
-TEST_F(SettingsTest, AllControlsAreListedWithTheirChoices) {
-  const auto all = controls(*port_);
-  EXPECT_EQ(all.size(), camera_.knobs.size());
-  const auto mode = control_of(*port_, V4L2_CID_EXPOSURE_AUTO);
-  ASSERT_TRUE(mode);
-  EXPECT_EQ(mode->choices.size(), 2u);
-  EXPECT_FALSE(mode->offers(0));
-  EXPECT_TRUE(mode->offers(3));
+TEST_F(SettingsTest, ListsAllControlsWithTheirChoices) {
+  EXPECT_EQ(controls(*port_).size(), camera_.knobs.size());
+  const auto mode = control_of(*port_, V4L2_CID_EXPOSURE_AUTO).value();
+  EXPECT_EQ(mode.choices.size(), 2u);
+  EXPECT_FALSE(mode.offers(0));
+  EXPECT_TRUE(mode.offers(3));
 }
 
 }  // namespace

@@ -14,8 +14,7 @@ using Fit = ScaleFit<4>;
 constexpr double kWorstCost = 6.0;
 constexpr double kSigma_m = 0.01;
 
-/// Sightings of a tag from along a path of some metres; the first unknown is κ, then the tag's
-/// place.
+/// Sightings of a tag from a path of some metres; the unknowns are κ and the tag's position.
 Fit sightings(double scale, double noise_m, std::uint64_t seed, double path_m = 1.0) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> gauss;
@@ -62,11 +61,8 @@ TEST(ScaleFit, HasAConsistentSigma) {
   EXPECT_LT(std::abs(sum / kSeeds), 0.25);
 }
 
-TEST(ScaleFit, GivesNothingWithoutMotion) {
+TEST(ScaleFit, GivesNothingWithoutMotionOrForABadFit) {
   EXPECT_FALSE(sightings(1.25, kSigma_m, 1, 1e-3).solve(kNoPrior, kWorstCost));
-}
-
-TEST(ScaleFit, GivesNothingWhenNoScaleFits) {
   EXPECT_FALSE(sightings(1.0, 10 * kSigma_m, 1).solve(kNoPrior, kWorstCost));
 }
 
@@ -81,7 +77,7 @@ TEST(ScaleFit, GivesNothingAfterAFewSightings) {
   EXPECT_FALSE(fit.solve(kNoPrior, kWorstCost));
 }
 
-TEST(ScaleScore, IsTheMedianAndRobustToAFewWrongLooks) {
+TEST(ScaleScore, IsTheMedian) {
   ScaleScore score({4, 0.03});
   for (const double value : {0.10, 0.09, 0.11, 0.10, 0.10, -2.0, 1.5}) score.add({value, 0.02});
   ASSERT_TRUE(score.result());
@@ -118,6 +114,10 @@ TEST(ScaleScore, ForgetsOldLooks) {
   EXPECT_NEAR(score.result()->value, 0, 1e-9);
 }
 
+void restart(MotionWindow& window) {
+  window.restart(at_s(0), Motion::q(0), Eigen::Vector3d::Zero(), {0, 0, -kGravity});
+}
+
 /// Two seconds of Motion, the accelerometer off by `bias_f`.
 MotionWindow moved(const Eigen::Vector3d& bias_f = Eigen::Vector3d::Zero()) {
   MotionWindow window((ImuNoise()));
@@ -125,7 +125,7 @@ MotionWindow moved(const Eigen::Vector3d& bias_f = Eigen::Vector3d::Zero()) {
     ImuSample imu = Motion::imu(0.005 * k);
     imu.f_B += bias_f;
     window.push(imu);
-    if (k == 0) window.restart(at_s(0), Motion::q(0), Eigen::Vector3d::Zero(), {0, 0, -kGravity});
+    if (k == 0) restart(window);
     EXPECT_TRUE(window.move_to(at_s(0.005 * k)));
   }
   return window;
@@ -153,28 +153,27 @@ TEST(MotionWindow, IncludesTheEffectOfABias) {
   }
 }
 
-TEST(MotionWindow, IsNotUsedWithAGapInTheReadings) {
+TEST(MotionWindow, IsNotUsedWithAGapOrASaturatedReading) {
   MotionWindow window((ImuNoise()));
+  const auto step = [&](double t) {
+    window.push(Motion::imu(t));
+    return window.move_to(at_s(t));
+  };
   window.push(Motion::imu(0));
-  window.restart(at_s(0), Motion::q(0), Eigen::Vector3d::Zero(), {0, 0, -kGravity});
-  window.push(Motion::imu(0.005));
-  EXPECT_TRUE(window.move_to(at_s(0.005)));
-  window.push(Motion::imu(0.1));
-  EXPECT_FALSE(window.move_to(at_s(0.1)));
-  window.push(Motion::imu(0.105));
-  EXPECT_FALSE(window.move_to(at_s(0.105)));
-}
+  restart(window);
+  EXPECT_TRUE(step(0.005));
+  EXPECT_FALSE(step(0.1));
+  EXPECT_FALSE(step(0.105));
 
-TEST(MotionWindow, IsNotUsedWithASaturatedReading) {
   ImuNoise noise;
   noise.gyro_range_rad_s = 0.5;
-  MotionWindow window(noise);
-  window.push(Motion::imu(0));
-  window.restart(at_s(0), Motion::q(0), Eigen::Vector3d::Zero(), {0, 0, -kGravity});
+  MotionWindow saturated(noise);
+  saturated.push(Motion::imu(0));
+  restart(saturated);
   ImuSample imu = Motion::imu(0.005);
   imu.w_WB_B = imu.w_WB_B.cwiseMin(0.5).cwiseMax(-0.5);
-  window.push(imu);
-  EXPECT_FALSE(window.move_to(at_s(0.005)));
+  saturated.push(imu);
+  EXPECT_FALSE(saturated.move_to(at_s(0.005)));
 }
 
 }  // namespace

@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <map>
+#include <optional>
+#include <utility>
 
 #include "base/pose.hpp"
 #include "capture/lens/camera_model.hpp"
@@ -18,8 +21,8 @@ constexpr double kCornerNoise_px = 0.2;
 // Corners are exact here; what is left is what a look leaves open and the tilt of wrong extrinsics.
 constexpr double kExact = 0.01;
 
-/// A camera that looks up at tags under the ceiling and is waved about; all that a filter would say
-/// is the truth.
+/// A camera that looks up at tags under the ceiling and is waved about; the filter's estimates are
+/// the truth.
 class SizeCheckTest : public testing::Test {
  protected:
   SizeCheckTest() {
@@ -72,7 +75,8 @@ class SizeCheckTest : public testing::Test {
   }
 
   /// Runs for the seconds. @return all findings
-  std::vector<SizeFinding> run(SizeCheck& check, double seconds, double from = 0) {
+  std::vector<SizeFinding> run(double seconds, double from = 0) {
+    if (!check_) check_.emplace(configured_, kCornerNoise_px);
     std::vector<SizeFinding> findings;
     const Pose X_BV = true_X_BV_.value_or(configured_.cameras.front().X_BV);
     std::vector<TagBelief> own;
@@ -84,7 +88,7 @@ class SizeCheckTest : public testing::Test {
     }
     for (int k = static_cast<int>(from * 200); k <= static_cast<int>((from + seconds) * 200); ++k) {
       const double t = 0.005 * k;
-      check.add(imu(t));
+      check_->add(imu(t));
       if (k % 10 != 0) continue;
       const TagObservations seen = image(t, X_BV);
       BodyEstimate estimate;
@@ -94,18 +98,30 @@ class SizeCheckTest : public testing::Test {
       estimate.covariance = 1e-6 * Matrix15d::Identity();
       UpdateReport report;
       report.tags_used = static_cast<int>(seen.tags.size());
-      before_ = g_allocations;
-      check.add({seen, estimate, report, own, {}});
-      allocated_ += g_allocations - before_;
-      if (const auto found = check.take_event()) findings.push_back(*found);
+      const AllocationCounter allocations;
+      check_->add({seen, estimate, report, own, {}});
+      allocated_ += allocations.count();
+      if (const auto found = check_->take_event()) findings.push_back(*found);
     }
     return findings;
   }
-  std::vector<SizeFinding> run(double seconds) {
-    SizeCheck check(configured_, kCornerNoise_px);
-    return run(check, seconds);
+  /// Expects findings of these tags with these ratios, in this order.
+  void expect_findings(const std::vector<std::pair<int, double>>& expected) {
+    const auto findings = run(40);
+    ASSERT_EQ(findings.size(), expected.size());
+    for (std::size_t i = 0; i < findings.size(); ++i) {
+      EXPECT_EQ(findings[i].tag_id, expected[i].first);
+      EXPECT_NEAR(findings[i].ratio, expected[i].second, kExact);
+      EXPECT_NEAR(findings[i].edge_m, kEdge_m / expected[i].second, 1e-12);
+    }
+  }
+  /// The filter follows the tags.
+  void print_all(double ratio) {
+    printed_ = {{0, ratio}, {1, ratio}, {2, ratio}};
+    filter_scale_ = 1 / ratio;
   }
 
+  std::optional<SizeCheck> check_;  ///< Begins with the first run.
   BodySensors configured_;
   std::map<int, Pose> tags_;
   std::map<int, double> printed_;  ///< printed / configured
@@ -114,23 +130,21 @@ class SizeCheckTest : public testing::Test {
   double amplitude_{1};
   double late_s_{0};        ///< Delay of the images against their stamps.
   double filter_scale_{1};  ///< Of the positions in the filter.
-  std::uint64_t before_{0};
   std::uint64_t allocated_{0};
 };
 
 TEST_F(SizeCheckTest, DoesNotReportRightSizes) {
-  SizeCheck check(configured_, kCornerNoise_px);
-  EXPECT_TRUE(run(check, 60).empty());
-  ASSERT_TRUE(check.common());
-  EXPECT_NEAR(check.common()->value, 0, kExact);
-  EXPECT_NEAR(check.of_tag(1, true)->value, 0, kExact);
-  EXPECT_NEAR(check.of_tag(1, false)->value, 0, kExact);
+  EXPECT_TRUE(run(60).empty());
+  ASSERT_TRUE(check_->common());
+  EXPECT_NEAR(check_->common()->value, 0, kExact);
+  EXPECT_NEAR(check_->of_tag(1, true)->value, 0, kExact);
+  EXPECT_NEAR(check_->of_tag(1, false)->value, 0, kExact);
 }
 
 TEST_F(SizeCheckTest, ReportsOnceThatAllSizesAreWrong) {
   for (const double ratio : {0.8, 0.9, 1.1, 1.25}) {
-    printed_ = {{0, ratio}, {1, ratio}, {2, ratio}};
-    filter_scale_ = 1 / ratio;  // it follows the tags
+    print_all(ratio);
+    check_.reset();
     const auto findings = run(40);
     ASSERT_EQ(findings.size(), 1u) << ratio;
     EXPECT_FALSE(findings.front().tag_id);
@@ -140,38 +154,29 @@ TEST_F(SizeCheckTest, ReportsOnceThatAllSizesAreWrong) {
 
 TEST_F(SizeCheckTest, ReportsTheOneTagWithWrongSize) {
   printed_ = {{1, 1.1}};
-  const auto findings = run(40);
-  ASSERT_EQ(findings.size(), 1u);
-  EXPECT_EQ(findings.front().tag_id, 1);
-  EXPECT_NEAR(findings.front().ratio, 1.1, kExact);
-  EXPECT_NEAR(findings.front().edge_m, kEdge_m / 1.1, 1e-12);
+  expect_findings({{1, 1.1}});
 }
 
 TEST_F(SizeCheckTest, ReportsEveryTagWithWrongSizeWorstFirst) {
   tags_[3] = {tags_[0].q, {0.5, -0.9, 4.2}};
   tags_[4] = {tags_[1].q, {-0.4, -0.5, 3.8}};
   printed_ = {{1, 1.1}, {3, 0.8}};
-  const auto findings = run(40);
-  ASSERT_EQ(findings.size(), 2u);
-  EXPECT_EQ(findings[0].tag_id, 3);
-  EXPECT_NEAR(findings[0].ratio, 0.8, kExact);
-  EXPECT_EQ(findings[1].tag_id, 1);
-  EXPECT_NEAR(findings[1].ratio, 1.1, kExact);
+  expect_findings({{3, 0.8}, {1, 1.1}});
 }
 
-TEST_F(SizeCheckTest, ReportsItWithoutImuByTheOtherTags) {
+TEST_F(SizeCheckTest, ReportsATagWithoutImuByTheOtherTags) {
   configured_.imu.reset();
   printed_ = {{2, 0.9}};
-  const auto findings = run(40);
-  ASSERT_EQ(findings.size(), 1u);
-  EXPECT_EQ(findings.front().tag_id, 2);
-  EXPECT_NEAR(findings.front().ratio, 0.9, kExact);
+  expect_findings({{2, 0.9}});
 }
 
-TEST_F(SizeCheckTest, ReportsNothingWithoutImuWhenAllSizesAreWrong) {
+TEST_F(SizeCheckTest, DoesNotReportAllSizesWithoutImuOrMotion) {
+  print_all(1.25);
+  amplitude_ = 0.002;
+  EXPECT_TRUE(run(40).empty());
+  amplitude_ = 1;
   configured_.imu.reset();
-  printed_ = {{0, 1.25}, {1, 1.25}, {2, 1.25}};
-  filter_scale_ = 1 / 1.25;
+  check_.reset();
   EXPECT_TRUE(run(40).empty());
 }
 
@@ -180,58 +185,91 @@ TEST_F(SizeCheckTest, DoesNotReportTheErrorOfATapeMeasure) {
   EXPECT_TRUE(run(40).empty());
 }
 
-TEST_F(SizeCheckTest, ReportsNothingWhenTheBodyHardlyMoves) {
-  amplitude_ = 0.002;
-  printed_ = {{0, 1.25}, {1, 1.25}, {2, 1.25}};
-  filter_scale_ = 1 / 1.25;
-  EXPECT_TRUE(run(40).empty());
-}
-
 TEST_F(SizeCheckTest, IsRobustToWrongExtrinsics) {
   configured_.cameras.front().position_sigma_m = 0.05;
   configured_.cameras.front().rotation_sigma_rad = 0.05;
   true_X_BV_ =
       configured_.cameras.front().X_BV * Pose{exp_so3({0.04, -0.05, 0.03}), {0.04, -0.03, 0.05}};
-  SizeCheck check(configured_, kCornerNoise_px);
-  EXPECT_TRUE(run(check, 40).empty());
-  EXPECT_NEAR(check.common()->value, 0, 2 * kExact);
+  EXPECT_TRUE(run(40).empty());
+  EXPECT_NEAR(check_->common()->value, 0, 2 * kExact);
 }
 
 TEST_F(SizeCheckTest, UsesTheLearnedLens) {
   true_lens_.k1 = -0.3;
-  SizeCheck configured(configured_, kCornerNoise_px);
-  run(configured, 20);
-  ASSERT_TRUE(configured.common());
-  SizeCheck learned(configured_, kCornerNoise_px);
-  learned.set_lens(0, true_lens_);
-  EXPECT_TRUE(run(learned, 20).empty());
-  ASSERT_TRUE(learned.common());
-  EXPECT_GT(std::abs(configured.common()->value), kExact) << "the tags are near the axis";
-  EXPECT_LT(std::abs(learned.common()->value), 0.1 * kExact);
+  run(20);
+  ASSERT_TRUE(check_->common());
+  EXPECT_GT(std::abs(check_->common()->value), kExact) << "the tags are near the axis";
+  check_.emplace(configured_, kCornerNoise_px);
+  check_->set_lens(0, true_lens_);
+  EXPECT_TRUE(run(20).empty());
+  ASSERT_TRUE(check_->common());
+  EXPECT_LT(std::abs(check_->common()->value), 0.1 * kExact);
 }
 
 TEST_F(SizeCheckTest, IsRobustToAClockError) {
   for (const double late_s : {-0.02, 0.02}) {
     late_s_ = late_s;
-    SizeCheck check(configured_, kCornerNoise_px);
-    EXPECT_TRUE(run(check, 40).empty());
-    EXPECT_NEAR(check.common()->value, 0, 2 * kExact);
+    check_.reset();
+    EXPECT_TRUE(run(40).empty());
+    EXPECT_NEAR(check_->common()->value, 0, 2 * kExact);
   }
 }
 
 TEST_F(SizeCheckTest, IsRobustToAMovedTag) {
-  SizeCheck check(configured_, kCornerNoise_px);
-  EXPECT_TRUE(run(check, 21).empty());
+  EXPECT_TRUE(run(21).empty());
   tags_[1].p += Eigen::Vector3d(0.2, 0.2, 0.1);
-  EXPECT_TRUE(run(check, 40, 21.05).empty());
+  EXPECT_TRUE(run(40, 21.05).empty());
 }
 
 TEST_F(SizeCheckTest, AllocatesNothingAfterTheFirstLooks) {
-  SizeCheck check(configured_, kCornerNoise_px);
-  run(check, 5);
+  run(5);
   allocated_ = 0;
-  run(check, 10, 5.05);
+  run(10, 5.05);
   EXPECT_EQ(allocated_, 0u);
+}
+
+class RejectionWatchTest : public testing::Test {
+ protected:
+  /// @return number of reports within the seconds, at 20 images a second
+  int run(int seconds, int used, int rejected) {
+    int reports = 0;
+    for (int k = 0; k < 20 * seconds; ++k, ++image_) {
+      UpdateReport report;
+      report.exposed_at = instant_from_ns(50'000'000LL * image_);
+      report.tags_used = used;
+      report.tags_rejected = rejected;
+      if (const auto share = watch_.add(report)) {
+        ++reports;
+        share_ = *share;
+      }
+    }
+    return reports;
+  }
+
+  RejectionWatch watch_;
+  long image_{20};
+  double share_{0};
+};
+
+TEST_F(RejectionWatchTest, ReportsOnceThatHalfOfTheTagsContradictForTenSeconds) {
+  EXPECT_EQ(run(9, 2, 2), 0);
+  EXPECT_EQ(run(60, 2, 2), 1);
+  EXPECT_DOUBLE_EQ(share_, 0.5);
+}
+
+TEST_F(RejectionWatchTest, ReportsAgainAfterAnImprovement) {
+  EXPECT_EQ(run(20, 2, 2), 1);
+  EXPECT_EQ(run(20, 4, 0), 0);
+  EXPECT_EQ(run(20, 2, 2), 1);
+}
+
+TEST_F(RejectionWatchTest, DoesNotReportOneTagInTenAFewBadSecondsOrNoTags) {
+  EXPECT_EQ(run(60, 9, 1), 0);
+  EXPECT_EQ(run(20, 4, 0), 0);
+  EXPECT_EQ(run(4, 0, 4), 0);
+  EXPECT_EQ(run(20, 4, 0), 0);
+  watch_ = {};
+  EXPECT_EQ(run(60, 0, 0), 0);
 }
 
 }  // namespace

@@ -55,17 +55,17 @@ TEST(SegmentWorldError, OfABodyIsInvertible) {
   }
 }
 
-TEST(SegmentWorldError, IsCommonToAllThatMoveTogether) {
+TEST(SegmentWorldError, IsTheSameForTheBodyAndATagThatMoveTogether) {
   const Pose G{exp_so3({0.2, 0.1, -0.9}), {3, -2, 1}};
   const BodyMoment body = example_body();
   const Pose tag{exp_so3({1.0, 0.3, -0.2}), {-6, 2, 1}};
   const Vector15d of_body = error_between(body, in_other_axes(G, body));
   const Vector6d of_tag = world::world_error_between(tag, G * tag);
   EXPECT_LT((of_body.head<6>() - of_tag).norm(), kRounding);
-  EXPECT_LT(of_body.tail<9>().norm(), kRounding) << "velocity and biases are not told of it";
+  EXPECT_LT(of_body.tail<9>().norm(), kRounding) << "velocity and biases are not affected";
 }
 
-TEST(SegmentWorldError, TurnsByTheAdjointInOtherAxes) {
+TEST(SegmentWorldError, IsTransformedByTheAdjoint) {
   const Pose G{exp_so3({0.2, 0.1, -0.9}), {3, -2, 1}};
   const BodyMoment body = example_body();
   const Vector15d error = 0.4 * Vector15d::LinSpaced(-0.9, 1.1);
@@ -77,7 +77,7 @@ TEST(SegmentWorldError, TurnsByTheAdjointInOtherAxes) {
   EXPECT_LT((there.tail<6>() - error.tail<6>()).norm(), kRounding);
 }
 
-/// How the error changes when what it leads to is moved a little further.
+/// The error after a small further motion.
 Eigen::MatrixXd by_differences(const Vector6d& error) {
   const Pose X = example_body().X_WB;
   return central_differences(
@@ -87,11 +87,8 @@ Eigen::MatrixXd by_differences(const Vector6d& error) {
       6);
 }
 
-TEST(InverseLeftJacobian, IsIdentityAtNoError) {
+TEST(InverseLeftJacobian, MatchesDifferencesOfSmallErrors) {
   EXPECT_LT((inverse_left_jacobian(Vector6d::Zero()) - Matrix6d::Identity()).norm(), kRounding);
-}
-
-TEST(InverseLeftJacobian, MatchesDifferencesWhereErrorsAreSmall) {
   constexpr double kThirdOrder = 1e-7;  // of 0.01 rad
   for (const double scale : {1e-8, 1e-3, 1e-2}) {
     const Vector6d error = example_error(scale);
@@ -101,7 +98,7 @@ TEST(InverseLeftJacobian, MatchesDifferencesWhereErrorsAreSmall) {
   }
 }
 
-TEST(InverseLeftJacobian, IsAccurateToAThousandthOfTheRotationAt300Milliradians) {
+TEST(InverseLeftJacobian, HasAnErrorBelowAThousandthAt300Milliradians) {
   constexpr double kPromised = 1e-3;
   for (const Eigen::Vector3d& axis :
        {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 0, 1), Eigen::Vector3d(-1, 2, 2)}) {

@@ -12,7 +12,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-/// A body that walks along x, 10 images a second, each with tag 1 and a tag that has no place.
+/// A body that walks along x, 10 images a second, each with tag 1 and a tag without a pose.
 class SegmentCuttingTest : public testing::Test {
  protected:
   SegmentCuttingTest() {
@@ -45,7 +45,7 @@ TEST_F(SegmentCuttingTest, CutsAfterASecondWithoutGapsAndEveryImageIsInOneSegmen
   for (const MotionSegment& segment : segments) {
     EXPECT_EQ(segment.body_id, 3);
     EXPECT_EQ(segment.chain, 5);
-    ASSERT_EQ(segment.tags.size(), 1U) << "the other one has no place";
+    ASSERT_EQ(segment.tags.size(), 1U) << "the other one has no pose";
     for (const MotionSegment::Instance& instance : segment.instances) {
       images += instance.images.size();
       double steps_s = 0;
@@ -65,14 +65,6 @@ TEST_F(SegmentCuttingTest, VelocitiesAreDifferencesOfNeighbours) {
   EXPECT_LT((body.bias_w - Eigen::Vector3d(0, 0, -0.2)).norm(), 1e-9);
 }
 
-TEST_F(SegmentCuttingTest, AChainEndsAfterALongTimeWithoutTags) {
-  walk(0, 5);
-  walk(20'000, 5);
-  const auto segments = cut_segments(path_);
-  ASSERT_EQ(segments.size(), 2U);
-  EXPECT_NE(segments[0].chain, segments[1].chain);
-}
-
 /// Odometry of a body on a circle, in its own axes.
 Odometry on_a_circle(double seconds) {
   Odometry out;
@@ -80,6 +72,18 @@ Odometry on_a_circle(double seconds) {
     out.poses.push_back({Instant{} + from_seconds(s),
                          {exp_so3({0, 0, 0.3 * s}), {std::sin(0.3 * s), -std::cos(0.3 * s), 2}}});
   return out;
+}
+
+TEST_F(SegmentCuttingTest, AChainEndsAfterALongTimeWithoutTagsAndOdometry) {
+  walk(0, 5);
+  walk(20'000, 5);
+  const Odometry odometry = on_a_circle(10);
+  for (const Odometry* used : {static_cast<const Odometry*>(nullptr), &odometry}) {
+    path_.odometry = used;
+    const auto segments = cut_segments(path_);
+    ASSERT_EQ(segments.size(), 2U);
+    EXPECT_NE(segments[0].chain, segments[1].chain);
+  }
 }
 
 TEST_F(SegmentCuttingTest, OdometryBridgesALongTimeWithoutTags) {
@@ -105,14 +109,6 @@ TEST_F(SegmentCuttingTest, OdometryBridgesALongTimeWithoutTags) {
       path_.instants[0].X_WB * *odometry.motion(path_.instants[0].at, path_.instants.back().at);
   EXPECT_LT((X_WB.p - expected.p).norm(), 1e-9);
   EXPECT_LT(angle_between(X_WB.q, expected.q), 1e-9);
-}
-
-TEST_F(SegmentCuttingTest, WithoutOdometryAChainEnds) {
-  walk(0, 5);
-  walk(20'000, 5);
-  const Odometry odometry = on_a_circle(10);
-  path_.odometry = &odometry;
-  EXPECT_EQ(cut_segments(path_).size(), 2U);
 }
 
 TEST_F(SegmentCuttingTest, AnInstantOnItsOwnIsASegmentWithAnEmptyEnd) {

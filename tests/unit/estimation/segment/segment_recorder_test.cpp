@@ -1,5 +1,4 @@
-// Cutting what a body sees and feels into segments: nothing twice, nothing lost, and a new chain
-// when the filter does not know any more how it came where it is.
+// Segments of a body have each sample once; a new chain begins when the filter has lost the motion.
 #include "estimation/segment/segment_recorder.hpp"
 
 #include <gmock/gmock.h>
@@ -11,6 +10,7 @@
 
 #include "base/pose.hpp"
 #include "known_motion.hpp"
+#include "support/idle_filter.hpp"
 
 namespace fiducap {
 namespace {
@@ -19,27 +19,23 @@ constexpr double kImage_s = 0.05;
 constexpr double kOffReadings_s = 0.0023;  // images do not fall on readings
 
 /// A filter with given results.
-class FakeFilter final : public BodyFilter {
+class RecordedFilter final : public IdleFilter<> {
  public:
-  void propagate(const ImuSample&) override {}
-  UpdateReport update(const TagObservations&, const MapKnowledge&) override { return {}; }
-  void set_tag_priors(std::vector<KnownTag>) override {}
-  void lose_motion() override {}
-  void release_tag(int) override {}
   [[nodiscard]] bool running() const override { return is_running; }
   [[nodiscard]] BodyEstimate estimate() const override { return body; }
-  void tag_beliefs(std::vector<TagBelief>& out) const override { out.clear(); }
   void own_tags(std::vector<TagBelief>& out) const override { out = tags; }
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override { return cameras; }
-  [[nodiscard]] ClockEstimate clock(int) const override { return {}; }
   [[nodiscard]] LearnedSensors learned(int) const override { return learned_sensors; }
 
   bool is_running{true};
   BodyEstimate body;
   std::vector<ExtrinsicsEstimate> cameras{2};
   LearnedSensors learned_sensors;
-  std::vector<TagBelief> tags;  ///< In the state, also of a start that may be taken back.
+  std::vector<TagBelief> tags;  ///< In the state, also of a start that may be replaced.
 };
+
+using Change = std::function<void(UpdateReport&)>;
+void open_start(UpdateReport& report) { report.start_is_open = true; }
 
 /// A body with the motion of known_motion.hpp before tags, some of which have a known pose.
 class SegmentRecorderTest : public testing::Test {
@@ -53,20 +49,21 @@ class SegmentRecorderTest : public testing::Test {
 
   /// Readings up to the first one after the next image, then that image, as SampleMerger gives them
   /// out. `change` may change what is reported of it.
-  void image(const std::vector<int>& tags, int camera = 0,
-             const std::function<void(UpdateReport&)>& change = nullptr) {
+  void image(const std::vector<int>& tags, const Change& change = nullptr) {
     t_s_ += kImage_s;
     while (has_imu_ && imu_s_ < t_s_ + kOffReadings_s) {
       imu_s_ += to_seconds(kImuPeriod);
       // The rate encodes the time of its reading: sums over steps can be checked.
       recorder_.add(ImuSample{at_s(imu_s_), {imu_s_, 0, 1}, {0, 0, kGravity}});
     }
-    show(tags, camera, change);
+    show(tags, 0, change);
+  }
+  void images(int count, const std::vector<int>& tags, const Change& change = nullptr) {
+    for (int i = 0; i < count; ++i) image(tags, change);
   }
 
   /// Another image at the same moment.
-  void show(const std::vector<int>& tags, int camera,
-            const std::function<void(UpdateReport&)>& change = nullptr) {
+  void show(const std::vector<int>& tags, int camera, const Change& change = nullptr) {
     TagObservations seen;
     seen.camera = camera;
     seen.exposed_at = at_s(t_s_ + kOffReadings_s);
@@ -86,41 +83,39 @@ class SegmentRecorderTest : public testing::Test {
     if (const auto segment = recorder_.take()) segments_.push_back(*segment);
   }
 
-  void images(int count, const std::vector<int>& tags) {
-    for (int i = 0; i < count; ++i) image(tags);
-  }
-
-  void believe(int tag_id) {
+  void place(int tag_id) {
     beliefs_.push_back({{tag_id, 0.2, X_WM_ * place_of(tag_id), {}}, 1, {}, {}, 0});
   }
   static Pose place_of(int tag_id) { return {exp_so3({0.3, 0, 0}), {2.0 + tag_id, 1, 1}}; }
 
-  /// How often each corner that was shown is in a segment.
-  [[nodiscard]] std::map<double, int> corners() const {
-    std::map<double, int> count;
+  /// How often each corner that was shown, or each tag, is in a segment.
+  template <class Key>
+  [[nodiscard]] std::map<int, int> count_sightings(const Key& key) const {
+    std::map<int, int> count;
     for (const MotionSegment& segment : segments_)
       for (const auto& instance : segment.instances)
         for (const SegmentImage& image : instance.images)
-          for (const SegmentSighting& s : image.tags) ++count[s.seen.corners_px[0].x()];
+          for (const SegmentSighting& s : image.tags) ++count[key(s.seen)];
     return count;
+  }
+  [[nodiscard]] std::map<int, int> corners() const {
+    return count_sightings(
+        [](const TagObservation& seen) { return static_cast<int>(seen.corners_px[0].x()); });
+  }
+  void expect_corners_since(int first) const {
+    for (const auto& [corner, times] : corners()) EXPECT_GE(corner, first);
   }
 
   static double seconds_of(const MotionSegment& segment) {
     return to_seconds(segment.end().at - segment.begin().at);
   }
-
   static std::vector<int> tags_of(const MotionSegment& segment) {
     std::vector<int> out;
     for (const KnownTag& tag : segment.tags) out.push_back(tag.tag_id);
     return out;
   }
 
-  void without_imu() {
-    has_imu_ = false;
-    recorder_ = SegmentRecorder(sensors_of(false), EstimatorConfig{});
-  }
-
-  FakeFilter filter_;
+  RecordedFilter filter_;
   SegmentRecorder recorder_{sensors_of(true), EstimatorConfig{}};
   std::vector<TagBelief> beliefs_;
   std::vector<KnownTag> known_;
@@ -134,7 +129,7 @@ class SegmentRecorderTest : public testing::Test {
 };
 
 TEST_F(SegmentRecorderTest, CutsAfterASecondWithoutGaps) {
-  believe(1);
+  place(1);
   images(70, {1});
   ASSERT_EQ(segments_.size(), 3u);
   for (const MotionSegment& segment : segments_) {
@@ -152,13 +147,13 @@ TEST_F(SegmentRecorderTest, CutsAfterASecondWithoutGaps) {
     EXPECT_EQ(end.at, begin.at);
     EXPECT_EQ(end.X_WB.p, begin.X_WB.p);
     EXPECT_EQ(end.v_WB, begin.v_WB);
-    EXPECT_TRUE(segments_[i].instances.front().images.empty()) << "the one before has them";
+    EXPECT_TRUE(segments_[i].instances.front().images.empty()) << "they are in the one before";
   }
-  EXPECT_EQ(segments_[0].instances.front().images.size(), 1u) << "nobody before has them";
+  EXPECT_EQ(segments_[0].instances.front().images.size(), 1u);
 }
 
 TEST_F(SegmentRecorderTest, HasEveryReadingOnceAndInOrder) {
-  believe(1);
+  place(1);
   images(70, {1});
   ASSERT_EQ(segments_.size(), 3u);
   Instant reached = segments_.front().begin().at;
@@ -177,28 +172,23 @@ TEST_F(SegmentRecorderTest, HasEveryReadingOnceAndInOrder) {
 }
 
 TEST_F(SegmentRecorderTest, HasEveryCornerOnceAlsoOfTwoCamerasAtOneMoment) {
-  believe(1);
-  believe(2);
+  place(1);
+  place(2);
   for (int i = 0; i < 64; ++i) {
-    image({1, 2}, 0);
+    image({1, 2});
     show({2}, 1);
   }
   ASSERT_EQ(segments_.size(), 3u);
-  const auto count = corners();
-  // After the first camera's image at which the last one ended: its own, and what came later.
-  const int recorded = 3 * 61 - 1;
-  EXPECT_EQ(count.size(), static_cast<std::size_t>(recorded));
-  for (int i = 0; i < recorded; ++i) {
-    ASSERT_TRUE(count.contains(i)) << i;
-    EXPECT_EQ(count.at(i), 1) << i;
-  }
+  std::map<int, int> once;
+  // The last segment ends with the first camera's image.
+  for (int corner = 0; corner < 3 * 61 - 1; ++corner) once[corner] = 1;
+  EXPECT_EQ(corners(), once);
 }
 
 TEST_F(SegmentRecorderTest, HoldsTheSegmentsOfAStartUntilItIsFinal) {
-  const auto is_open = [](UpdateReport& r) { r.start_is_open = true; };
-  believe(1);
-  filter_.tags = std::exchange(beliefs_, {});  // none of it may be used
-  for (int i = 0; i < 70; ++i) image({1}, 0, is_open);
+  place(1);
+  filter_.tags = std::exchange(beliefs_, {});  // none may be used
+  images(70, {1}, open_start);
   EXPECT_TRUE(segments_.empty());
   beliefs_ = filter_.tags;
   images(5, {1});
@@ -207,72 +197,65 @@ TEST_F(SegmentRecorderTest, HoldsTheSegmentsOfAStartUntilItIsFinal) {
 }
 
 TEST_F(SegmentRecorderTest, DiscardsTheSegmentsOfAReplacedStart) {
-  believe(1);
+  place(1);
   filter_.tags = beliefs_;
-  for (int i = 0; i < 70; ++i) image({1}, 0, [](UpdateReport& r) { r.start_is_open = true; });
+  images(70, {1}, open_start);
   const int before = shown_;
-  image({1}, 0, [](UpdateReport& r) { r.start_changed = true; });
+  image({1}, [](UpdateReport& r) { r.start_changed = true; });
   images(45, {1});
   ASSERT_FALSE(segments_.empty());
-  for (const auto& [corner, times] : corners()) EXPECT_GE(corner, before);
+  expect_corners_since(before);
 }
 
-TEST_F(SegmentRecorderTest, BeginsANewChainWhenTheFilterHasLostTheBody) {
-  const std::map<std::string, std::function<void(UpdateReport&)>> breaks{
-      {"forgotten", [](UpdateReport& r) { r.generation = 1; }},
-      {"relocalised", [](UpdateReport& r) { r.relocalised = true; }},
+TEST_F(SegmentRecorderTest, BeginsAChainAfterTheFilterHasLostTheBody) {
+  int generation = 0;
+  const std::map<std::string, Change> breaks{
+      {"restart", [&](UpdateReport&) { generation = 1; }},
+      {"relocalisation", [](UpdateReport& r) { r.relocalised = true; }},
       {"clock", [](UpdateReport& r) { r.clock_jump = UpdateReport::ClockJump{}; }},
       {"elsewhere", [](UpdateReport& r) { r.ambiguous_place = UpdateReport::AmbiguousPlace{}; }},
-      {"stopped", [this](UpdateReport&) { filter_.is_running = false; }},
-      {"by break_chain()", [this](UpdateReport&) { recorder_.break_chain(); }}};
-  believe(1);
+      {"stop", [this](UpdateReport&) { filter_.is_running = false; }},
+      {"break_chain()", [this](UpdateReport&) { recorder_.break_chain(); }}};
+  const Change same = [&](UpdateReport& r) { r.generation = generation; };
+  place(1);
   for (const auto& [name, change] : breaks) {
     SCOPED_TRACE(name);
     segments_.clear();
-    images(30, {1});
+    images(30, {1}, same);
     ASSERT_FALSE(segments_.empty());
     const int chain = segments_.back().chain;
     segments_.clear();
     const int before = shown_;
-    image({1}, 0, change);
+    image({1}, [&](UpdateReport& r) {
+      change(r);
+      same(r);
+    });
     filter_.is_running = true;
-    const auto goes_on = [](UpdateReport& r) { r.generation = 1; };
-    for (int i = 0; i < 21; ++i) {
-      if (name == "forgotten") {
-        image({1}, 0, goes_on);
-      } else {
-        image({1});
-      }
-    }
+    images(21, {1}, same);
     ASSERT_FALSE(segments_.empty());
     EXPECT_EQ(segments_.back().chain, chain + 1);
     EXPECT_EQ(segments_.back().instances.front().images.size(), 1u);
-    for (const auto& [corner, times] : corners())
-      EXPECT_GE(corner, before) << "what was before hangs on nothing any more";
-    if (name == "forgotten") image({1});  // … and once more, back to where the test began
+    expect_corners_since(before);
   }
 }
 
 TEST_F(SegmentRecorderTest, ATagWithALatePoseAddsAllItsSightings) {
-  believe(1);
+  place(1);
   images(12, {1, 7, 8});
-  believe(7);
+  place(7);
   images(10, {1, 7, 8});
   ASSERT_EQ(segments_.size(), 1u);
-  EXPECT_THAT(tags_of(segments_[0]), testing::ElementsAre(1, 7)) << "8 never got one";
-  std::map<int, int> sightings;
-  for (const auto& instance : segments_[0].instances)
-    for (const SegmentImage& image : instance.images)
-      for (const SegmentSighting& s : image.tags) ++sightings[s.seen.tag_id];
+  EXPECT_THAT(tags_of(segments_[0]), testing::ElementsAre(1, 7)) << "8 has no pose";
+  auto sightings = count_sightings([](const TagObservation& seen) { return seen.tag_id; });
   EXPECT_EQ(sightings[1], 21);
   EXPECT_EQ(sightings[7], 21);
 }
 
 TEST_F(SegmentRecorderTest, DropsImagesWithoutTagsButNotTheirReadings) {
-  believe(1);
+  place(1);
   image({1});
   images(5, {});
-  images(5, {8});  // its place is unknown
+  images(5, {8});  // its pose is unknown
   images(15, {1});
   ASSERT_EQ(segments_.size(), 1u);
   double felt_s = 0;
@@ -285,27 +268,21 @@ TEST_F(SegmentRecorderTest, DropsImagesWithoutTagsButNotTheirReadings) {
   EXPECT_NEAR(felt_s, seconds_of(segments_[0]), 1e-9);
 }
 
-TEST_F(SegmentRecorderTest, EndsOnlyAtAnImageWithAPlacedTag) {
-  believe(1);
+TEST_F(SegmentRecorderTest, BeginsAndEndsAtAnImageWithAPlacedTag) {
+  images(10, {8});
+  place(1);
   images(10, {1});
   images(20, {});
   images(5, {8});
   EXPECT_TRUE(segments_.empty());
   image({1});
   ASSERT_EQ(segments_.size(), 1u);
+  EXPECT_EQ(segments_[0].begin().at, at_s(11 * kImage_s + kOffReadings_s));
   EXPECT_NEAR(seconds_of(segments_[0]), 35 * kImage_s, 1e-6);
 }
 
-TEST_F(SegmentRecorderTest, BeginsAtAPlacedTag) {
-  images(10, {8});
-  believe(1);
-  images(22, {1});
-  ASSERT_EQ(segments_.size(), 1u);
-  EXPECT_EQ(segments_[0].begin().at, at_s(11 * kImage_s + kOffReadings_s));
-}
-
-TEST_F(SegmentRecorderTest, BeginsANewChainAfterTenSecondsWithoutATag) {
-  believe(1);
+TEST_F(SegmentRecorderTest, BeginsAChainAfterTenSecondsWithoutATag) {
+  place(1);
   images(30, {1});
   ASSERT_EQ(segments_.size(), 1u);
   for (int i = 0; i < 220; ++i) image(i % 2 == 0 ? std::vector<int>{} : std::vector<int>{8});
@@ -315,19 +292,19 @@ TEST_F(SegmentRecorderTest, BeginsANewChainAfterTenSecondsWithoutATag) {
   EXPECT_NEAR(seconds_of(segments_[1]), 1.0, 1e-6);
 }
 
-TEST_F(SegmentRecorderTest, MovesAlongWhenTheWorkspaceIsRedefined) {
+TEST_F(SegmentRecorderTest, MovesWithTheWorkspace) {
   constexpr double kRounding = 1e-12;
   const Pose G{exp_so3({0, 0, 1.2}), {3, -5, 1}};
   is_anchored_ = false;
-  believe(1);
+  place(1);
   images(5, {1, 2});
-  believe(2);
+  place(2);
   images(5, {1, 2});
   X_WM_ = G;
   is_anchored_ = true;
   beliefs_.clear();
-  believe(1);  // 2 has left the state: its place is from before
-  image({1, 2}, 0, [&](UpdateReport& r) { r.gauge_shift = G; });
+  place(1);  // 2 has left the state
+  image({1, 2}, [&](UpdateReport& r) { r.gauge_shift = G; });
   images(10, {1, 2});
   ASSERT_EQ(segments_.size(), 1u);
   EXPECT_TRUE(segments_[0].anchored);
@@ -342,14 +319,14 @@ TEST_F(SegmentRecorderTest, MovesAlongWhenTheWorkspaceIsRedefined) {
     EXPECT_LT((tag.X_WT.p - (G * place_of(tag.tag_id)).p).norm(), kRounding) << tag.tag_id;
 }
 
-TEST_F(SegmentRecorderTest, UsesPosesOfTheMapOnlyInTheMapsAxesAndAfterItsOwn) {
+TEST_F(SegmentRecorderTest, PrefersPosesOfTheFilterAndUsesTheMapsInItsAxes) {
   known_.push_back({1, 0.2, {Eigen::Quaterniond::Identity(), {9, 9, 9}}, {}});
   known_.push_back({3, 0.2, place_of(3), {}});
   is_anchored_ = false;
   images(30, {3});
   EXPECT_TRUE(segments_.empty()) << "its axes are not the map's";
   is_anchored_ = true;
-  believe(1);
+  place(1);
   images(22, {1, 3});
   ASSERT_EQ(segments_.size(), 1u);
   ASSERT_THAT(tags_of(segments_[0]), testing::ElementsAre(1, 3));
@@ -357,8 +334,8 @@ TEST_F(SegmentRecorderTest, UsesPosesOfTheMapOnlyInTheMapsAxesAndAfterItsOwn) {
   EXPECT_EQ(segments_[0].tags[1].X_WT.p, place_of(3).p);
 }
 
-TEST_F(SegmentRecorderTest, UsesTheNoisesAndCamerasLearnedByTheFilter) {
-  believe(1);
+TEST_F(SegmentRecorderTest, UsesTheNoiseAndCamerasLearnedByTheFilter) {
+  place(1);
   filter_.learned_sensors = {nullptr, 4.0, 0.003};
   filter_.cameras[1].clock.shift_s = 0.02;
   filter_.cameras[1].lens.offset.focal = 0.01;
@@ -375,9 +352,10 @@ TEST_F(SegmentRecorderTest, UsesTheNoisesAndCamerasLearnedByTheFilter) {
   EXPECT_EQ(segments_[0].cameras[1].lens.focal, 0.01);
 }
 
-TEST_F(SegmentRecorderTest, WithoutImuHasOnlyItsDuration) {
-  without_imu();
-  believe(1);
+TEST_F(SegmentRecorderTest, WithoutImuStepsHaveOnlyADuration) {
+  has_imu_ = false;
+  recorder_ = SegmentRecorder(sensors_of(false), EstimatorConfig{});
+  place(1);
   for (int i = 0; i < 12; ++i) {
     t_s_ += kImage_s;  // an image was lost
     image({1});

@@ -1,9 +1,10 @@
-// The start that is followed again from other hypotheses: which of them wins, and what that costs.
+// A start that is followed again from other hypotheses: the selected one, and the cost.
 #include <gtest/gtest.h>
 
-#include <map>
+#include <algorithm>
 
 #include "estimation/start/start_search.hpp"
+#include "support/idle_filter.hpp"
 
 namespace fiducap {
 namespace {
@@ -24,7 +25,7 @@ struct World {
   int most_filters{0};  ///< … and were at most.
 };
 
-class FakeFilter final : public StartingFilter {
+class FakeFilter final : public IdleFilter<StartingFilter> {
  public:
   FakeFilter(World& world, ClockHypothesis clocks) : world_(world), clocks_(std::move(clocks)) {
     world_.most_filters = std::max(world_.most_filters, ++world_.filters);
@@ -33,20 +34,13 @@ class FakeFilter final : public StartingFilter {
   FakeFilter(const FakeFilter&) = delete;
   FakeFilter& operator=(const FakeFilter&) = delete;
 
-  void propagate(const ImuSample& imu) override { newest_imu_ = imu.sampled_at; }
+  void propagate(const ImuSample& imu) override { newest_imu = imu.sampled_at; }
   UpdateReport update(const TagObservations& seen, const MapKnowledge&) override {
     world_.sightings += static_cast<int>(seen.tags.size()) + 1;
-    ++images_;
-    newest_image_ = seen.exposed_at - seen.clock_shift;
+    has_image_ = true;
+    newest_image = seen.exposed_at - seen.clock_shift;
     return {};
   }
-  void set_tag_priors(std::vector<KnownTag>) override {}
-  void lose_motion() override {}
-  void release_tag(int) override {}
-  [[nodiscard]] bool running() const override { return true; }
-  [[nodiscard]] BodyEstimate estimate() const override { return {}; }
-  void tag_beliefs(std::vector<TagBelief>& out) const override { out.clear(); }
-  [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override { return {}; }
   [[nodiscard]] ClockEstimate clock(int) const override {
     const double off_s = world_.truth_s - clocks_.shifts_s[0];
     return {.shift_s = clocks_.shifts_s[0] + (clocks_.spread > 0 ? 0.5 * off_s : 0.0),
@@ -58,16 +52,10 @@ class FakeFilter final : public StartingFilter {
     const auto tags = static_cast<double>(seen.tags.size());
     return {tags * (8.0 + world_.floor + 1e5 * off_s * off_s), 8.0 * tags};
   }
-  [[nodiscard]] bool is_following() const override { return images_ > 0; }
+  [[nodiscard]] bool is_following() const override { return has_image_; }
   [[nodiscard]] int contradicting_images() const override { return contradicting; }
-  [[nodiscard]] InitialisationPriors initialisation_priors() const override {
-    return {noise, corners_px, wrong};
-  }
-  void begin_with(const InitialisationPriors& begun) override {
-    noise = begun.sensors;
-    corners_px = begun.corners_px;
-    wrong = begun.wrong;
-  }
+  [[nodiscard]] InitialisationPriors initialisation_priors() const override { return priors; }
+  void begin_with(const InitialisationPriors& begun) override { priors = begun; }
   void end_start() override { ++ends; }
   [[nodiscard]] Axes axes() const override { return {}; }
   [[nodiscard]] int generation() const override { return 1; }
@@ -75,21 +63,15 @@ class FakeFilter final : public StartingFilter {
   void set_restart_clocks(ClockHypothesis) override {}
 
   int contradicting{0};
-  LearnedNoise noise;
-  std::vector<double> corners_px{0.4};
-  std::vector<WrongNumber> wrong;
+  InitialisationPriors priors{.sensors = {}, .corners_px = {0.4}, .wrong = {}};
   int ends{0};
-  [[nodiscard]] int images() const { return images_; }
-  [[nodiscard]] Instant newest_image() const { return newest_image_; }
-  [[nodiscard]] Instant newest_imu() const { return newest_imu_; }
-  [[nodiscard]] const ClockHypothesis& clocks() const { return clocks_; }
+  Instant newest_image{};
+  Instant newest_imu{};
 
  private:
   World& world_;
   ClockHypothesis clocks_;
-  int images_{0};
-  Instant newest_image_{};
-  Instant newest_imu_{};
+  bool has_image_{false};
 };
 
 class StartSearchTest : public testing::Test {
@@ -109,10 +91,15 @@ class StartSearchTest : public testing::Test {
     if (auto better = search_.add(seen, {}, *present_)) {
       present_.reset(static_cast<FakeFilter*>(better->filter.release()));
       ++taken_over_;
-      EXPECT_EQ(present_->newest_image(), now_) << "it stands at the present image";
-      EXPECT_EQ(present_->newest_imu(), now_);
+      EXPECT_EQ(present_->newest_image, now_) << "has processed the present image";
+      EXPECT_EQ(present_->newest_imu, now_);
     }
     return world_.sightings - before;
+  }
+  /// Images until the search ends, and a trial filter was selected.
+  void finish() {
+    for (int i = 0; i < 300 && search_.is_open(); ++i) show();
+    EXPECT_GE(taken_over_, 1);
   }
 
   World world_;
@@ -127,78 +114,58 @@ class StartSearchTest : public testing::Test {
 
 TEST_F(StartSearchTest, FindsTheClockAndEnds) {
   world_.truth_s = 0.05;
-  for (int i = 0; i < 300 && search_.is_open(); ++i) show();
+  finish();
   EXPECT_FALSE(search_.is_open());
-  EXPECT_GE(taken_over_, 1);
   EXPECT_NEAR(present_->clock(0).shift_s, world_.truth_s, 0.005);
   EXPECT_EQ(present_->ends, 1);
 }
 
-TEST_F(StartSearchTest, ATrialStartsWithTheLearnedNoise) {
-  present_->noise.applied = {25.0, 1e-6};
-  for (int i = 0; i < 300 && search_.is_open(); ++i) show();
-  EXPECT_GE(taken_over_, 1);
-  EXPECT_EQ(present_->noise.applied, Eigen::Vector2d(25.0, 1e-6));
+TEST_F(StartSearchTest, ATrialStartsWithTheLearnedNoiseAndTheFoundMismatches) {
+  present_->priors.sensors.applied = {25.0, 1e-6};
+  present_->priors.wrong = {{FoundMismatch::Kind::kFocalLength, 0}};
+  finish();
+  EXPECT_EQ(present_->priors.sensors.applied, Eigen::Vector2d(25.0, 1e-6));
+  ASSERT_EQ(present_->priors.wrong.size(), 1u);
+  EXPECT_EQ(present_->priors.wrong.front().kind, FoundMismatch::Kind::kFocalLength);
+  EXPECT_EQ(present_->priors.wrong.front().camera, 0);
 }
 
-TEST_F(StartSearchTest, ATrialStartsWithTheFoundMismatches) {
-  present_->wrong = {{FoundMismatch::Kind::kFocalLength, 0}};
-  for (int i = 0; i < 300 && search_.is_open(); ++i) show();
-  EXPECT_GE(taken_over_, 1);
-  ASSERT_EQ(present_->wrong.size(), 1u);
-  EXPECT_EQ(present_->wrong.front().kind, FoundMismatch::Kind::kFocalLength);
-  EXPECT_EQ(present_->wrong.front().camera, 0);
-}
-
-TEST_F(StartSearchTest, MismatchesFoundWithAnotherClockAreDiscarded) {
+TEST_F(StartSearchTest, MismatchesAndNoiseLearnedWithAnotherClockAreDiscarded) {
   world_.truth_s = 0.05;
-  present_->wrong = {{FoundMismatch::Kind::kFocalLength, 0}};
-  for (int i = 0; i < 300 && search_.is_open(); ++i) show();
-  EXPECT_GE(taken_over_, 1);
-  EXPECT_TRUE(present_->wrong.empty());
-}
-
-TEST_F(StartSearchTest, ATrialOfAnyClockStartsWithTheLearnedCornerNoise) {
-  world_.truth_s = 0.05;
-  present_->corners_px = {0.03};
-  for (int i = 0; i < 300 && search_.is_open(); ++i) show();
-  EXPECT_GE(taken_over_, 1);
-  EXPECT_EQ(present_->corners_px, std::vector<double>{0.03});
+  present_->priors.wrong = {{FoundMismatch::Kind::kFocalLength, 0}};
+  present_->priors.sensors.applied = {25.0, 1e-6};
+  present_->priors.corners_px = {0.03};
+  finish();
+  EXPECT_TRUE(present_->priors.wrong.empty());
+  EXPECT_EQ(present_->priors.sensors.applied, Eigen::Vector2d(1.0, 0.0));
+  EXPECT_EQ(present_->priors.corners_px, std::vector<double>{0.03}) << "but not that of corners";
 }
 
 TEST_F(StartSearchTest, IsOpenForLongerWhileTheImuMayBeNoisier) {
   const Instant begin = now_;
   while (now_ - begin < std::chrono::seconds(5)) show();
-  present_->noise.derivative(0) = 30;
-  present_->noise.information(0, 0) = 100;  // 3 sigma, and not yet applied
+  present_->priors.sensors.derivative(0) = 30;
+  present_->priors.sensors.information(0, 0) = 100;  // 3 sigma, and not yet applied
   while (now_ - begin < std::chrono::seconds(9)) show();
   ASSERT_TRUE(search_.is_open());
   const int before = taken_over_;
-  present_->noise.applied(0) = 16;
-  for (int i = 0; i < 300 && search_.is_open(); ++i) show();
+  present_->priors.sensors.applied(0) = 16;
+  finish();
   EXPECT_LT(now_ - begin, std::chrono::seconds(15));
   EXPECT_GT(taken_over_, before);
-  EXPECT_EQ(present_->noise.applied(0), 16) << "the start was followed again with it";
-}
-
-TEST_F(StartSearchTest, NoiseLearnedWithAnotherClockIsDiscarded) {
-  world_.truth_s = 0.05;
-  present_->noise.applied = {25.0, 1e-6};
-  for (int i = 0; i < 300 && search_.is_open(); ++i) show();
-  EXPECT_GE(taken_over_, 1);
-  EXPECT_EQ(present_->noise.applied, Eigen::Vector2d(1.0, 0.0));
+  EXPECT_EQ(present_->priors.sensors.applied(0), 16) << "followed again with it";
 }
 
 TEST_F(StartSearchTest, TheSightingsPerImageAreBounded) {
   world_.truth_s = 0.07;
-  world_.floor = 6.0;  // badly explained: everything is tried
+  world_.floor = 6.0;  // a bad fit: everything is tried
   int most = 0;
   int images = 0;
   for (; images < 400 && search_.is_open(); ++images) most = std::max(most, show());
   EXPECT_LE(most, kMostPerImage);
   EXPECT_GT(most, kMostPerImage / 2);
   EXPECT_LT(images, 300) << "fifteen seconds";
-  EXPECT_LE(world_.most_filters, 3) << "the present one, the best, and the one that is tried";
+  EXPECT_LE(world_.most_filters, 3) << "present, best and trial filter";
 }
 
 TEST_F(StartSearchTest, EndsWhenTheLogIsFull) {
@@ -221,7 +188,7 @@ TEST_F(StartSearchTest, ContradictionsAreProcessedAtOnce) {
   EXPECT_GT(show(), 0);
 }
 
-TEST(HypothesisPlanTest, TriesOnlyTheConfiguredClockFreeAndHeldWhenItFits) {
+TEST(HypothesisPlanTest, TriesOnlyTheConfiguredClockWhenItFits) {
   const std::vector<ClockEstimate> present{{.shift_s = 0.001, .shift_sigma_s = 0.001}};
   HypothesisPlan plan({{0.0}, {0.02}}, present, true);
   std::vector<double> spreads;
@@ -234,7 +201,7 @@ TEST(HypothesisPlanTest, TriesOnlyTheConfiguredClockFreeAndHeldWhenItFits) {
   EXPECT_FALSE(plan.is_poor());
 }
 
-TEST(HypothesisPlanTest, SearchesWhenNothingFitsAndFindsTheLowestCost) {
+TEST(HypothesisPlanTest, FindsTheLowestCostWhenNothingFits) {
   constexpr double kTruth_s = -0.037;
   HypothesisPlan plan({{0.0}, {0.02}}, std::vector<ClockEstimate>{{}}, true);
   ClockHypothesis best;

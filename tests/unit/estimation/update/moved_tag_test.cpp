@@ -1,4 +1,4 @@
-// A tag was moved while a body saw nothing else: it was moved, or the filter diverged.
+// The only visible tag was moved, or the filter has diverged.
 #include <gtest/gtest.h>
 
 #include "example_room.hpp"
@@ -9,59 +9,44 @@ namespace {
 constexpr double kGood_m = 0.02;
 const Eigen::Vector3d kMoved(0.5, 0, 0);
 
-/// In a room of its own making, past the seconds in which a filter may take its start back.
-void settle(ExampleRoom& room) {
-  for (int i = 0; i < 160; ++i) room.next_image({});
-  ASSERT_TRUE(room.filter->running());
-}
-
-/// Root of the covariance along an axis.
-double sigma_m(const ExampleRoom& room, int axis) {
-  return std::sqrt(room.filter->estimate().covariance(axis, axis));
-}
+/// A body whose only visible tag, number 2, is moved after the start.
+struct MovedTag {
+  MovedTag() {
+    room.images(160);
+    EXPECT_TRUE(room.filter->running());
+    move(kMoved);
+  }
+  void move(const Eigen::Vector3d& by) { room.tags[2].p += by; }
+  UpdateReport images(int count) { return room.images(count, {}, {2}); }
+  ExampleRoom room{{}};
+};
 
 TEST(MovedTagAlone, IncreasesTheSigmaByItsOffset) {
-  ExampleRoom room({});
-  settle(room);
-  room.tags[2].p += kMoved;
-  UpdateReport report;
-  for (int i = 0; i < 15; ++i) report = room.next_image({}, {2});
+  MovedTag body;
+  const UpdateReport report = body.images(15);
   ASSERT_TRUE(report.ambiguous_place);
   EXPECT_EQ(report.ambiguous_place->tag_id, 2);
   EXPECT_NEAR(report.ambiguous_place->by_m, kMoved.norm(), 0.1 * kMoved.norm());
-  const Matrix15d P = room.filter->estimate().covariance;
-  EXPECT_NEAR(std::sqrt(P.diagonal().head<3>().sum()), kMoved.norm(), 0.2 * kMoved.norm());
-  for (int i = 0; i < 30; ++i) report = room.next_image({}, {2});  // given up meanwhile
-  EXPECT_TRUE(report.ambiguous_place);
-  report = room.next_image({}, {2, 3});
-  EXPECT_FALSE(report.ambiguous_place) << "another one decides";
-  EXPECT_LT(sigma_m(room, 0) + sigma_m(room, 1) + sigma_m(room, 2), 3 * kGood_m);
+  EXPECT_NEAR(body.room.sigma_m(), kMoved.norm(), 0.2 * kMoved.norm());
+  EXPECT_TRUE(body.images(30).ambiguous_place) << "dropped meanwhile";
+  EXPECT_FALSE(body.room.next_image({}, {2, 3}).ambiguous_place) << "another tag decides";
+  const Eigen::Vector3d variance = body.room.filter->estimate().covariance.diagonal().head<3>();
+  EXPECT_LT(variance.cwiseSqrt().sum(), 3 * kGood_m);
 }
 
-TEST(MovedTagAlone, IsAcceptedAfterManyConsistentImagesWithoutAnotherTag) {
-  ExampleRoom room({});
-  settle(room);
-  room.tags[2].p += kMoved;
-  UpdateReport report;
-  for (int i = 0; i < 200; ++i) report = room.next_image({}, {2});
-  EXPECT_TRUE(report.ambiguous_place);
-  for (int i = 0; i < 600; ++i) report = room.next_image({}, {2});
-  EXPECT_FALSE(report.ambiguous_place);
+TEST(MovedTagAlone, IsAcceptedAfterManyConsistentImages) {
+  MovedTag body;
+  EXPECT_TRUE(body.images(200).ambiguous_place);
+  EXPECT_FALSE(body.images(600).ambiguous_place);
 }
 
 TEST(MovedTagAlone, IsAcceptedAlthoughOneImageDidNotFit) {
-  ExampleRoom room({});
-  settle(room);
-  room.tags[2].p += kMoved;
-  UpdateReport report;
-  for (int i = 0; i < 500; ++i) report = room.next_image({}, {2});
-  EXPECT_TRUE(report.ambiguous_place);
-  room.tags[2].p += kMoved;
-  report = room.next_image({}, {2});
-  EXPECT_EQ(report.tags_used, 0) << "rejected";
-  room.tags[2].p -= kMoved;
-  for (int i = 0; i < 300; ++i) report = room.next_image({}, {2});
-  EXPECT_FALSE(report.ambiguous_place);
+  MovedTag body;
+  EXPECT_TRUE(body.images(500).ambiguous_place);
+  body.move(kMoved);
+  EXPECT_EQ(body.images(1).tags_used, 0) << "rejected";
+  body.move(-kMoved);
+  EXPECT_FALSE(body.images(300).ambiguous_place);
 }
 
 }  // namespace

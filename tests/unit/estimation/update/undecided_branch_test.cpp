@@ -1,8 +1,9 @@
-// Without an IMU only the images decide which of a tag's two poses is right: until then there is no
+// Without an IMU only the images decide which of a tag's two poses is right; before, there is no
 // pose.
 #include <gtest/gtest.h>
 
 #include "example_room.hpp"
+#include "example_tags.hpp"
 
 namespace fiducap {
 namespace {
@@ -18,7 +19,7 @@ constexpr double kSameBranch_rad = 0.45;
 constexpr double kSigmas = 4.0;
 const Eigen::Quaterniond kOblique = exp_so3({0, 0.5, 0}) * exp_so3({3.0, 0.1, 0});
 
-/// Of the corners' noise: every test begins with the same draws, independent of earlier tests.
+/// Of the corners' noise: the same draws in every test.
 std::mt19937_64 random_engine;
 
 BodySensors rig_of(int cameras) {
@@ -32,23 +33,14 @@ BodySensors rig_of(int cameras) {
   return sensors;
 }
 
-Instant instant_at(double t_s) { return instant_from_ns(1'000'000'000) + from_seconds(t_s); }
-
 TagObservations image_of(const BodySensors& sensors, int camera, double t_s, int tag_id,
                          const Pose& X_BT) {
   const CameraMount& mount = sensors.cameras[static_cast<std::size_t>(camera)];
   TagObservations seen;
   seen.camera = camera;
-  seen.exposed_at = instant_at(t_s);
-  seen.tags.push_back(
-      example_observation(tag_id, kEdge_m, mount.X_BV.inverse() * X_BT, mount.model));
-  TagObservation& tag = seen.tags.front();
-  std::normal_distribution<double> pixel(0, kNoise_px);
-  for (std::size_t k = 0; k < 4; ++k) {
-    tag.ideal_from_raw[k].setIdentity();
-    tag.corners_px[k] += Eigen::Vector2d(pixel(random_engine), pixel(random_engine));
-    tag.raw_px[k] = tag.corners_px[k];
-  }
+  seen.exposed_at = ExampleRoom::at(t_s);
+  seen.tags.push_back(noisy_observation(tag_id, kEdge_m, mount.X_BV.inverse() * X_BT, mount.model,
+                                        kNoise_px, random_engine));
   return seen;
 }
 
@@ -61,15 +53,14 @@ Pose before(const BodySensors& sensors, int camera, double distance_m,
 
 KnownTag known(int tag_id, const Pose& X_WT) { return {tag_id, kEdge_m, X_WT, Matrix6d::Zero()}; }
 
-class UndecidedBranch : public testing::TestWithParam<std::string> {
+class UndecidedBranch : public BothFilters {
  protected:
   void SetUp() override { random_engine.seed(5); }
   static std::unique_ptr<BodyFilter> filter_of(const BodySensors& sensors) {
     return make_body_filter(GetParam(), sensors, {}, {});
   }
 };
-INSTANTIATE_TEST_SUITE_P(BothFilters, UndecidedBranch, testing::Values("robocentric", "world"),
-                         [](const auto& one) { return one.param; });
+INSTANTIATE_TEST_SUITE_P(Filters, UndecidedBranch, kBothFilters, name_of_filter);
 
 TEST_P(UndecidedBranch, GivesNoPoseForAnyNumberOfSightings) {
   const BodySensors sensors = rig_of(1);
@@ -82,7 +73,7 @@ TEST_P(UndecidedBranch, GivesNoPoseForAnyNumberOfSightings) {
   }
 }
 
-TEST_P(UndecidedBranch, GivesOneAtOnceWhenTheTagIsNear) {
+TEST_P(UndecidedBranch, GivesAPoseAtOnceForANearTag) {
   const BodySensors sensors = rig_of(1);
   const auto filter = filter_of(sensors);
   const Pose X_BT = before(sensors, 0, kNear_m, kOblique);
@@ -93,13 +84,13 @@ TEST_P(UndecidedBranch, GivesOneAtOnceWhenTheTagIsNear) {
   EXPECT_LT(angle_between(X_TB.q, X_BT.inverse().q), kNearAngle_rad);
 }
 
-/// A body that knows two tags, and does not know where it is.
+/// A body without a pose that knows two tags.
 struct Returning {
   explicit Returning(const BodySensors& rig, std::unique_ptr<BodyFilter> a_filter)
       : sensors(rig), filter(std::move(a_filter)) {
     X_WT1 = before(sensors, 0, kFar_m, kOblique);
     X_WT2 = before(sensors, 1, kFar_m, exp_so3({0.4, -0.3, 0.2}) * kOblique);
-    // By a tag right before it, to be anchored; then the motion is lost.
+    // Anchored by a near tag; then the motion is lost.
     const Pose X_WT3 = before(sensors, 0, kNear_m, kOblique);
     const std::vector<KnownTag> near{known(3, X_WT3)};
     for (int i = 0; i < 5; ++i)

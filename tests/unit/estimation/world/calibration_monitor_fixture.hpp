@@ -1,47 +1,71 @@
 #pragma once
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <vector>
+
+#include "base/pose.hpp"
 #include "estimation/world/calibration_monitor.hpp"
-#include "world/example_state.hpp"
 
 namespace fiducap::world {
 
-inline constexpr int kLongEnough = 25;        // images that a test has to last for
-inline constexpr std::size_t kSizeOfAll = 5;  // behind four numbers of the lens and the readout
+inline constexpr std::size_t kSizeOfAll = 5;  // after four numbers of the lens and the readout
 
-/// A body with one camera and one tag, all doubted, correlated with the size of all prints as a
-/// linear measurement of both makes them.
+/// A body with one camera and one tag, all doubted.
 class CalibrationMonitorTest : public testing::Test {
  protected:
-  CalibrationMonitorTest() : monitor_(mounts_, {}) {
-    mounts_.resize(1);
+  CalibrationMonitorTest() {
     state_.reset({Pose{exp_so3({0.1, -1.5, 0.2}), {0.05, -0.02, 0.03}}});
     state_.P().diagonal().head<layout::kBodySize>().setConstant(1e-12);
     monitor_.begin(state_);
-    size_ = layout::sizes(1);
   }
 
-  /// Kalman update with the measurement `y` = `h` x of standard deviation `sigma`; only size and
-  /// body position have a mean.
+  double& variance(int column) { return state_.P()(column, column); }
+  double sigma(int column) { return std::sqrt(variance(column)); }
+
+  /// Kalman update with the measurement `y` = `h` x of standard deviation `sigma`, of the common
+  /// size, the focal length and the body's position; only size and position have a mean.
   void measure(double on_size, double y, double sigma, double on_focal = 0) {
     auto P = state_.P();
     Eigen::VectorXd h = Eigen::VectorXd::Zero(state_.size());
     h(size_) = on_size;
-    h(layout::focal(0)) = on_focal;
+    h(kFocal) = on_focal;
     h(layout::kPosition) = 1;
-    const double predicted = on_size * state_.sizes.common + place_;
+    const double innovation = y - on_size * state_.sizes.common - place_;
     const double S = h.dot(P * h) + sigma * sigma;
     const Eigen::VectorXd K = P * h / S;
     P -= (K * K.transpose() * S).eval();
-    state_.sizes.common += K(size_) * (y - predicted);
-    place_ += K(layout::kPosition) * (y - predicted);
+    state_.sizes.common += K(size_) * innovation;
+    place_ += K(layout::kPosition) * innovation;
   }
+  /// All prints are 2 % larger.
+  void measure_larger_prints(double on_focal = 0) { measure(1e-3, 2e-5, 1e-6, on_focal); }
+  /// Tests the parameters with as many images, by default with enough for a decision.
+  void test_parameters(int images = 25, double dispersion = 1.0) {
+    for (int i = 0; i < images; ++i) monitor_.update_tests(state_, 0, dispersion);
+  }
+  std::vector<FoundMismatch> found(const CalibrationMonitor& monitor) {
+    std::vector<FoundMismatch> out;
+    monitor.list(state_, out);
+    return out;
+  }
+  /// Begins again with another setting.
+  CalibrationMonitor begin_again(const CalibrationMonitor::Rules& options) {
+    CalibrationMonitor monitor(mounts_, options);
+    state_.reset({Pose{}});
+    monitor.begin(state_);
+    return monitor;
+  }
+  static auto is_closed() { return testing::Field(&ParameterTest::is_open, false); }
 
-  std::vector<CameraMount> mounts_;
-  CalibrationMonitor monitor_;
+  static constexpr int kFocal = layout::focal(0);
+  static constexpr int kReadout = layout::readout(0);
+  std::vector<CameraMount> mounts_{1};
+  CalibrationMonitor monitor_{mounts_, {}};
   FilterState state_;
-  int size_{};
+  const int size_ = layout::sizes(1);
   double place_{0};
 };
 

@@ -9,7 +9,7 @@ namespace {
 constexpr int kMapTags = 60;
 constexpr int kInView = 4;
 
-/// A body at rest in a mapped room of which each image shows another part.
+/// A body at rest in a mapped room; images show different parts of it.
 class HeldTags : public testing::Test {
  protected:
   HeldTags() {
@@ -40,6 +40,15 @@ class HeldTags : public testing::Test {
     return filter_->update(seen, {known});
   }
 
+  [[nodiscard]] std::vector<TagBelief> beliefs() const {
+    std::vector<TagBelief> out;
+    filter_->tag_beliefs(out);
+    return out;
+  }
+  [[nodiscard]] const WorldTag& tag(int id) const {
+    return filter_->state().tags[static_cast<std::size_t>(filter_->state().find(id))];
+  }
+
   std::unique_ptr<WorldFilter> filter_;
   std::vector<KnownTag> map_;
   Instant now_{};
@@ -56,40 +65,36 @@ TEST_F(HeldTags, AreBoundedForAnySizeOfTheMap) {
   }
   EXPECT_LE(most, 20u);
   EXPECT_LT(filter_->estimate().X_WB.p.norm(), 1e-3);
-  std::vector<TagBelief> beliefs;
-  filter_->tag_beliefs(beliefs);
-  EXPECT_TRUE(beliefs.empty()) << "a tag of the map is not this body's own";
+  EXPECT_TRUE(beliefs().empty()) << "no own tags";
 }
 
 TEST_F(HeldTags, AnAdoptedTagReturnsAsATagOfTheMap) {
   constexpr int kOwn = 2;
-  for (int i = 0; i < 150; ++i)
-    show(0, kOwn);  // no tags are given out while the clock is uncertain and the filter new
-  std::vector<TagBelief> beliefs;
-  filter_->tag_beliefs(beliefs);
-  ASSERT_EQ(beliefs.size(), 1u);
-  const double body_sigma = filter_->estimate().covariance.topLeftCorner<3, 3>().trace();
+  // No tag is given to the map while the clock is uncertain and the filter new.
+  for (int i = 0; i < 150; ++i) show(0, kOwn);
+  const std::vector<TagBelief> own = beliefs();
+  ASSERT_EQ(own.size(), 1u);
+  const auto variance = [&] { return filter_->estimate().covariance.diagonal().head<3>().sum(); };
+  const double before = variance();
   filter_->release_tag(kOwn);
   EXPECT_LT(filter_->state().find(kOwn), 0);
-  EXPECT_DOUBLE_EQ((filter_->estimate().covariance.topLeftCorner<3, 3>().trace()), body_sigma);
-  map_[kOwn] = beliefs.front().tag;
+  EXPECT_DOUBLE_EQ(variance(), before);
+  map_[kOwn] = own.front().tag;
   EXPECT_EQ(show(0).tags_used, kInView);
   ASSERT_GE(filter_->state().find(kOwn), 0);
-  EXPECT_TRUE(filter_->state().tags[static_cast<std::size_t>(filter_->state().find(kOwn))].held);
+  EXPECT_TRUE(tag(kOwn).held);
 }
 
 TEST_F(HeldTags, FollowTheMapWhenItChanges) {
   for (int i = 0; i < 60; ++i) show(0);
   const Eigen::Vector3d shift(0.02, -0.01, 0.03);
-  for (KnownTag& tag : map_) tag.X_WT.p += shift;
-  const std::size_t i = static_cast<std::size_t>(filter_->state().find(0));
-  const Eigen::Vector3d before = filter_->state().tags[i].X_WT.p;
+  for (KnownTag& known : map_) known.X_WT.p += shift;
+  const Eigen::Vector3d before = tag(0).X_WT.p;
   TagObservations seen;
   seen.exposed_at = now_ += std::chrono::milliseconds(1);
   filter_->update(seen, {map_});
   for (int k = 0; k < 3; ++k) show(0);
-  const std::size_t j = static_cast<std::size_t>(filter_->state().find(0));
-  EXPECT_LT((filter_->state().tags[j].X_WT.p - before - shift).norm(), 1e-12);
+  EXPECT_LT((tag(0).X_WT.p - before - shift).norm(), 1e-12);
 }
 
 }  // namespace

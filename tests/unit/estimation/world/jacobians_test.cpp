@@ -2,11 +2,14 @@
 // covariance against the Jacobian of the change of the mean.
 #include <gtest/gtest.h>
 
+#include <array>
+
+#include "base/pose.hpp"
+#include "covariance_check.hpp"
 #include "estimation/world/corner_measurement.hpp"
 #include "estimation/world/propagation.hpp"
 #include "estimation/world/tag_entry.hpp"
 #include "estimation/world/workspace_axes.hpp"
-#include "support/jacobian_check.hpp"
 #include "world/example_state.hpp"
 
 namespace fiducap::world {
@@ -15,53 +18,11 @@ namespace {
 using namespace layout;  // NOLINT
 
 const Eigen::Vector3d kGravity(0, 0, -9.81);
-// First order covariances against central differences of the means, relative to the largest entry.
-constexpr double kCovarianceTolerance = 1e-6;
-
-/// Jacobian of a change of the mean, in error coordinates before and after.
-template <typename Change>
-Eigen::MatrixXd jacobian_of(const Change& change) {
-  const FilterState before = example_state();
-  FilterState after = before;
-  change(after);
-  return central_differences(
-      [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
-        FilterState other = moved(before, d);
-        change(other);
-        return after.error_to(other);
-      },
-      before.size());
-}
-
-/// Checks that `change` transforms P with the Jacobian of its own mean.
-template <typename Change>
-void expect_covariance_follows_mean(const Change& change, const Eigen::MatrixXd& added_noise = {}) {
-  FilterState after = example_state();
-  change(after);
-  const Eigen::MatrixXd J = jacobian_of(change);
-  Eigen::MatrixXd expected = J * example_state().P() * J.transpose();
-  if (added_noise.size() > 0) expected += added_noise;
-  const Eigen::MatrixXd got = after.P();
-  EXPECT_LT((got - expected).cwiseAbs().maxCoeff(),
-            kCovarianceTolerance * expected.cwiseAbs().maxCoeff())
-      << "got\n"
-      << got << "\nexpected\n"
-      << expected;
-  EXPECT_LT((got - got.transpose()).cwiseAbs().maxCoeff(), 1e-12 * expected.cwiseAbs().maxCoeff());
-}
-
-InertialInput example_input(bool has_accelerometer) {
-  InertialInput input;
-  input.w_B = {0.8, -1.2, 0.5};
-  input.f_B = {1.0, -2.0, 9.0};
-  input.has_accelerometer = has_accelerometer;
-  return input;
-}
 
 TEST(WorldError, IsInvertible) {
   const FilterState state = example_state();
   Eigen::VectorXd error = Eigen::VectorXd::LinSpaced(state.size(), -0.4, 0.5);
-  EXPECT_LT((state.error_to(moved(state, error)) - error).norm(), 1e-12);
+  EXPECT_LT((state.error_to(with_error(state, error)) - error).norm(), 1e-12);
 }
 
 class WorldStepJacobian : public testing::TestWithParam<bool> {};
@@ -74,7 +35,7 @@ TEST_P(WorldStepJacobian, MatchesDifferences) {
     const auto f = [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
       Eigen::VectorXd error = Eigen::VectorXd::Zero(mean.size());
       error.head<kBodySize>() = d;
-      FilterState state = moved(example_state(), error);
+      FilterState state = with_error(example_state(), error);
       step_mean(state, input, kGravity, dt);
       return mean.error_to(state).head<kBodySize>();
     };
@@ -95,7 +56,7 @@ TEST_P(WorldStepJacobian, MapsAShiftOfTheRoomOntoItself) {
 INSTANTIATE_TEST_SUITE_P(WithAndWithoutAccelerometer, WorldStepJacobian, testing::Bool());
 
 TEST(WorldTransition, CovarianceFollowsTheMean) {
-  expect_covariance_follows_mean([](FilterState& state) {
+  expect_covariance_follows_mean<FilterState>(example_state(), [](FilterState& state) {
     MotionSinceImage motion;
     for (int i = 0; i < 10; ++i) propagate(state, motion, example_input(true), kGravity, 0.005);
     apply(state, motion);
@@ -137,7 +98,7 @@ TEST_P(WorldMeasurement, MatchesDifferences) {
   const Eigen::MatrixXd H = jacobian(state);
   const int camera = std::get<0>(GetParam());
   expect_jacobian(-H, [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
-    return measure(moved(state, d), camera, model_, use_, white_).y;
+    return measure(with_error(state, d), camera, model_, use_, white_).y;
   });
 }
 
@@ -172,7 +133,7 @@ TEST_P(WorldMeasurement, DoesNotObserveAShiftOfTheRoom) {
 INSTANTIATE_TEST_SUITE_P(CamerasAndKinds, WorldMeasurement,
                          testing::Combine(testing::Values(0, 1), testing::Bool()));
 
-/// How much the place of point `at` (mean p), seen from camera c, is uncertain; W axes.
+/// Covariance of point `at` (mean p), seen from camera c; W axes.
 Eigen::Matrix3d seen_from_camera(const FilterState& state, int c, int at,
                                  const Eigen::Vector3d& p) {
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(3, state.size());
@@ -180,10 +141,10 @@ Eigen::Matrix3d seen_from_camera(const FilterState& state, int c, int at,
   A.middleCols<3>(at + 3) -= skew(p);
   A.middleCols<3>(layout::camera(c)) -= Eigen::Matrix3d::Identity();
   A.middleCols<3>(layout::camera(c) + 3) += skew(p);
-  return A * state.P() * A.transpose();
+  return propagated(A, state.P());
 }
 
-TEST(WorldCorrection, InformationAboutRelativePositionsIsKeptWhenTheyMove) {
+TEST(WorldCorrection, KeepsTheInformationAboutRelativePositions) {
   for (int camera = 0; camera < 2; ++camera) {
     const FilterState before = example_state();
     FilterState after = before;
@@ -197,7 +158,7 @@ TEST(WorldCorrection, InformationAboutRelativePositionsIsKeptWhenTheyMove) {
       const Eigen::Matrix3d known = seen_from_camera(before, camera, at, p_before);
       EXPECT_LT((seen_from_camera(after, camera, at, p_after) - known).norm(),
                 1e-11 * known.norm());
-      // … and would not stay by itself.
+      // … which without the transport would be wrong.
       EXPECT_GT((seen_from_camera(before, camera, at, p_after) - known).norm(),
                 1e-2 * known.norm());
     };
@@ -209,32 +170,33 @@ TEST(WorldCorrection, InformationAboutRelativePositionsIsKeptWhenTheyMove) {
   }
 }
 
-TEST(WorldAxes, TyingToTheReferenceTransformsTheCovariance) {
+TEST(WorldAxes, AnchoringTransformsTheCovariance) {
   for (const bool level : {true, false}) {
     HeadingRule rule;
     rule.axis = 1;
     rule.yaw_rad = 0.3;
     rule.X_WT = {exp_so3({0.2, 0.1, -0.4}), {3, -2, 1}};
-    expect_covariance_follows_mean(
-        [&](FilterState& state) { anchor_to_reference(state, 1, rule, level); });
+    expect_covariance_follows_mean<FilterState>(
+        example_state(), [&](FilterState& state) { anchor_to_reference(state, 1, rule, level); });
   }
+}
+
+/// Of a pose, in the plain coordinates of results.
+Vector6d plain_error(const Pose& X, const Pose& other) {
+  Vector6d plain;
+  plain << other.p, log_so3(other.q * X.q.conjugate());
+  return plain;
 }
 
 TEST(WorldExtrinsics, AreTheErrorsOfTheCameraRelativeToTheBody) {
   const FilterState state = example_state();
   for (int c = 0; c < state.cameras(); ++c) {
-    const Pose& X_BV = state.X_BV[static_cast<std::size_t>(c)];
-    const Eigen::MatrixXd J = central_differences(
-        [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
-          const Pose other = moved(state, d).X_BV[static_cast<std::size_t>(c)];
-          Eigen::VectorXd plain(6);
-          plain << other.p, log_so3(other.q * X_BV.q.conjugate());
-          return plain;
-        },
-        state.size());
-    const Eigen::MatrixXd expected = J * state.P() * J.transpose();
-    EXPECT_LT((extrinsics_covariance(state, c) - expected).cwiseAbs().maxCoeff(),
-              1e-6 * expected.cwiseAbs().maxCoeff());
+    const auto of = [&](const FilterState& s) { return s.X_BV[static_cast<std::size_t>(c)]; };
+    const Eigen::MatrixXd expected =
+        covariance_of<FilterState>(state, [&](const FilterState& other) -> Eigen::VectorXd {
+          return plain_error(of(state), of(other));
+        });
+    expect_matrices_near(extrinsics_covariance(state, c), expected, kFirstOrder);
   }
 }
 
@@ -258,8 +220,8 @@ TEST(WorldTagEntry, IncludesTheErrorsOfBodyAndExtrinsics) {
   const CornerResidual r = corner_residual(seen, X_VT, model);
   const CornerNoise white(EstimatorConfig{}, false);
   const double noise_px = measure(after, 1, model, {&seen, 3, nullptr}, white).noise_px;
-  const Matrix6d own = noise_px * noise_px * (r.H.transpose() * r.H).inverse();
-  // A turning of the tag in camera axes, as an error on the world's side.
+  const Matrix6d own = noise_px * noise_px * inverse(r.H.transpose() * r.H);
+  // A rotation of the tag in camera axes, as an error on the world's side.
   const Pose X_WV = before.X_WB_after(before.clocks[1].seconds_to(0)) * before.X_BV[1];
   const Eigen::MatrixXd from_seen = central_differences(
       [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
@@ -269,8 +231,8 @@ TEST(WorldTagEntry, IncludesTheErrorsOfBodyAndExtrinsics) {
       },
       6);
   Eigen::MatrixXd noise = Eigen::MatrixXd::Zero(after.size(), after.size());
-  noise.bottomRightCorner<6, 6>() = from_seen * own * from_seen.transpose();
-  expect_covariance_follows_mean(change, noise);
+  noise.bottomRightCorner<6, 6>() = propagated(from_seen, own);
+  expect_covariance_follows_mean<FilterState>(before, change, noise);
 }
 
 /// ∂ of the corners by the place of the newest tag, W axes.
@@ -303,9 +265,8 @@ TEST(WorldTagEntry, WeightsEveryCornerByItsSigma) {
 
   const Matrix86d H = place_columns(state, 1, model, seen, noise);
   const Matrix8d R = noise.covariance(seen, 0.0);
-  const Matrix6d expected = (H.transpose() * R.ldlt().solve(H)).inverse();
-  const Matrix6d got = state.P().bottomRightCorner<6, 6>();
-  EXPECT_LT((got - expected).cwiseAbs().maxCoeff(), 1e-6 * expected.cwiseAbs().maxCoeff());
+  expect_matrices_near(state.P().bottomRightCorner<6, 6>(),
+                       inverse(propagated(H.transpose(), inverse(R))), 1e-6);
 }
 
 TEST(WorldTagEntry, AnUninformativePriorChangesNothing) {
@@ -333,19 +294,74 @@ TEST(WorldTagEntry, AnExactPriorDefinesTheTagPose) {
 
 TEST(WorldOutput, CovariancesAreThoseOfThePlainErrors) {
   const FilterState state = example_state();
-  const BodyEstimate body = body_in_workspace(state);
-  const Eigen::MatrixXd J = central_differences(
-      [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
-        const FilterState other = moved(state, d);
+  const Eigen::MatrixXd expected =
+      covariance_of<FilterState>(state, [&](const FilterState& other) -> Eigen::VectorXd {
         Eigen::VectorXd plain(15);
-        plain << other.X_WB.p, log_so3(other.X_WB.q * state.X_WB.q.conjugate()), other.v_WB,
-            other.bias_f, other.bias_w;
+        plain << plain_error(state.X_WB, other.X_WB), other.v_WB, other.bias_f, other.bias_w;
         return plain;
+      });
+  expect_matrices_near(body_in_workspace(state).covariance, expected, kFirstOrder);
+}
+
+/// Pose of a body after two steps of odometry.
+struct OdometrySteps {
+  std::array<InertialInput, 2> inputs;
+  OdometrySteps() {
+    for (InertialInput& input : inputs) {
+      input.has_accelerometer = false;
+      input.velocity_noise = 0.03;
+      input.gyro_noise = 0.02;
+    }
+    inputs[0].w_B = {0.3, -0.2, 0.5};
+    inputs[0].v_B = {1.0, 0.2, -0.3};
+    inputs[1].w_B = {-0.1, 0.4, 0.2};
+    inputs[1].v_B = {0.5, -0.6, 0.1};
+  }
+  FilterState after(FilterState state, MotionSinceImage& motion) const {
+    for (const InertialInput& input : inputs) propagate(state, motion, input, kGravity, kStep_s);
+    return state;
+  }
+  static constexpr double kStep_s = 0.01;
+};
+
+TEST(WorldOdometry, AnEarlierErrorStaysAndTheVelocityIsThatOfOdometry) {
+  const OdometrySteps steps;
+  const FilterState before = example_state();
+  MotionSinceImage motion;
+  const FilterState after = steps.after(before, motion);
+  const Eigen::MatrixXd Phi = central_differences(
+      [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+        Eigen::VectorXd all = Eigen::VectorXd::Zero(before.size());
+        all.head<kBodySize>() = d;
+        MotionSinceImage ignored;
+        const FilterState other = steps.after(with_error(before, all), ignored);
+        return after.error_to(other).head<kBodySize>();
       },
-      state.size());
-  const Eigen::MatrixXd expected = J * state.P() * J.transpose();
-  EXPECT_LT((body.covariance - expected).cwiseAbs().maxCoeff(),
-            1e-6 * expected.cwiseAbs().maxCoeff());
+      kBodySize);
+  EXPECT_LT((motion.Phi - Phi).cwiseAbs().maxCoeff(), 1e-6) << Phi;
+  EXPECT_LT((after.v_WB - after.X_WB.q * *steps.inputs[1].v_B).norm(), 0.01);
+}
+
+TEST(WorldOdometry, ItsNoiseIsInBodyAxes) {
+  const OdometrySteps steps;
+  MotionSinceImage motion;
+  const FilterState after = steps.after(example_state(), motion);
+  // Effect of each number of white noise, constant over its step, on the pose.
+  Matrix6d expected = Matrix6d::Zero();
+  for (std::size_t step = 0; step < steps.inputs.size(); ++step) {
+    const Eigen::MatrixXd G = central_differences(
+        [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+          OdometrySteps other = steps;
+          *other.inputs[step].v_B += d.head<3>() * 0.03;
+          other.inputs[step].w_B += d.tail<3>() * 0.02;
+          MotionSinceImage ignored;
+          return after.error_to(other.after(example_state(), ignored)).head<6>();
+        },
+        6);
+    expected += G * G.transpose() / OdometrySteps::kStep_s;
+  }
+  // The noise of a step is added at its end: half of the step's rotation is left out.
+  expect_matrices_near(motion.Q.topLeftCorner<6, 6>(), expected, 5e-3);
 }
 
 }  // namespace

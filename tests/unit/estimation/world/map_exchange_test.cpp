@@ -4,11 +4,9 @@
 
 #include <random>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-
 #include "base/pose.hpp"
 #include "estimation/world/calibration_monitor.hpp"
+#include "support/jacobian_check.hpp"
 
 namespace fiducap::world {
 namespace {
@@ -64,11 +62,6 @@ class MapExchange : public testing::Test {
     return out;
   }
 
-  static double least_eigenvalue(const Eigen::MatrixXd& P) {
-    return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(P, Eigen::EigenvaluesOnly)
-        .eigenvalues()(0);
-  }
-
   FilterState state_;
   std::mt19937_64 random_{7};
   std::normal_distribution<double> gauss_;
@@ -95,16 +88,15 @@ TEST_F(MapExchange, HasNoEffectWhenNothingChanged) {
 }
 
 TEST_F(MapExchange, TheBodyFollowsTheRoom) {
-  const Pose G{exp_so3({0, 0, 0.3}), {2, -1, 0.5}};
   const Pose X_TB = state_.tags[1].X_WT.inverse() * state_.X_WB;
-  const auto moved = exchange(state_, map_of(G, correlated(6 * kTags, 0.003)), true);
-  ASSERT_TRUE(moved);
+  const Pose G{exp_so3({0, 0, 0.3}), {2, -1, 0.5}};
+  ASSERT_TRUE(exchange(state_, map_of(G, correlated(6 * kTags, 0.003)), true));
   const Pose now = state_.tags[1].X_WT.inverse() * state_.X_WB;
   EXPECT_LT((now.p - X_TB.p).norm(), 1e-6);
   EXPECT_LT(angle_between(now.q, X_TB.q), 1e-6);
 }
 
-TEST_F(MapExchange, TheRoomPoseOfTheFilterDoesNotInfluenceTheMaps) {
+TEST_F(MapExchange, TheFiltersRoomPoseDoesNotInfluenceTheMaps) {
   // The body's pose relative to the tags is exact, and the filter is certain of the room's pose.
   for (std::size_t i = 0; i < kTags; ++i) {
     state_.P().middleCols<6>(state_.tag_at(i)).setZero();
@@ -128,7 +120,7 @@ TEST_F(MapExchange, ATagAtAnotherPlaceInTheMapLeavesTheState) {
   EXPECT_GE(state_.find(3), 0);
 }
 
-TEST_F(MapExchange, ANewTagIsCorrelatedAsInTheMapWithOtherTagsAndTheBody) {
+TEST_F(MapExchange, AnAddedTagIsCorrelatedAsInTheMap) {
   const Eigen::MatrixXd joint = correlated(6 * kTags, 0.003);
   const KnownMap map = map_of(Pose{}, joint);
   ASSERT_TRUE(exchange(state_, map, true));

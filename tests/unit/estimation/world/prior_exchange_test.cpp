@@ -3,9 +3,9 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/LU>
 #include <vector>
 
+#include "support/jacobian_check.hpp"
 #include "world/example_state.hpp"
 
 namespace fiducap::world {
@@ -30,19 +30,19 @@ class PriorExchange : public testing::Test {
   void replace_prior(double to_sigma, double value) {
     const Eigen::MatrixXd P = state_.P();
     const Eigen::MatrixXd of_held = P(held_, held_);
-    const Eigen::MatrixXd A = P(rest_, held_) * of_held.inverse();
+    const Eigen::MatrixXd A = P(rest_, held_) * inverse(of_held);
     const Eigen::MatrixXd given = P(rest_, rest_) - A * P(held_, rest_);
-    Eigen::MatrixXd information = given.inverse();
+    Eigen::MatrixXd information = inverse(given);
     information(column_, column_) += 1 / (to_sigma * to_sigma) - 1 / (sigma_ * sigma_);
-    const Eigen::MatrixXd now_given = information.inverse();
-    const Eigen::MatrixXd by_before = now_given * given.inverse();
+    const Eigen::MatrixXd now_given = inverse(information);
+    const Eigen::MatrixXd by_before = now_given * inverse(given);
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(rest_.size()));
     mean(column_) = value;
     moved_ = by_before * mean - mean;
     expected_ = P;
     expected_(rest_, held_) = by_before * A * of_held;
     expected_(held_, rest_) = expected_(rest_, held_).transpose();
-    expected_(rest_, rest_) = now_given + by_before * A * of_held * (by_before * A).transpose();
+    expected_(rest_, rest_) = now_given + propagated(by_before * A, of_held);
   }
 
   FilterState state_;
@@ -70,8 +70,8 @@ TEST_F(PriorExchange, ChangesTheStatesCorrelatedWithHeldTagsButNotTheTags) {
   }
 }
 
-// All tags, and so the body, may be elsewhere by metres, and the column has heard of that. The body
-// stays where it is among its tags.
+// All tags, and so the body, have a common error of metres, correlated with the column. The body
+// keeps its pose relative to its tags.
 TEST_F(PriorExchange, DoesNotMoveTheBodyAlongWithAnErrorOfTheWholeMap) {
   auto P = state_.P();
   P.setZero();

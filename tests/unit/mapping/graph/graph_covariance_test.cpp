@@ -1,4 +1,4 @@
-// Where W is, is defined by tags in the mean: against a dense computation.
+// W is defined by the mean of tags: against a dense computation.
 #include "mapping/graph/graph_covariance.hpp"
 
 #include <gtest/gtest.h>
@@ -29,7 +29,7 @@ double misfit(const Points& points, const Pose& X) {
   return sum;
 }
 
-TEST(LayOver, FindsTheYawAndShiftThatWereThere) {
+TEST(FitYawAndShift, FindsYawAndShift) {
   std::mt19937_64 random(1);
   for (const double yaw : {0.0, 0.7, 3.0, -2.5}) {
     const Pose X{exp_so3({0, 0, yaw}), {12, -7, 3}};
@@ -44,7 +44,7 @@ TEST(LayOver, FindsTheYawAndShiftThatWereThere) {
   }
 }
 
-TEST(LayOver, IsLeastSquares) {
+TEST(FitYawAndShift, IsLeastSquares) {
   constexpr double kStep = 1e-3;
   std::mt19937_64 random(2);
   Points points;
@@ -53,7 +53,7 @@ TEST(LayOver, IsLeastSquares) {
     points.emplace_back(p, exp_so3({0.1, -0.2, 1.0}) * p + draw(0.3, random));
   }
   const Pose best = fit_yaw_and_shift(points);
-  EXPECT_LT(best.q.vec().head<2>().norm(), 1e-15) << "gravity is no matter of choice";
+  EXPECT_LT(best.q.vec().head<2>().norm(), 1e-15) << "the vertical is fixed";
   for (const Eigen::Vector4d& step :
        {Eigen::Vector4d(kStep, 0, 0, 0), Eigen::Vector4d(0, kStep, 0, 0),
         Eigen::Vector4d(0, 0, kStep, 0), Eigen::Vector4d(0, 0, 0, kStep)}) {
@@ -64,7 +64,7 @@ TEST(LayOver, IsLeastSquares) {
   }
 }
 
-TEST(LayOver, LeavesTheHeadingWhenOnePointSaysNothingOfIt) {
+TEST(FitYawAndShift, KeepsTheHeadingOfASinglePoint) {
   const Pose found = fit_yaw_and_shift(Points{{{1, 2, 3}, {4, 4, 4}}});
   EXPECT_LT(angle_between(found.q, Eigen::Quaterniond::Identity()), 1e-15);
   EXPECT_LT((found.p - Eigen::Vector3d(3, 2, 1)).norm(), 1e-15);
@@ -72,11 +72,11 @@ TEST(LayOver, LeavesTheHeadingWhenOnePointSaysNothingOfIt) {
   EXPECT_EQ(none.p, Eigen::Vector3d::Zero());
 }
 
-/// Tags of a level room whose errors say nothing of a common shift and yaw; one of them is held.
+/// Tags of a level room with unobservable common shift and yaw; one of them is held.
 class DatumTest : public testing::Test {
  protected:
   static constexpr int kTags = 5;
-  // A body's 15 numbers stand before the tags, so that rows and variables are not the same.
+  // A body's 15 numbers precede the tags, so that rows and variables differ.
   static constexpr int kFirstTag = 1;
 
   DatumTest() {
@@ -153,7 +153,7 @@ class DatumTest : public testing::Test {
     return S * held(held_tag).inverse() * S.transpose();
   }
 
-  [[nodiscard]] Matrix6d told(const std::vector<int>& defining, int held_tag, int i, int j) const {
+  [[nodiscard]] Matrix6d found(const std::vector<int>& defining, int held_tag, int i, int j) const {
     const BlockMatrix H = blocks_of(held(held_tag));
     auto factor = BlockCholesky::factor(H);
     factor->invert();
@@ -177,7 +177,7 @@ class DatumTest : public testing::Test {
 // The dense one takes differences of the mean.
 constexpr double kDifferences = 1e-6;
 
-TEST_F(DatumTest, TellsErrorsAgainstTheMeanOfTheDefiningTags) {
+TEST_F(DatumTest, GivesErrorsRelativeToTheMean) {
   for (const std::vector<int>& defining :
        {std::vector<int>{0, 1, 2, 3, 4}, std::vector<int>{1, 3}, std::vector<int>{2}}) {
     const Eigen::MatrixXd expected = dense(defining, 0);
@@ -185,23 +185,23 @@ TEST_F(DatumTest, TellsErrorsAgainstTheMeanOfTheDefiningTags) {
     for (int i = 0; i < kTags; ++i) {
       for (int j = 0; j < kTags; ++j) {
         const Matrix6d block = expected.block<6, 6>(15 + 6 * i, 15 + 6 * j);
-        EXPECT_LT((told(defining, 0, i, j) - block).cwiseAbs().maxCoeff(), kDifferences * scale)
+        EXPECT_LT((found(defining, 0, i, j) - block).cwiseAbs().maxCoeff(), kDifferences * scale)
             << defining.size() << " tags define, block " << i << " " << j;
       }
     }
   }
 }
 
-TEST_F(DatumTest, DoesNotMindWhichTagWasHeld) {
+TEST_F(DatumTest, DoesNotDependOnTheHeldTag) {
   for (const std::vector<int>& defining : {std::vector<int>{0, 1, 2, 3, 4}, std::vector<int>{2}}) {
-    const Matrix6d one = told(defining, 0, 1, 3);
-    const Matrix6d other = told(defining, 4, 1, 3);
+    const Matrix6d one = found(defining, 0, 1, 3);
+    const Matrix6d other = found(defining, 4, 1, 3);
     EXPECT_LT((one - other).cwiseAbs().maxCoeff(), 1e-8 * one.cwiseAbs().maxCoeff());
   }
 }
 
-TEST_F(DatumTest, KnowsTheOnlyDefiningTagExactlyInPlaceAndHeading) {
-  const Matrix6d covariance = world::plain_from_world_error(pose(2).p) * told({2}, 0, 2, 2) *
+TEST_F(DatumTest, FixesPlaceAndHeadingOfASingleTag) {
+  const Matrix6d covariance = world::plain_from_world_error(pose(2).p) * found({2}, 0, 2, 2) *
                               world::plain_from_world_error(pose(2).p).transpose();
   const Eigen::Matrix3d of_place = covariance.topLeftCorner<3, 3>();
   EXPECT_LT(of_place.norm(), 1e-9);

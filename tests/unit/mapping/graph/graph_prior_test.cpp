@@ -1,4 +1,4 @@
-// What a prior keeps of a joint covariance, and how it pulls.
+// Information of a prior, its gradient, and the prior of cameras.
 #include "mapping/graph/graph_prior.hpp"
 
 #include <gtest/gtest.h>
@@ -10,6 +10,7 @@
 
 #include "base/pose.hpp"
 #include "estimation/world/filter_state.hpp"
+#include "mapping/graph/graph_state.hpp"
 #include "mapping/graph/graph_terms.hpp"
 
 namespace fiducap {
@@ -30,7 +31,7 @@ Eigen::VectorXd draw(Eigen::Index size, std::mt19937_64& random) {
   return out;
 }
 
-/// Tags in a row and one camera, whose errors hang together in every way.
+/// Tags in a row and one camera with a full joint covariance.
 struct World {
   GraphState graph;
   Eigen::MatrixXd joint;  ///< Tags' plain numbers, then the camera's.
@@ -96,7 +97,7 @@ TEST(GraphPrior, IsTheJointCovarianceOfFewTagsAndCameras) {
   }
 }
 
-TEST(GraphPrior, DoesNotSayWhereAllOfItIs) {
+TEST(GraphPrior, DoesNotFixPlaceAndYaw) {
   const World world(3, PriorUnknown::kPlaceAndYaw);
   GraphState moved = world.graph;
   const Pose T{exp_so3({0, 0, 0.001}), {0.002, 0.003, -0.001}};
@@ -104,7 +105,7 @@ TEST(GraphPrior, DoesNotSayWhereAllOfItIs) {
   GraphState one = world.graph;
   one.tags[1].X_WT = T * one.tags[1].X_WT;
   EXPECT_LT(cost_of(moved), 0.01 * cost_of(one));
-  // … and goes along when the axes are moved for good.
+  // … and is moved with the axes.
   GraphState turned = one;
   const Pose far{exp_so3({0, 0, 2.0}), {50, -20, 1}};
   for (GraphTag& tag : turned.tags) tag.X_WT = far * tag.X_WT;
@@ -112,7 +113,7 @@ TEST(GraphPrior, DoesNotSayWhereAllOfItIs) {
   EXPECT_NEAR(cost_of(turned), cost_of(one), 1e-6 * cost_of(one));
 }
 
-TEST(GraphPrior, PullsAsItsCostSays) {
+TEST(GraphPrior, HasTheGradientOfItsCost) {
   constexpr double kStep = 1e-6;
   std::mt19937_64 random(9);
   World world(4, PriorUnknown::kPlaceAndYaw);
@@ -140,13 +141,46 @@ TEST(GraphPrior, PullsAsItsCostSays) {
   }
 }
 
-TEST(GraphPrior, FollowsWhenTagsAreRenumbered) {
+TEST(GraphPrior, FollowsRenumberedTags) {
   World world(5, PriorUnknown::kPlaceAndYaw);
   world.graph.tags[2].X_WT.p.x() += 0.01;
   const double before = cost_of(world.graph);
   std::swap(world.graph.tags[0], world.graph.tags[3]);
   world.graph.prior.renumber({3, 1, 2, 0});
   EXPECT_NEAR(cost_of(world.graph), before, 1e-9 * before);
+}
+
+SegmentSensors one_camera(double focal_sigma) {
+  SegmentSensors sensors;
+  sensors.has_imu = true;
+  sensors.cameras.resize(1);
+  sensors.cameras[0].focal_sigma = focal_sigma;
+  return sensors;
+}
+
+/// A filter's estimate of a lens that differs from the configured one.
+std::vector<CameraBelief> found_lens() {
+  CameraBelief camera;
+  camera.lens.focal = 1e-4;
+  camera.lens_is_open = true;
+  return {camera};
+}
+
+double focal_sigma(const GraphBody& body) {
+  return 1 / std::sqrt(body.information(segment_layout::kFocal, segment_layout::kFocal));
+}
+
+TEST(GraphBody, KeepsTheConfiguredSigmaOfALens) {
+  GraphBody body = body_by_configuration(1, one_camera(5e-4));
+  initialise_cameras(found_lens(), body);
+  EXPECT_NEAR(focal_sigma(body), 5e-4, 1e-12);
+}
+
+TEST(GraphBody, RaisesTheSigmaOfAWrongExactLens) {
+  GraphBody body = body_by_configuration(1, one_camera(0));
+  EXPECT_LT(focal_sigma(body), 1e-6);
+  initialise_cameras(found_lens(), body);
+  EXPECT_NEAR(focal_sigma(body), 0.1, 1e-9);
 }
 
 }  // namespace

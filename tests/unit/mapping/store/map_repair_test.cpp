@@ -1,22 +1,20 @@
 #include "mapping/store/map_repair.hpp"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <linux/filter.h>
 #include <linux/seccomp.h>
 #include <sys/prctl.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 
-#include <cstddef>
-#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 
+#include "base/whole_file.hpp"
 #include "mapping/store/sqlite_file.hpp"
 #include "support/fault_disk.hpp"
+#include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
@@ -31,18 +29,11 @@ using testing::IsEmpty;
 constexpr int kVersions = 30;
 constexpr std::size_t kPage = 4096;
 
-std::string bytes_of(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream bytes;
-  bytes << file.rdbuf();
-  return bytes.str();
-}
-
 class MapRepairTest : public testing::Test {
  protected:
   MapRepairTest() {
     auto store = MapStore::open(path_);
-    TagMap map = make_map(ids());
+    TagMap map = make_map(first_ids(24));
     for (int i = 0; i < kVersions; ++i) {
       map.tags[0].tag.X_WT.p.x() = i;
       map = *store->commit(map, "step " + std::to_string(i + 1));
@@ -50,18 +41,13 @@ class MapRepairTest : public testing::Test {
     }
     EXPECT_TRUE(store->save_extrinsics({"robot", 0, Pose{}}));
   }
-  static std::vector<int> ids() {
-    std::vector<int> all;
-    for (int id = 0; id < 24; ++id) all.push_back(id);
-    return all;
+  void execute(const char* sql) { value_of(value_of(SqliteFile::open(path_)).execute(sql)); }
+  /// Damages tag 5 of a version.
+  void damage(int version) {
+    execute(("UPDATE tag SET px = 77 WHERE tag_id = 5 AND version = " + std::to_string(version))
+                .c_str());
   }
-  void execute(const char* sql) {
-    auto file = SqliteFile::open(path_);
-    ASSERT_TRUE(file);
-    const auto done = file->execute(sql);
-    ASSERT_TRUE(done) << done.error().text();
-  }
-  /// The store opens, its versions are what was committed.
+  /// The store opens with committed versions only. @return their numbers
   std::vector<std::int64_t> expect_sound() {
     std::vector<std::int64_t> there;
     const auto store = MapStore::open(path_);
@@ -84,38 +70,36 @@ class MapRepairTest : public testing::Test {
   std::vector<std::string> hashes_;
 };
 
-TEST_F(MapRepairTest, ASoundStoreIsLeftAlone) {
-  const auto before = bytes_of(path_);
-  const auto repaired = repair_map_store(path_);
-  ASSERT_TRUE(repaired) << repaired.error().text();
-  EXPECT_TRUE(repaired->found.is_sound());
-  EXPECT_THAT(repaired->kept_as, IsEmpty());
-  EXPECT_EQ(repaired->found.sound.size(), std::size_t{kVersions});
-  EXPECT_TRUE(bytes_of(path_) == before);
+TEST_F(MapRepairTest, KeepsASoundStore) {
+  const auto before = value_of(read_whole_file(path_));
+  const auto repaired = value_of(repair_map_store(path_));
+  EXPECT_TRUE(repaired.found.is_sound());
+  EXPECT_THAT(repaired.kept_as, IsEmpty());
+  EXPECT_EQ(repaired.found.sound.size(), std::size_t{kVersions});
+  EXPECT_TRUE(value_of(read_whole_file(path_)) == before);
 }
 
-TEST_F(MapRepairTest, AVersionThatIsNotWhatWasStoredIsLeftOutAndSaid) {
-  execute("UPDATE tag SET px = 77 WHERE version = 30 AND tag_id = 5");
+TEST_F(MapRepairTest, OmitsADamagedVersion) {
+  damage(30);
   ASSERT_FALSE(check_map_store(path_)->is_sound());
-  const auto repaired = repair_map_store(path_);
-  ASSERT_TRUE(repaired) << repaired.error().text();
-  EXPECT_THAT(repaired->found.sentences(), ElementsAre(HasSubstr("version 30: is damaged")));
-  EXPECT_EQ(repaired->kept_as, path_ + ".damaged-1");
+  const auto repaired = value_of(repair_map_store(path_));
+  EXPECT_THAT(repaired.found.sentences(), ElementsAre(HasSubstr("version 30: is damaged")));
+  EXPECT_EQ(repaired.kept_as, path_ + ".damaged-1");
   EXPECT_EQ(expect_sound().size(), std::size_t{kVersions - 1});
   EXPECT_EQ(MapStore::open(path_)->newest()->version, 29);
   EXPECT_EQ(MapStore::open(path_)->extrinsics()->size(), 1u);
-  EXPECT_EQ(check_map_store(repaired->kept_as)->damaged.size(), 1u) << "nothing is thrown away";
+  EXPECT_EQ(check_map_store(repaired.kept_as)->damaged.size(), 1u) << "the damaged file is kept";
   EXPECT_TRUE(check_map_store(path_)->is_sound());
 }
 
-TEST_F(MapRepairTest, ChildrenOfALostVersionFollowItsParent) {
-  execute("UPDATE tag SET px = 77 WHERE version = 12 AND tag_id = 5");
+TEST_F(MapRepairTest, LinksChildrenOfALostVersionToItsParent) {
+  damage(12);
   ASSERT_TRUE(repair_map_store(path_));
   EXPECT_EQ(MapStore::open(path_)->load(13)->parent, 11);
 }
 
-TEST_F(MapRepairTest, EveryDestroyedPageIsSurvivedOrRefused) {
-  const std::string whole = bytes_of(path_);
+TEST_F(MapRepairTest, RepairsOrRefusesEveryDestroyedPage) {
+  const std::string whole = value_of(read_whole_file(path_));
   test::FaultDisk disk;  // quicker than a real one
   std::size_t repaired_ones = 0;
   for (std::size_t page = 1; page < whole.size() / kPage; ++page) {
@@ -138,22 +122,21 @@ TEST_F(MapRepairTest, EveryDestroyedPageIsSurvivedOrRefused) {
   EXPECT_GT(repaired_ones, whole.size() / kPage / 2);
 }
 
-TEST_F(MapRepairTest, ACutFileGivesWhatIsBeforeTheCut) {
-  const std::string whole = bytes_of(path_);
+TEST_F(MapRepairTest, RepairsATruncatedFile) {
+  const std::string whole = value_of(read_whole_file(path_));
   std::ofstream(path_, std::ios::binary | std::ios::trunc)
       << whole.substr(0, whole.size() / 2 + 100);
   ASSERT_FALSE(MapStore::open(path_));
-  const auto repaired = repair_map_store(path_);
-  ASSERT_TRUE(repaired) << repaired.error().text();
+  (void)value_of(repair_map_store(path_));
   const auto there = expect_sound();
   EXPECT_GT(there.size(), 5u);
   EXPECT_LT(there.size(), std::size_t{kVersions});
 }
 
-TEST_F(MapRepairTest, WhatIsNoStoreIsRefusedAndNotTouched) {
+TEST_F(MapRepairTest, RefusesOtherFiles) {
   const std::string other = folder_.write("other", std::string(9000, 'x'));
   EXPECT_FALSE(repair_map_store(other));
-  EXPECT_EQ(bytes_of(other), std::string(9000, 'x'));
+  EXPECT_EQ(value_of(read_whole_file(other)), std::string(9000, 'x'));
   EXPECT_FALSE(fs::exists(other + ".damaged-1"));
   {
     auto file = SqliteFile::open(folder_.file("db"));
@@ -166,33 +149,30 @@ TEST_F(MapRepairTest, WhatIsNoStoreIsRefusedAndNotTouched) {
   EXPECT_FALSE(fs::exists(folder_.file("nothing")));
 }
 
-TEST_F(MapRepairTest, AStoreInUseIsNotRepaired) {
+TEST_F(MapRepairTest, RefusesAStoreInUse) {
   auto store = MapStore::open(path_);
   ASSERT_TRUE(store->claim());
-  const auto refused = repair_map_store(path_);
-  ASSERT_FALSE(refused);
-  EXPECT_THAT(refused.error().text(), HasSubstr("is in use by process"));
+  EXPECT_THAT(error_of(repair_map_store(path_)), HasSubstr("is in use by process"));
 }
 
-TEST_F(MapRepairTest, EarlierDamagedFilesAreNotOverwritten) {
+TEST_F(MapRepairTest, KeepsEarlierDamagedFiles) {
   folder_.write("hall.map.damaged-1", "precious");
-  execute("UPDATE tag SET px = 77 WHERE version = 30 AND tag_id = 5");
+  damage(30);
   EXPECT_EQ(repair_map_store(path_)->kept_as, path_ + ".damaged-2");
-  EXPECT_EQ(bytes_of(path_ + ".damaged-1"), "precious");
+  EXPECT_EQ(value_of(read_whole_file(path_ + ".damaged-1")), "precious");
 }
 
-TEST_F(MapRepairTest, ModeAndOwnerStay) {
+TEST_F(MapRepairTest, KeepsModeAndOwner) {
   ASSERT_EQ(::chmod(path_.c_str(), 0660), 0);
-  execute("UPDATE tag SET px = 77 WHERE version = 30 AND tag_id = 5");
+  damage(30);
   ASSERT_TRUE(repair_map_store(path_));
   struct stat now {};
   ASSERT_EQ(::stat(path_.c_str(), &now), 0);
   EXPECT_EQ(now.st_mode & 07777, 0660u);
 }
 
-/// What a kill leaves behind between two steps of putting the repaired store in place.
-/// For the rest of this process, as the service's SystemCallFilter=~@chown does.
-void forbid_to_give_files_away() {
+/// For the rest of this process, as SystemCallFilter=~@chown of the service.
+void forbid_chown() {
   std::vector<sock_filter> program{BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr))};
   for (const auto call : {SYS_chown, SYS_fchown, SYS_lchown, SYS_fchownat}) {
     program.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, static_cast<std::uint32_t>(call), 0, 1));
@@ -205,11 +185,11 @@ void forbid_to_give_files_away() {
     std::_Exit(77);
 }
 
-TEST_F(MapRepairTest, AServiceThatMayGiveNoFilesAwayRepairsItsOwn) {
+TEST_F(MapRepairTest, WorksWithoutChown) {
   fs::resize_file(path_, fs::file_size(path_) - kPage);
   EXPECT_EXIT(
       {
-        forbid_to_give_files_away();
+        forbid_chown();
         const auto repaired = repair_map_store(path_);
         std::fputs(repaired ? "repaired" : repaired.error().text().c_str(), stderr);
         std::_Exit(repaired ? 0 : 1);
@@ -218,8 +198,8 @@ TEST_F(MapRepairTest, AServiceThatMayGiveNoFilesAwayRepairsItsOwn) {
   EXPECT_TRUE(MapStore::open(path_));
 }
 
-TEST_F(MapRepairTest, ARepairThatWasInterruptedIsFinishedByTheNext) {
-  execute("UPDATE tag SET px = 77 WHERE version = 30 AND tag_id = 5");
+TEST_F(MapRepairTest, FinishesAnInterruptedRepair) {
+  damage(30);
   const std::string log = folder_.write("a log", "of the damaged store");
   for (int steps_done = 0; steps_done < 4; ++steps_done) {
     SCOPED_TRACE(steps_done);
@@ -230,13 +210,10 @@ TEST_F(MapRepairTest, ARepairThatWasInterruptedIsFinishedByTheNext) {
     if (steps_done >= 1) fs::create_hard_link(path, path + ".damaged-1");
     if (steps_done >= 2) fs::create_hard_link(path + "-wal", path + ".damaged-1-wal");
     if (steps_done >= 3) fs::remove(path + "-wal");
-    const auto refused = MapStore::open(path);
-    ASSERT_FALSE(refused);
-    EXPECT_THAT(refused.error().text(), HasSubstr("finishes it"));
-    const auto repaired = repair_map_store(path);
-    ASSERT_TRUE(repaired) << repaired.error().text();
-    EXPECT_EQ(repaired->kept_as, path + ".damaged-1");
-    EXPECT_EQ(bytes_of(path + ".damaged-1-wal"), "of the damaged store");
+    EXPECT_THAT(error_of(MapStore::open(path)), HasSubstr("finishes it"));
+    const auto repaired = value_of(repair_map_store(path));
+    EXPECT_EQ(repaired.kept_as, path + ".damaged-1");
+    EXPECT_EQ(value_of(read_whole_file(path + ".damaged-1-wal")), "of the damaged store");
     EXPECT_FALSE(fs::exists(path + ".damaged-2"));
     EXPECT_FALSE(fs::exists(repaired_name(path)));
     EXPECT_EQ(MapStore::open(path)->newest_sound()->map.version, 29);

@@ -1,7 +1,5 @@
-// What a store holds after power cuts, full disks and failing disks, at every single step of a
-// server's life.
+// A store after power cuts and on full and failing disks, at every step of a server's life.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <functional>
 #include <optional>
@@ -10,6 +8,7 @@
 #include "mapping/store/map_repair.hpp"
 #include "mapping/store/map_store.hpp"
 #include "support/fault_disk.hpp"
+#include "support/results.hpp"
 #include "unit/mapping/map_fixture.hpp"
 #include "unit/mapping/store/old_stores.hpp"
 
@@ -17,6 +16,8 @@ namespace fiducap {
 namespace {
 
 using test::FaultDisk;
+using testing::HasSubstr;
+using testing::Not;
 using Fault = FaultDisk::Fault;
 
 constexpr const char* kPath = "hall.map";
@@ -53,23 +54,17 @@ Deed commits(int number, const std::string& comment) {
     map.version = before->version;
     map.tags[0].tag.X_WT.p.x() = number;
     map.created_utc_ns = 1'700'000'000'000'000'000 + number / 2 * 4 * kMinute + number % 2;
-    auto stored = store->commit(map, comment);
-    if (!stored) return tl::unexpected(stored.error());
-    return {};
+    return store->commit(map, comment).map([](const auto&) {});
   };
 }
 
 Expected<void> opens(std::optional<MapStore>& store) {
   store.reset();
-  auto opened = MapStore::open(kPath);
-  if (!opened) return tl::unexpected(opened.error());
-  store.emplace(std::move(*opened));
-  return {};
+  return MapStore::open(kPath).map([&](MapStore opened) { store.emplace(std::move(opened)); });
 }
 
 Expected<void> thins(std::optional<MapStore>& store) {
-  const auto thinned = store->thin();
-  return thinned ? Expected<void>{} : tl::unexpected(thinned.error());
+  return store->thin().map([](const auto&) {});
 }
 
 Deed learns(double shift_s) {
@@ -82,7 +77,7 @@ Deed learns(double shift_s) {
 }
 
 struct Life {
-  std::string file{};  ///< What lies there before.
+  std::string file{};  ///< The initial content.
   std::vector<Deed> deeds{};
 };
 
@@ -156,35 +151,46 @@ const Reference& reference_of(std::size_t which) {
   return all[which];
 }
 
+void expect_explained(const Error& error) {
+  EXPECT_EQ(error.code, ErrorCode::kUnavailable) << error.text();
+  EXPECT_GT(error.what.size(), 20u);
+}
+
+void live_with(std::uint64_t step, Fault fault, const Reference& reference);
+
 class MapStoreFaults : public testing::TestWithParam<std::size_t> {
  protected:
   [[nodiscard]] const Reference& reference() const { return reference_of(GetParam()); }
-  static void expect_words(const Error& error) {
-    EXPECT_EQ(error.code, ErrorCode::kUnavailable) << error.text();
-    EXPECT_GT(error.what.size(), 20u);
+  /// The fault at every step, or at every read.
+  void live_with_each(Fault fault) const {
+    const std::uint64_t count = fault == Fault::kReadFails ? reference().reads : reference().steps;
+    for (std::uint64_t step = 0; step < count; ++step) {
+      SCOPED_TRACE(step);
+      ASSERT_NO_FATAL_FAILURE(live_with(step, fault, reference()));
+    }
   }
 };
 INSTANTIATE_TEST_SUITE_P(Life, MapStoreFaults,
                          testing::Range(std::size_t{0}, 1 + kOldSchemas.size()));
 
-TEST(MapStoreLives, ThinOutAndWriteBack) {
+TEST(MapStoreLives, ThinAndCheckpoint) {
   const Reference& reference = reference_of(0);
   EXPECT_GT(reference.steps, 100u);
-  EXPECT_THAT(reference.states.back(), testing::HasSubstr("survey"));
-  EXPECT_THAT(reference.states.back(), testing::HasSubstr("\n4 of 2 "));
-  EXPECT_THAT(reference.states.back(), testing::Not(testing::HasSubstr("\n3 of"))) << "thinned";
-  EXPECT_THAT(reference.states.back(), testing::HasSubstr(" with 11 ties\n"));
+  EXPECT_THAT(reference.states.back(), HasSubstr("survey"));
+  EXPECT_THAT(reference.states.back(), HasSubstr("\n4 of 2 "));
+  EXPECT_THAT(reference.states.back(), Not(HasSubstr("\n3 of"))) << "thinned";
+  EXPECT_THAT(reference.states.back(), HasSubstr(" with 11 ties\n"));
 }
 
-TEST(MapStoreLives, BringAnOldStoreUpToDate) {
+TEST(MapStoreLives, MigrateAnOldStore) {
   const Reference& reference = reference_of(kOldSchemas.size());
   EXPECT_GT(reference.steps, 20u);
-  EXPECT_THAT(reference.states.front(), testing::Not(testing::HasSubstr(" with 11 ties\n")));
+  EXPECT_THAT(reference.states.front(), Not(HasSubstr(" with 11 ties\n")));
   EXPECT_EQ(reference.states[1], reference.states.front());
-  EXPECT_THAT(reference.states.back(), testing::HasSubstr(" with 11 ties\n"));
+  EXPECT_THAT(reference.states.back(), HasSubstr(" with 11 ties\n"));
 }
 
-TEST_P(MapStoreFaults, APowerCutAtAnyStepLosesAtMostWhatWasBeingWritten) {
+TEST_P(MapStoreFaults, LosesAtMostOneStepByAPowerCut) {
   for (std::uint64_t step = 0; step < reference().steps; ++step) {
     FaultDisk disk;
     begin(disk, reference().life);
@@ -193,7 +199,7 @@ TEST_P(MapStoreFaults, APowerCutAtAnyStepLosesAtMostWhatWasBeingWritten) {
     std::size_t done = 0;
     for (const Deed& deed : reference().life.deeds) {
       if (const auto result = deed(store); !result) {
-        expect_words(result.error());
+        expect_explained(result.error());
         break;
       }
       ++done;
@@ -203,15 +209,14 @@ TEST_P(MapStoreFaults, APowerCutAtAnyStepLosesAtMostWhatWasBeingWritten) {
     for (std::uint32_t seed = 0; seed < kSeeds; ++seed) {
       SCOPED_TRACE("step " + std::to_string(step) + " seed " + std::to_string(seed));
       disk.reboot(seed < 2 ? seed : seed + 1000 * static_cast<std::uint32_t>(step));
-      const auto opened = opens(store);
-      ASSERT_TRUE(opened) << opened.error().text();
+      value_of(opens(store));
       const std::string state = state_of(*store);
       const auto& states = reference().states;
       if (state != states[done]) {
         ASSERT_LT(done + 1, states.size());
         ASSERT_EQ(state, states[done + 1]) << "before it was\n" << states[done];
       }
-      ASSERT_TRUE(commits(99, "life goes on")(store));
+      ASSERT_TRUE(commits(99, "afterwards")(store));
       store.reset();
     }
   }
@@ -224,14 +229,13 @@ void live_with(std::uint64_t step, Fault fault, const Reference& reference) {
   disk.fail_at(step, fault);
   std::optional<MapStore> store;
   std::size_t done = 0;
-  bool said = false;
+  bool reported = false;
   for (const Deed& deed : reference.life.deeds) {
     auto result = deed(store);
     if (!result) {
-      EXPECT_EQ(result.error().code, ErrorCode::kUnavailable) << result.error().text();
-      EXPECT_GT(result.error().what.size(), 20u);
-      said = true;
-      disk.mend();
+      expect_explained(result.error());
+      reported = true;
+      disk.recover();
       if (store) {
         ASSERT_EQ(state_of(*store), reference.states[done]) << result.error().text();
       }
@@ -239,46 +243,22 @@ void live_with(std::uint64_t step, Fault fault, const Reference& reference) {
       ASSERT_TRUE(result) << "again: " << result.error().text();
       ASSERT_EQ(state_of(*store), reference.states[done + 1]);
     }
-    disk.mend();  // what was met outside a deed: SQLite writes back by itself
+    disk.recover();  // faults between steps: SQLite also writes by itself
     ++done;
   }
   ASSERT_EQ(state_of(*store), reference.states.back());
-  // And it is on the disk.
+  // All of it is on the disk.
   disk.fail_at(0, Fault::kPowerCut);
   store.reset();
   disk.reboot(static_cast<std::uint32_t>(step + 2));
-  const auto opened = opens(store);
-  ASSERT_TRUE(opened) << opened.error().text();
-  EXPECT_EQ(state_of(*store), reference.states.back()) << (said ? "said" : "not said");
+  value_of(opens(store));
+  EXPECT_EQ(state_of(*store), reference.states.back()) << (reported ? "reported" : "not reported");
 }
 
-TEST_P(MapStoreFaults, AFullDiskAtAnyStepIsSaidAndChangesNothing) {
-  for (std::uint64_t step = 0; step < reference().steps; ++step) {
-    SCOPED_TRACE(step);
-    ASSERT_NO_FATAL_FAILURE(live_with(step, Fault::kFull, reference()));
-  }
-}
-
-TEST_P(MapStoreFaults, ASyncThatFailsIsSaidAndNothingIsBelievedToBeOnTheDisk) {
-  for (std::uint64_t step = 0; step < reference().steps; ++step) {
-    SCOPED_TRACE(step);
-    ASSERT_NO_FATAL_FAILURE(live_with(step, Fault::kSyncFails, reference()));
-  }
-}
-
-TEST_P(MapStoreFaults, AWriteThatStopsHalfWayIsSaidAndChangesNothing) {
-  for (std::uint64_t step = 0; step < reference().steps; ++step) {
-    SCOPED_TRACE(step);
-    ASSERT_NO_FATAL_FAILURE(live_with(step, Fault::kWriteFails, reference()));
-  }
-}
-
-TEST_P(MapStoreFaults, ReadsThatFailAreSaidAndChangeNothing) {
-  for (std::uint64_t read = 0; read < reference().reads; ++read) {
-    SCOPED_TRACE(read);
-    ASSERT_NO_FATAL_FAILURE(live_with(read, Fault::kReadFails, reference()));
-  }
-}
+TEST_P(MapStoreFaults, ReportsAndSurvivesAFullDisk) { live_with_each(Fault::kFull); }
+TEST_P(MapStoreFaults, ReportsAndSurvivesAFailedSync) { live_with_each(Fault::kSyncFails); }
+TEST_P(MapStoreFaults, ReportsAndSurvivesAFailedWrite) { live_with_each(Fault::kWriteFails); }
+TEST_P(MapStoreFaults, ReportsAndSurvivesAFailedRead) { live_with_each(Fault::kReadFails); }
 
 // --- repair ---
 
@@ -298,7 +278,7 @@ std::string a_damaged_store() {
   return bytes;
 }
 
-TEST(MapRepairFaults, TheDamagedStoreIsTheSameAndTheRepairedOneIsWholeOrNotReported) {
+TEST(MapRepairFaults, KeepTheDamagedStoreAndReportWholeOnesOnly) {
   const std::string damaged = a_damaged_store();
   std::uint64_t steps = 0;
   std::string state;
@@ -306,10 +286,9 @@ TEST(MapRepairFaults, TheDamagedStoreIsTheSameAndTheRepairedOneIsWholeOrNotRepor
     FaultDisk disk;
     disk.set_content(kPath, damaged);
     ASSERT_FALSE(MapStore::open(kPath));
-    const auto found = salvage_map_store(kPath, kPart);
-    ASSERT_TRUE(found) << found.error().text();
-    EXPECT_FALSE(found->is_sound());
-    EXPECT_GT(found->sound.size(), 4u);
+    const auto found = value_of(salvage_map_store(kPath, kPart));
+    EXPECT_FALSE(found.is_sound());
+    EXPECT_GT(found.sound.size(), 4u);
     steps = disk.steps();
     state = state_of(*MapStore::open(kPart));
   }
@@ -326,9 +305,8 @@ TEST(MapRepairFaults, TheDamagedStoreIsTheSameAndTheRepairedOneIsWholeOrNotRepor
       disk.reboot(static_cast<std::uint32_t>(step));
       EXPECT_TRUE(disk.content(kPath) == damaged);
       if (reported) {
-        const auto repaired = MapStore::open(kPart);
-        ASSERT_TRUE(repaired) << repaired.error().text();
-        EXPECT_EQ(state_of(*repaired), state);
+        const auto repaired = value_of(MapStore::open(kPart));
+        EXPECT_EQ(state_of(repaired), state);
       }
     }
   }

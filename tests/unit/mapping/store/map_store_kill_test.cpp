@@ -1,5 +1,5 @@
 // kill -9 at random instants of commit, refinement and migration: every version that was reported
-// as stored is there, whole. FIDUCAP_KILLS: how many instead of sixty.
+// as stored exists and is whole. FIDUCAP_KILLS: their number instead of sixty.
 #include <gtest/gtest.h>
 #include <poll.h>
 #include <signal.h>
@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "mapping/store/map_store.hpp"
+#include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 #include "unit/mapping/map_fixture.hpp"
 #include "unit/mapping/store/old_stores.hpp"
@@ -38,13 +39,13 @@ int kills(double share) {
   return static_cast<int>(share * (wanted == nullptr ? kKills : std::max(4, std::atoi(wanted))));
 }
 
-/// When a writer is killed: a time after it has written a number of lines.
+/// A writer is killed a time after it has written a number of lines.
 struct Life {
   int lines{};
   int then_us{};
 };
 
-/// What it reported as stored; the hash is "-" where it did not say.
+/// Versions reported as stored, with their hashes; "-": not reported.
 using Reported = std::map<std::int64_t, std::string>;
 
 /// Starts the writer, lets it live, kills it.
@@ -64,12 +65,12 @@ Reported run_and_kill(std::vector<std::string> words, const Life& life) {
   posix_spawn_file_actions_destroy(&actions);
   close(pipe_ends[1]);
 
-  std::string said;
+  std::string output;
   char buffer[4096];
-  while (std::count(said.begin(), said.end(), '\n') < life.lines) {
+  while (std::count(output.begin(), output.end(), '\n') < life.lines) {
     const ssize_t n = read(pipe_ends[0], buffer, sizeof buffer);
-    if (n <= 0) break;  // ended by itself: judged below
-    said.append(buffer, static_cast<std::size_t>(n));
+    if (n <= 0) break;  // ended by itself: reported below
+    output.append(buffer, static_cast<std::size_t>(n));
   }
   const timespec rest{0, 1000L * life.then_us};
   ppoll(nullptr, 0, &rest, nullptr);
@@ -79,27 +80,25 @@ Reported run_and_kill(std::vector<std::string> words, const Life& life) {
   EXPECT_TRUE(WIFSIGNALED(status)) << "the writer ended by itself with status " << status;
 
   for (ssize_t n = 0; (n = read(pipe_ends[0], buffer, sizeof buffer)) > 0;)
-    said.append(buffer, static_cast<std::size_t>(n));
+    output.append(buffer, static_cast<std::size_t>(n));
   close(pipe_ends[0]);
   Reported stored;
-  std::istringstream lines(said.substr(0, said.rfind('\n') + 1));
+  std::istringstream lines(output.substr(0, output.rfind('\n') + 1));
   std::int64_t version = 0;
   for (std::string hash; lines >> version >> hash;) stored[version] = hash;
   return stored;
 }
 
-/// Everything that is there is whole, and what was reported is there.
+/// All versions are whole, and all reported ones exist.
 void expect_all(const MapStore& store, const Reported& reported) {
-  const auto log = store.log();
-  ASSERT_TRUE(log) << log.error().text();
-  const std::int64_t newest = log->empty() ? 0 : log->front().version;
+  const auto log = value_of(store.log());
+  const std::int64_t newest = log.empty() ? 0 : log.front().version;
   EXPECT_GE(newest, reported.empty() ? 0 : reported.rbegin()->first);
-  for (const auto& info : *log) {
-    const auto map = store.load(info.version);
-    ASSERT_TRUE(map) << map.error().text();
-    EXPECT_EQ(content_hash(*map), info.hash);
-    const auto told = reported.find(info.version);
-    EXPECT_TRUE(told == reported.end() || told->second == "-" || told->second == info.hash)
+  for (const auto& info : log) {
+    const auto map = value_of(store.load(info.version));
+    EXPECT_EQ(content_hash(map), info.hash);
+    const auto found = reported.find(info.version);
+    EXPECT_TRUE(found == reported.end() || found->second == "-" || found->second == info.hash)
         << "version " << info.version;
   }
 }
@@ -114,7 +113,7 @@ class MapStoreKill : public testing::Test {
     return {lines, draw(5000)};
   }
   /// One store after the other, each for some kills, so that its creation is hit too.
-  void kill_again_and_again(const std::string& verb, int count, int longest_us) {
+  void kill_repeatedly(const std::string& verb, int count, int longest_us) {
     Reported reported;
     std::string path;
     int with_versions = 0;
@@ -126,11 +125,10 @@ class MapStoreKill : public testing::Test {
       const Reported stored = run_and_kill({verb, path}, draw_life(i, longest_us));
       with_versions += stored.empty() ? 0 : 1;
       reported.insert(stored.begin(), stored.end());
-      const auto store = MapStore::open(path);
-      ASSERT_TRUE(store) << store.error().text();
-      ASSERT_NO_FATAL_FAILURE(expect_all(*store, reported));
-      const auto map = store->newest();
-      // How the errors hang together is stored with a version or the version is not.
+      const auto store = value_of(MapStore::open(path));
+      ASSERT_NO_FATAL_FAILURE(expect_all(store, reported));
+      const auto map = store.newest();
+      // A version is stored with its correlations.
       EXPECT_TRUE(map->version == 0 || (map->known && !map->known->pairs.empty()));
     }
     EXPECT_GE(with_versions, count / 2);
@@ -141,24 +139,22 @@ class MapStoreKill : public testing::Test {
 };
 
 TEST_F(MapStoreKill, EveryReportedVersionSurvives) {
-  kill_again_and_again("commits", kills(kOfCommits), kLongestLife_us);
+  kill_repeatedly("commits", kills(kOfCommits), kLongestLife_us);
 }
 
-TEST_F(MapStoreKill, ASessionThatRefinesItsMapLeavesWholeVersionsWithTies) {
+TEST_F(MapStoreKill, RefiningSessionLeavesWholeVersions) {
   // The first half second goes into the robots' motion.
-  kill_again_and_again("refines", kills(kOfRefinements), 999'999);
+  kill_repeatedly("refines", kills(kOfRefinements), 999'999);
 }
 
-/// What an old server left after weeks. @return its versions
+/// A store of an old server. @return its versions
 Reported write_old_store(const std::string& path, int schema) {
   constexpr int kVersions = 40;
-  std::vector<int> ids;
-  for (int id = 0; id < 100; ++id) ids.push_back(id);
   Reported written;
   {
     auto store = MapStore::open(path);
     EXPECT_TRUE(store);
-    TagMap map = make_map(ids);
+    TagMap map = make_map(first_ids(100));
     for (int i = 0; i < kVersions; ++i) {
       map.tags.front().tag.X_WT.p.x() = i;
       map = store->commit(map, "of an old server").value();
@@ -170,28 +166,25 @@ Reported write_old_store(const std::string& path, int schema) {
   return written;
 }
 
-/// Old or new schema, and what was there.
+/// Old or new schema, with all versions.
 void expect_old_or_new(const std::string& path, int old_schema, const Reported& written) {
   {
-    const auto file = SqliteFile::open(path, SqliteFile::Access::kSalvage);
-    ASSERT_TRUE(file);
-    const auto schema = file->integer("PRAGMA user_version");
+    const auto file = value_of(SqliteFile::open(path, SqliteFile::Access::kSalvage));
+    const auto schema = file.integer("PRAGMA user_version");
     ASSERT_TRUE(schema);
     EXPECT_TRUE(*schema == old_schema || *schema == kMapStoreSchema) << *schema;
-    const auto reader = MapStore::open_to_read(path);
-    ASSERT_TRUE(reader) << reader.error().text();
-    ASSERT_NO_FATAL_FAILURE(expect_all(*reader, written));
+    const auto reader = value_of(MapStore::open_to_read(path));
+    ASSERT_NO_FATAL_FAILURE(expect_all(reader, written));
   }
-  auto store = MapStore::open(path);
-  ASSERT_TRUE(store) << store.error().text();
-  ASSERT_NO_FATAL_FAILURE(expect_all(*store, written));
-  EXPECT_EQ(store->log()->size(), written.size());
-  EXPECT_EQ(store->extrinsics()->front().clock->shift_s, 0.02);
-  EXPECT_TRUE(store->commit(with_ties(*store->newest()), "life goes on"));
-  EXPECT_NE(store->newest()->known, nullptr);
+  auto store = value_of(MapStore::open(path));
+  ASSERT_NO_FATAL_FAILURE(expect_all(store, written));
+  EXPECT_EQ(store.log()->size(), written.size());
+  EXPECT_EQ(store.extrinsics()->front().clock->shift_s, 0.02);
+  EXPECT_TRUE(store.commit(with_ties(*store.newest()), "afterwards"));
+  EXPECT_NE(store.newest()->known, nullptr);
 }
 
-TEST_F(MapStoreKill, AStoreThatIsBroughtUpToDateIsOldOrNewAndWhole) {
+TEST_F(MapStoreKill, MigratedStoreIsOldOrNewAndWhole) {
   constexpr int kStores = 4;
   for (const OldSchema& old : kOldSchemas) {
     const std::string original = folder_.file("old" + std::to_string(old.number));
@@ -205,7 +198,7 @@ TEST_F(MapStoreKill, AStoreThatIsBroughtUpToDateIsOldOrNewAndWhole) {
         std::filesystem::copy_file(original, words.back(),
                                    std::filesystem::copy_options::overwrite_existing);
       }
-      // Before the last one is open: one of them is being brought up to date.
+      // Before the last one is open: one of them is being migrated.
       const Life life{draw(kStores - 1), draw(8'000)};
       (void)run_and_kill(words, life);
       for (std::size_t k = 1; k < words.size(); ++k)

@@ -1,27 +1,25 @@
 #include "mapping/store/map_store.hpp"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 #include <signal.h>
 #include <sys/resource.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 
+#include "base/whole_file.hpp"
+#include "mapping/store/file_claim.hpp"
 #include "mapping/store/sqlite_file.hpp"
+#include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
 namespace fiducap {
 namespace {
 
-std::string bytes_of(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream bytes;
-  bytes << file.rdbuf();
-  return bytes.str();
-}
+using testing::HasSubstr;
 
 void write_bytes(const std::string& path, const std::string& bytes) {
   std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
@@ -29,25 +27,18 @@ void write_bytes(const std::string& path, const std::string& bytes) {
 
 class MapStoreTest : public testing::Test {
  protected:
-  MapStore open() {
-    auto store = MapStore::open(path_);
-    EXPECT_TRUE(store) << store.error().text();
-    return std::move(*store);
-  }
+  MapStore open() { return value_of(MapStore::open(path_)); }
   TagMap commit(const TagMap& map, const std::string& comment = {}) {
-    auto store = open();
-    auto stored = store.commit(map, comment);
-    EXPECT_TRUE(stored) << stored.error().text();
-    return *stored;
+    return value_of(open().commit(map, comment));
   }
-  void expect_refused(ErrorCode code, const std::string& says) {
-    const auto before = bytes_of(path_);
+  void expect_refused(ErrorCode code, const std::string& text) {
+    const auto before = value_of(read_whole_file(path_));
     const auto store = MapStore::open(path_);
     ASSERT_FALSE(store);
     EXPECT_EQ(store.error().code, code) << store.error().text();
-    EXPECT_NE(store.error().text().find(says), std::string::npos) << store.error().text();
+    EXPECT_THAT(store.error().text(), HasSubstr(text));
     EXPECT_EQ(store.error().context, path_);
-    EXPECT_EQ(bytes_of(path_), before) << "the refused file was changed";
+    EXPECT_EQ(value_of(read_whole_file(path_)), before) << "the refused file was changed";
   }
 
   TemporaryFolder folder_;
@@ -63,7 +54,7 @@ TEST_F(MapStoreTest, StartsEmpty) {
   EXPECT_TRUE(store.extrinsics()->empty());
 }
 
-TEST_F(MapStoreTest, GivesBackExactlyWhatWasCommitted) {
+TEST_F(MapStoreTest, ReturnsACommittedMapExactly) {
   auto map = make_map({0, 5, 9});
   map.reference_tag = 5;
   map.family = "tag16h5";
@@ -73,16 +64,15 @@ TEST_F(MapStoreTest, GivesBackExactlyWhatWasCommitted) {
   EXPECT_EQ(stored.version, 1);
   EXPECT_EQ(stored.parent, 0);
   EXPECT_EQ(stored.hash, content_hash(map));
-  const auto loaded = open().newest();
-  ASSERT_TRUE(loaded) << loaded.error().text();
-  EXPECT_EQ(loaded->version, 1);
-  EXPECT_EQ(loaded->hash, stored.hash);
-  EXPECT_EQ(content_hash(*loaded), stored.hash);  // every number, bit for bit
-  EXPECT_EQ(loaded->comment, "first light");
-  EXPECT_EQ(loaded->created_utc_ns, map.created_utc_ns);
-  EXPECT_EQ(loaded->reference_tag, 5);
-  EXPECT_EQ(loaded->tags[1].state, TagState::kQuarantined);
-  EXPECT_EQ(worst_corner_m(*loaded, map), 0);
+  const auto loaded = value_of(open().newest());
+  EXPECT_EQ(loaded.version, 1);
+  EXPECT_EQ(loaded.hash, stored.hash);
+  EXPECT_EQ(content_hash(loaded), stored.hash);  // every number, bit for bit
+  EXPECT_EQ(loaded.comment, "first light");
+  EXPECT_EQ(loaded.created_utc_ns, map.created_utc_ns);
+  EXPECT_EQ(loaded.reference_tag, 5);
+  EXPECT_EQ(loaded.tags[1].state, TagState::kQuarantined);
+  EXPECT_EQ(worst_corner_m(loaded, map), 0);
 }
 
 TEST_F(MapStoreTest, KeepsEveryVersion) {
@@ -101,7 +91,7 @@ TEST_F(MapStoreTest, KeepsEveryVersion) {
   for (int i = 0; i < 5; ++i) EXPECT_EQ(store.load(i + 1)->tags[0].tag.X_WT.p.x(), i);
 }
 
-TEST_F(MapStoreTest, AnOldVersionCommittedAgainIsARollBack) {
+TEST_F(MapStoreTest, MakesARollBackOfAnOldVersionCommittedAgain) {
   commit(make_map({1}));
   commit(make_map({1, 2}));
   auto store = open();
@@ -111,20 +101,20 @@ TEST_F(MapStoreTest, AnOldVersionCommittedAgainIsARollBack) {
   EXPECT_EQ(again->hash, store.log()->back().hash);
 }
 
-TEST_F(MapStoreTest, AMapFromElsewhereHasNoParentHere) {
+TEST_F(MapStoreTest, GivesAForeignMapNoParent) {
   auto foreign = make_map({1});
   foreign.version = 17;
   EXPECT_EQ(commit(foreign).parent, 0);
 }
 
-TEST_F(MapStoreTest, SaysWhichVersionIsMissing) {
+TEST_F(MapStoreTest, NamesAMissingVersion) {
   const auto missing = open().load(3);
   ASSERT_FALSE(missing);
   EXPECT_EQ(missing.error().code, ErrorCode::kNotFound);
   EXPECT_NE(missing.error().context.find("version 3"), std::string::npos);
 }
 
-TEST_F(MapStoreTest, RefusesWhatIsNotAMap) {
+TEST_F(MapStoreTest, RefusesAnInvalidMap) {
   auto store = open();
   auto map = make_map({1, 2});
   map.tags[1].tag.X_WT.p.x() = std::numeric_limits<double>::quiet_NaN();
@@ -156,14 +146,14 @@ TEST_F(MapStoreTest, KeepsTheNewestExtrinsicsOfEachCamera) {
   EXPECT_FALSE((*all)[1].clock);
 }
 
-TEST_F(MapStoreTest, AReaderSeesWhatAWriterHasCommitted) {
+TEST_F(MapStoreTest, ShowsCommitsToOtherReaders) {
   auto writer = open();
   auto reader = open();
   ASSERT_TRUE(writer.commit(make_map({1}), ""));
   EXPECT_EQ(reader.newest()->version, 1);
 }
 
-TEST_F(MapStoreTest, ASecondWriterIsToldThatItIsOne) {
+TEST_F(MapStoreTest, RefusesASecondWriter) {
   auto store = open();
   auto other = SqliteFile::open(path_);
   const auto lock = SqliteTransaction::begin(*other);
@@ -175,10 +165,8 @@ TEST_F(MapStoreTest, ASecondWriterIsToldThatItIsOne) {
       << refused.error().text();
 }
 
-// The limit on file size stops the write-ahead log half way through a version, as a full disk does.
-TEST_F(MapStoreTest, AWriteThatFailsLeavesTheStoreAsItWas) {
-  std::vector<int> many;
-  for (int id = 0; id < 2000; ++id) many.push_back(id);
+// The limit on file size stops the write-ahead log in the middle of a version, as a full disk does.
+TEST_F(MapStoreTest, IsUnchangedByAFailedWrite) {
   {
     auto store = open();
     ASSERT_TRUE(store.commit(make_map({1}), "small"));
@@ -188,7 +176,7 @@ TEST_F(MapStoreTest, AWriteThatFailsLeavesTheStoreAsItWas) {
     rlimit tight = before;
     tight.rlim_cur = 300'000;  // 2000 tags need about 600 kB
     ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &tight), 0);
-    const auto refused = store.commit(make_map(many), "too much");
+    const auto refused = store.commit(make_map(first_ids(2000)), "too much");
     setrlimit(RLIMIT_FSIZE, &before);
     signal(SIGXFSZ, old_handler);
     ASSERT_FALSE(refused);
@@ -202,14 +190,14 @@ TEST_F(MapStoreTest, AWriteThatFailsLeavesTheStoreAsItWas) {
   EXPECT_EQ(store.newest()->tags.size(), 2u);
 }
 
-TEST_F(MapStoreTest, GarbageIsRefusedAndNotTouched) {
+TEST_F(MapStoreTest, RefusesGarbage) {
   write_bytes(path_, std::string(5000, 'x'));
   expect_refused(ErrorCode::kInvalid, "is damaged or not a map store");
   write_bytes(path_, "x");
   expect_refused(ErrorCode::kInvalid, "move it away");
 }
 
-TEST_F(MapStoreTest, AnotherProgramsDatabaseIsRefusedAndNotTouched) {
+TEST_F(MapStoreTest, RefusesOtherDatabases) {
   {
     auto file = SqliteFile::open(path_);
     ASSERT_TRUE(file->execute("CREATE TABLE t (a); INSERT INTO t VALUES (1)"));
@@ -217,7 +205,7 @@ TEST_F(MapStoreTest, AnotherProgramsDatabaseIsRefusedAndNotTouched) {
   expect_refused(ErrorCode::kUnsupported, "database of another program");
 }
 
-TEST_F(MapStoreTest, ANewerSchemaIsRefusedAndNotTouched) {
+TEST_F(MapStoreTest, RefusesANewerSchema) {
   commit(make_map({1}));
   const std::string next = std::to_string(kMapStoreSchema + 1);
   ASSERT_TRUE(SqliteFile::open(path_)->execute(("PRAGMA user_version = " + next).c_str()));
@@ -226,9 +214,9 @@ TEST_F(MapStoreTest, ANewerSchemaIsRefusedAndNotTouched) {
                                               std::to_string(kMapStoreSchema) + ")");
 }
 
-TEST_F(MapStoreTest, ATruncatedFileIsRefusedAndNotTouched) {
-  commit(make_map({1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20}));
-  const auto whole = bytes_of(path_);
+TEST_F(MapStoreTest, RefusesATruncatedFile) {
+  commit(make_map(first_ids(20)));
+  const auto whole = value_of(read_whole_file(path_));
   ASSERT_GT(whole.size(), 8192u);
   for (const std::size_t left :
        {std::size_t{1}, std::size_t{50}, std::size_t{100}, std::size_t{4095}, std::size_t{4096},
@@ -239,10 +227,10 @@ TEST_F(MapStoreTest, ATruncatedFileIsRefusedAndNotTouched) {
   }
 }
 
-TEST_F(MapStoreTest, ADamagedByteNeverGivesAnotherMap) {
+TEST_F(MapStoreTest, NoticesDamagedBytes) {
   const auto map = make_map({1, 2, 3, 4, 5, 6, 7, 8, 9, 10});
   const auto hash = commit(map).hash;
-  const auto whole = bytes_of(path_);
+  const auto whole = value_of(read_whole_file(path_));
   int noticed = 0;
   for (std::size_t at = 0; at < whole.size(); at += 97) {
     auto damaged = whole;
@@ -260,10 +248,9 @@ TEST_F(MapStoreTest, ADamagedByteNeverGivesAnotherMap) {
   EXPECT_GT(noticed, 5);
 }
 
-TEST_F(MapStoreTest, AFolderThatIsNotThereIsNamed) {
-  const auto store = MapStore::open(folder_.file("nowhere/hall.map"));
-  ASSERT_FALSE(store);
-  EXPECT_NE(store.error().text().find("the folder must exist"), std::string::npos);
+TEST_F(MapStoreTest, NamesAMissingFolder) {
+  EXPECT_THAT(error_of(MapStore::open(folder_.file("nowhere/hall.map"))),
+              HasSubstr("the folder must exist"));
   EXPECT_FALSE(MapStore::open(""));
   EXPECT_FALSE(MapStore::open(":memory:"));
 }
@@ -273,44 +260,78 @@ void damage(const std::string& path, int version) {
   ASSERT_TRUE(SqliteFile::open(path)->execute(sql.c_str()));
 }
 
-TEST_F(MapStoreTest, GoesBackToTheNewestSoundVersion) {
+TEST_F(MapStoreTest, FindsTheNewestSoundVersion) {
   for (int i = 0; i < 4; ++i) commit(make_map({1, 2}));
   damage(path_, 4);
   damage(path_, 3);
   auto store = open();
   EXPECT_FALSE(store.newest());
-  const auto sound = store.newest_sound();
-  ASSERT_TRUE(sound) << sound.error().text();
-  EXPECT_EQ(sound->map.version, 2);
-  ASSERT_EQ(sound->damaged.size(), 2u);
-  EXPECT_EQ(sound->damaged.front().version, 4);
-  EXPECT_NE(sound->damaged.front().fault.find("its content has hash"), std::string::npos);
-  const auto next = store.commit(sound->map, "after the damage");
-  ASSERT_TRUE(next) << next.error().text();
-  EXPECT_EQ(next->version, 5) << "damaged ones stay where they are";
-  EXPECT_EQ(next->parent, 2);
+  const auto sound = value_of(store.newest_sound());
+  EXPECT_EQ(sound.map.version, 2);
+  ASSERT_EQ(sound.damaged.size(), 2u);
+  EXPECT_EQ(sound.damaged.front().version, 4);
+  EXPECT_NE(sound.damaged.front().fault.find("its content has hash"), std::string::npos);
+  const auto next = value_of(store.commit(sound.map, "after the damage"));
+  EXPECT_EQ(next.version, 5) << "damaged versions are kept";
+  EXPECT_EQ(next.parent, 2);
   EXPECT_EQ(store.log()->size(), 5u);
 }
 
-TEST_F(MapStoreTest, SaysWhenNoVersionIsSound) {
+TEST_F(MapStoreTest, ReportsWhenNoVersionIsSound) {
   commit(make_map({1}));
   damage(path_, 1);
-  const auto sound = open().newest_sound();
-  ASSERT_FALSE(sound);
-  EXPECT_NE(sound.error().text().find("every one of its 1 versions"), std::string::npos);
+  EXPECT_THAT(error_of(open().newest_sound()), HasSubstr("every one of its 1 versions"));
 }
 
-TEST_F(MapStoreTest, WhoOnlyReadsLooksIntoADamagedFile) {
+TEST_F(MapStoreTest, ReadsADamagedFileReadOnly) {
   for (int i = 0; i < 20; ++i) commit(make_map({1, 2, 3, 4, 5, 6, 7, 8, 9, 10}));
-  const auto whole = bytes_of(path_);
+  const auto whole = value_of(read_whole_file(path_));
   write_bytes(path_, whole.substr(0, whole.size() - 4096));
   ASSERT_FALSE(MapStore::open(path_));
-  const auto store = MapStore::open_to_read(path_);
-  ASSERT_TRUE(store) << store.error().text();
-  EXPECT_EQ(store->load(1)->tags.size(), 10u);
-  EXPECT_EQ(bytes_of(path_).size(), whole.size() - 4096);
+  const auto store = value_of(MapStore::open_to_read(path_));
+  EXPECT_EQ(store.load(1)->tags.size(), 10u);
+  EXPECT_EQ(value_of(read_whole_file(path_)).size(), whole.size() - 4096);
   EXPECT_FALSE(MapStore::open_to_read(folder_.file("nothing")));
   EXPECT_FALSE(std::filesystem::exists(folder_.file("nothing")));
+}
+
+class FileClaimTest : public MapStoreTest {};
+
+TEST_F(FileClaimTest, RefusesASecondServer) {
+  auto first = MapStore::open(path_);
+  ASSERT_TRUE(first && first->claim());
+  auto second = MapStore::open(path_);
+  ASSERT_TRUE(second) << "reading needs no claim";
+  EXPECT_THAT(error_of(second->claim()),
+              testing::HasSubstr("process " + std::to_string(::getpid())));
+  *first = std::move(*MapStore::open(folder_.file("other.map")));
+  EXPECT_TRUE(second->claim()) << "released";
+}
+
+TEST_F(FileClaimTest, IsTheSameForALink) {
+  auto first = MapStore::open(path_);
+  ASSERT_TRUE(first && first->claim());
+  std::filesystem::create_symlink(path_, folder_.file("link.map"));
+  auto second = value_of(MapStore::open(folder_.file("link.map")));
+  EXPECT_FALSE(second.claim());
+  ASSERT_TRUE(FileClaim::holder(path_));
+  EXPECT_EQ(*FileClaim::holder(path_), "process " + std::to_string(::getpid()));
+  EXPECT_FALSE(FileClaim::holder(folder_.file("unclaimed")));
+}
+
+TEST_F(FileClaimTest, EndsWithAKilledServer) {
+  ASSERT_TRUE(MapStore::open(path_));
+  const pid_t child = ::fork();
+  if (child == 0) {
+    const auto claim = FileClaim::take(path_);
+    ::kill(::getpid(), claim ? SIGKILL : SIGTERM);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  ASSERT_EQ(WTERMSIG(status), SIGKILL);
+  ASSERT_TRUE(std::filesystem::exists(path_ + ".lock"));
+  EXPECT_FALSE(FileClaim::holder(path_));
+  EXPECT_TRUE(MapStore::open(path_)->claim());
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
-// The victim of map_store_kill_test. Works on a store until it is killed, and prints, a line each,
-// which version is stored, with its hash if known:
+// Is killed by map_store_kill_test. Works on a store until then, and prints a line for each stored
+// version, with its hash if known:
 //   map_store_writer commits STORE      versions with ties, every third one a roll-back
 //   map_store_writer refines STORE      a server's own loops: the map of robots that come one after
 //                                       the other is refined, committed, thinned out
@@ -21,7 +21,7 @@
 namespace fiducap {
 namespace {
 
-bool say(std::int64_t version, const std::string& hash) {
+bool report(std::int64_t version, const std::string& hash) {
   const std::string line = std::to_string(version) + " " + (hash.empty() ? "-" : hash) + "\n";
   return write(STDOUT_FILENO, line.data(), line.size()) >= 0;
 }
@@ -36,9 +36,7 @@ int commits(const std::string& path) {
   if (!store) return fails(store.error());
   auto map = store->newest();
   if (!map) return fails(map.error());
-  std::vector<int> ids;
-  for (int id = 0; id < 40; ++id) ids.push_back(id);
-  if (map->tags.empty()) *map = with_ties(make_map(ids));
+  if (map->tags.empty()) *map = with_ties(make_map(first_ids(40)));
   for (;;) {
     const bool goes_back = map->version > 2 && map->version % 3 == 0;
     if (goes_back) {
@@ -52,16 +50,16 @@ int commits(const std::string& path) {
     const auto saved =
         store->save_extrinsics({"robot", static_cast<int>(map->version % 4), Pose{}});
     if (!saved) return fails(saved.error());
-    if (!say(map->version, map->hash)) return 1;
+    if (!report(map->version, map->hash)) return 1;
   }
 }
 
-/// Often enough that a kill mostly finds one of the loops at work.
+/// Short: a kill mostly interrupts one of the loops.
 constexpr double kPeriod_s = 0.002;
 constexpr double kSeconds = 8;  // of motion
 constexpr int kReference = 1;
 constexpr auto kPause = std::chrono::milliseconds(1);
-constexpr int kPatience = 100;
+constexpr int kMostPauses = 100;
 
 int refines(const std::string& path) {
   auto store = MapStore::open(path);
@@ -85,19 +83,19 @@ int refines(const std::string& path) {
   RefinementLoop refinement(map, kPeriod_s, clock, events, [](const RefinementTurn&) {});
   const std::jthread refining([&](const std::stop_token& stop) { refinement.run(stop); });
   const std::jthread keeping([&](const std::stop_token& stop) { keeper.run(stop); });
-  std::int64_t told = map.snapshot()->version;
-  // All of them saw the same second: the graph stays small, and has something new all the time.
+  std::int64_t reported = map.snapshot()->version;
+  // All bodies saw the same second: the graph stays small, with new segments all the time.
   const auto second = std::make_shared<const MotionSegment>(robot.segments.front());
   for (int body_id = 1;; ++body_id) {
     map.absorb({.body_id = body_id, .at = second->end().at, .anchored = true, .segment = second},
                utc_now_ns());
     auto now = map.snapshot();
-    for (int i = 0; i < kPatience && now->version == told; ++i) {
+    for (int i = 0; i < kMostPauses && now->version == reported; ++i) {
       std::this_thread::sleep_for(kPause);
       now = map.snapshot();
     }
-    if (now->version != told && !say(now->version, now->hash)) return 1;
-    told = now->version;
+    if (now->version != reported && !report(now->version, now->hash)) return 1;
+    reported = now->version;
   }
 }
 
@@ -105,7 +103,7 @@ int migrates(std::span<char* const> paths) {
   for (std::size_t i = 0; i < paths.size(); ++i) {
     const auto store = MapStore::open(paths[i]);
     if (!store) return fails(store.error());
-    if (!say(static_cast<std::int64_t>(i) + 1, {})) return 1;
+    if (!report(static_cast<std::int64_t>(i) + 1, {})) return 1;
   }
   for (;;) pause();
 }

@@ -1,14 +1,89 @@
-#include "mapping/store/map_store.hpp"
-
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <algorithm>
 #include <chrono>
 #include <random>
 #include <set>
 
+#include "mapping/store/map_store.hpp"
+#include "mapping/store/sqlite_file.hpp"
+#include "support/fault_disk.hpp"
+#include "support/results.hpp"
+#include "unit/mapping/map_fixture.hpp"
+
 namespace fiducap {
 namespace {
+
+constexpr const char* kPath = "hall.map";
+
+class ThinnedStoreTest : public testing::Test {
+ protected:
+  static MapStore open() { return value_of(MapStore::open(kPath)); }
+  /// A commit every ten seconds, as a server does it.
+  void run(MapStore& store, int commits, const std::string& comment = kAutomaticComment) {
+    for (int i = 0; i < commits; ++i) {
+      map_.created_utc_ns += 10'000'000'000;
+      map_.tags[0].tag.X_WT.p.x() += 0.001;
+      map_ = *store.commit(map_, comment);
+      const auto thinned = value_of(store.thin());
+      thinned_ += thinned;
+    }
+  }
+  test::FaultDisk disk_;  // faster than a real one
+  TagMap map_{make_map({1, 2, 3, 4, 5, 6, 7, 8})};
+  int thinned_{0};
+};
+
+TEST_F(ThinnedStoreTest, KeepsNamedVersionsAndTheChainOfParents) {
+  auto store = open();
+  run(store, 1, "survey of May");
+  run(store, 400);
+  const auto log = *store.log();
+  EXPECT_EQ(log.size() + static_cast<std::size_t>(thinned_), 401u);
+  EXPECT_LT(log.size(), 130u);
+  EXPECT_EQ(log.front().version, 401);
+  EXPECT_EQ(log.back().comment, "survey of May");
+  for (std::size_t i = 0; i + 1 < log.size(); ++i) EXPECT_EQ(log[i].parent, log[i + 1].version);
+  for (const auto& one : log) EXPECT_TRUE(store.load(one.version));
+}
+
+TEST_F(ThinnedStoreTest, StopsGrowing) {
+  auto store = open();
+  run(store, 400);
+  const auto after_an_hour = disk_.content(kPath).size();
+  run(store, 400);
+  EXPECT_LT(static_cast<double>(disk_.content(kPath).size()),
+            1.2 * static_cast<double>(after_an_hour));
+}
+
+TEST_F(ThinnedStoreTest, ShrinksAnOldStoreInSteps) {
+  auto store = open();
+  map_ = make_map(first_ids(400));
+  for (int i = 0; i < 300; ++i) {  // before there was any thinning
+    map_.created_utc_ns += 1'000'000'000;
+    map_ = *store.commit(map_, kAutomaticComment);
+  }
+  const auto pages = [&] { return *SqliteFile::open(kPath)->integer("PRAGMA page_count"); };
+  const auto before = pages();
+  map_.created_utc_ns += 7'200'000'000'000;
+  map_ = *store.commit(map_, kAutomaticComment);
+  int steps = 0;
+  for (int went = 1; went > 0; ++steps) {
+    went = *store.thin();
+    EXPECT_LE(went, 16);
+  }
+  EXPECT_GT(steps, 10);
+  EXPECT_LE(store.log()->size(), 3u);
+  EXPECT_LT(pages(), before * 2 / 3);
+}
+
+TEST_F(ThinnedStoreTest, KeepsADamagedVersion) {
+  auto store = open();
+  run(store, 5);
+  ASSERT_TRUE(SqliteFile::open(kPath)->execute("UPDATE tag SET px = 77 WHERE version = 3"));
+  run(store, 200);
+  EXPECT_THAT(*store.log(), testing::Contains(testing::Field(&MapVersionInfo::version, 3)));
+}
 
 constexpr std::int64_t kSecond = 1'000'000'000;
 constexpr std::int64_t kMinute = 60 * kSecond;
@@ -43,7 +118,7 @@ class History final {
   std::int64_t number_{0};
 };
 
-TEST(MapThinning, ADayOfCommitsLeavesAFewHundredVersions) {
+TEST(MapThinning, KeepsAFewHundredVersionsOfADay) {
   History history;
   history.run(kStart, kDay, 10 * kSecond);  // 8640 commits
   EXPECT_EQ(history.between(0, 10 * kMinute), 60u) << "all of the last ten minutes";
@@ -52,7 +127,7 @@ TEST(MapThinning, ADayOfCommitsLeavesAFewHundredVersions) {
   EXPECT_LE(history.versions().size(), 252u);
 }
 
-TEST(MapThinning, YearsOfCommitsStayBounded) {
+TEST(MapThinning, LimitsTheVersionsOfYears) {
   History history;
   for (std::int64_t day = 0; day < 3 * 365; ++day)
     history.run(kStart + day * kDay, kDay, 20 * kMinute);
@@ -61,7 +136,7 @@ TEST(MapThinning, YearsOfCommitsStayBounded) {
   EXPECT_NEAR(static_cast<double>(history.between(365 * kDay, 4 * 365 * kDay)), 730.0 / 30, 2);
 }
 
-TEST(MapThinning, NoGapIsLongerThanItsAgeAllows) {
+TEST(MapThinning, LimitsGapsByAge) {
   History history;
   history.run(kStart, 2 * kDay, 10 * kSecond);
   const auto& versions = history.versions();
@@ -78,7 +153,7 @@ TEST(MapThinning, NoGapIsLongerThanItsAgeAllows) {
   }
 }
 
-TEST(MapThinning, NamedVersionsAndTheNewestStay) {
+TEST(MapThinning, KeepsNamedVersionsAndTheNewest) {
   History history;
   history.commit(kStart, false);
   history.run(kStart + kSecond, kDay, 10 * kSecond);
@@ -92,7 +167,7 @@ TEST(MapThinning, NamedVersionsAndTheNewestStay) {
   EXPECT_TRUE(versions_to_thin({}).empty());
 }
 
-TEST(MapThinning, AServerThatWasOffForAYearFindsWhatItLeft) {
+TEST(MapThinning, KeepsVersionsWhileTheServerIsOff) {
   History history;
   history.run(kStart, kHour, 10 * kSecond);
   const auto before = history.versions().size();
@@ -100,14 +175,14 @@ TEST(MapThinning, AServerThatWasOffForAYearFindsWhatItLeft) {
   EXPECT_GT(before, 100u);
 }
 
-TEST(MapThinning, ClocksThatAreSetBackTakeNothingAway) {
+TEST(MapThinning, KeepsVersionsWhenTheClockIsSetBack) {
   std::vector<VersionAge> versions;
   for (int i = 0; i < 100; ++i) versions.push_back({100 - i, kStart + kDay + i * kSecond, true});
   versions.front().created_utc_ns = 0;  // a machine without a battery
   EXPECT_TRUE(versions_to_thin(versions).empty());
 }
 
-TEST(MapThinning, AnyTimesGiveAnAnswerThatLeavesTheNewest) {
+TEST(MapThinning, KeepsTheNewestForAnyTimes) {
   std::mt19937_64 random(1);
   for (int trial = 0; trial < 200; ++trial) {
     std::vector<VersionAge> versions;

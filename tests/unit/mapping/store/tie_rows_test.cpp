@@ -1,10 +1,10 @@
-// How tags' errors hang together survives a restart; a store of the first schema is brought up to
-// date.
+// Correlations of tags in a store, and migration of older stores.
 #include <gtest/gtest.h>
 
 #include "mapping/store/map_repair.hpp"
 #include "mapping/store/map_store.hpp"
 #include "mapping/store/sqlite_file.hpp"
+#include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 #include "unit/mapping/map_fixture.hpp"
 #include "unit/mapping/store/old_stores.hpp"
@@ -14,11 +14,7 @@ namespace {
 
 class TieRowsTest : public testing::Test {
  protected:
-  [[nodiscard]] MapStore open() const {
-    auto store = MapStore::open(path_);
-    EXPECT_TRUE(store) << store.error().text();
-    return std::move(*store);
-  }
+  [[nodiscard]] MapStore open() const { return value_of(MapStore::open(path_)); }
   [[nodiscard]] std::int64_t count() const {
     return *SqliteFile::open(path_)->integer("SELECT count(*) FROM tie");
   }
@@ -41,17 +37,16 @@ void expect_same(const KnownMap& a, const KnownMap& b) {
   }
 }
 
-TEST_F(TieRowsTest, AreGivenBackExactly) {
+TEST_F(TieRowsTest, AreReturnedExactly) {
   const TagMap map = with_ties(make_map({3, 5, 9, 12}));
   ASSERT_TRUE(open().commit(map, "calibrated"));
-  const auto loaded = open().newest();
-  ASSERT_TRUE(loaded) << loaded.error().text();
-  ASSERT_NE(loaded->known, nullptr);
-  expect_same(*loaded->known, *map.known);
-  EXPECT_GT(loaded->known->revision, 0U) << "a filter takes it over";
+  const auto loaded = value_of(open().newest());
+  ASSERT_NE(loaded.known, nullptr);
+  expect_same(*loaded.known, *map.known);
+  EXPECT_GT(loaded.known->revision, 0U) << "a filter takes it over";
 }
 
-TEST_F(TieRowsTest, WhichPrintsAreOfAnotherSizeIsKeptAndARowOfBeforeHasNone) {
+TEST_F(TieRowsTest, KeepWrongPrintsAndReadOlderRows) {
   TagMap map = with_ties(make_map({3, 5, 9}));
   KnownMap known = *map.known;
   known.wrong_prints = {KnownMap::kAllPrints, 5};
@@ -67,60 +62,56 @@ TEST_F(TieRowsTest, WhichPrintsAreOfAnotherSizeIsKeptAndARowOfBeforeHasNone) {
     auto update = file->prepare("UPDATE tie SET content = ?, hash = ?");
     ASSERT_TRUE(update.bind(bytes).bind(hash_of(bytes)).run());
   }
-  const auto loaded = open().newest();
-  ASSERT_TRUE(loaded) << loaded.error().text();
-  expect_same(*loaded->known, known);
-  EXPECT_TRUE(loaded->known->wrong_prints.empty());
+  const auto loaded = value_of(open().newest());
+  expect_same(*loaded.known, known);
+  EXPECT_TRUE(loaded.known->wrong_prints.empty());
 }
 
-TEST_F(TieRowsTest, WhatIsWrongAboutALensIsKeptUntilItIsNotAnyMore) {
+TEST_F(TieRowsTest, KeepErrorsOfALens) {
   auto store = open();
   ASSERT_TRUE(store.save_extrinsics({"rover", 1, Pose{}, {}, {.focal = 0.012, .k1 = -0.03}}));
   ASSERT_TRUE(store.save_extrinsics({"rover", 0, Pose{}, StoredClock{0.01, 0}}));
-  const auto learned = store.extrinsics();
-  ASSERT_TRUE(learned) << learned.error().text();
-  ASSERT_EQ(learned->size(), 2U);
-  EXPECT_TRUE(learned->at(0).lens.is_none());
-  EXPECT_EQ(learned->at(1).lens.focal, 0.012);
-  EXPECT_EQ(learned->at(1).lens.centre_u_px, std::nullopt);
-  EXPECT_EQ(learned->at(1).lens.k1, -0.03);
+  const auto learned = value_of(store.extrinsics());
+  ASSERT_EQ(learned.size(), 2U);
+  EXPECT_TRUE(learned.at(0).lens.is_none());
+  EXPECT_EQ(learned.at(1).lens.focal, 0.012);
+  EXPECT_EQ(learned.at(1).lens.centre_u_px, std::nullopt);
+  EXPECT_EQ(learned.at(1).lens.k1, -0.03);
   ASSERT_TRUE(store.save_extrinsics({"rover", 1, Pose{}}));
   EXPECT_TRUE(store.extrinsics()->at(1).lens.is_none());
 }
 
-TEST_F(TieRowsTest, AStoreWithoutLensesIsReadAndBroughtUpToDate) {
+TEST_F(TieRowsTest, AreMigratedWithoutLenses) {
   {
     auto store = open();
     ASSERT_TRUE(store.commit(with_ties(make_map({3, 5, 9})), "of an old server"));
     ASSERT_TRUE(store.save_extrinsics({"rover", 0, Pose{}, StoredClock{0.01, 0}}));
   }
   ASSERT_TRUE(make_old(path_, 2));
-  const auto reader = MapStore::open_to_read(path_);
-  ASSERT_TRUE(reader) << reader.error().text();
-  EXPECT_EQ(reader->extrinsics()->at(0).clock->shift_s, 0.01);
+  const auto reader = value_of(MapStore::open_to_read(path_));
+  EXPECT_EQ(reader.extrinsics()->at(0).clock->shift_s, 0.01);
   auto store = open();
   EXPECT_NE(store.newest()->known, nullptr);
   ASSERT_TRUE(store.save_extrinsics({"rover", 0, Pose{}, {}, {.centre_u_px = 3.0}}));
   EXPECT_EQ(open().extrinsics()->at(0).lens.centre_u_px, 3.0);
 }
 
-TEST_F(TieRowsTest, OfAMapWithoutAnyThereAreNone) {
+TEST_F(TieRowsTest, AreNoneOfAMapWithoutCorrelations) {
   ASSERT_TRUE(open().commit(make_map({3, 5}), "calibrated"));
   EXPECT_EQ(open().newest()->known, nullptr);
   EXPECT_EQ(count(), 0);
 }
 
-TEST_F(TieRowsTest, AQuarantinedTagHasNone) {
+TEST_F(TieRowsTest, ExcludeQuarantinedTags) {
   TagMap map = with_ties(make_map({3, 5, 9}));
   map.tags[1].state = TagState::kQuarantined;
   ASSERT_TRUE(open().commit(map, "calibrated"));
-  const auto loaded = open().newest();
-  ASSERT_TRUE(loaded);
-  EXPECT_EQ(loaded->known->tags.size(), 2U);
-  EXPECT_EQ(loaded->known->find(5), nullptr);
+  const auto loaded = value_of(open().newest());
+  EXPECT_EQ(loaded.known->tags.size(), 2U);
+  EXPECT_EQ(loaded.known->find(5), nullptr);
 }
 
-TEST_F(TieRowsTest, OnlyTheNewestAutomaticVersionAndThoseOfPeopleKeepThem) {
+TEST_F(TieRowsTest, AreKeptByTheNewestAndByNamedVersions) {
   auto store = open();
   const TagMap map = with_ties(make_map({3, 5, 9}));
   ASSERT_TRUE(store.commit(map, kAutomaticComment));
@@ -133,7 +124,7 @@ TEST_F(TieRowsTest, OnlyTheNewestAutomaticVersionAndThoseOfPeopleKeepThem) {
   EXPECT_NE(store.load(4)->known, nullptr);
 }
 
-TEST_F(TieRowsTest, DamageIsFoundAndTheVersionBeforeIsServed) {
+TEST_F(TieRowsTest, AreCheckedForDamage) {
   ASSERT_TRUE(open().commit(with_ties(make_map({3, 5, 9})), "one"));
   ASSERT_TRUE(open().commit(with_ties(make_map({3, 5, 9, 11})), "two"));
   ASSERT_TRUE(SqliteFile::open(path_)->execute(
@@ -142,13 +133,12 @@ TEST_F(TieRowsTest, DamageIsFoundAndTheVersionBeforeIsServed) {
   ASSERT_FALSE(loaded);
   EXPECT_EQ(loaded.error().code, ErrorCode::kInvalid);
   EXPECT_NE(loaded.error().text().find("ties"), std::string::npos);
-  const auto sound = open().newest_sound();
-  ASSERT_TRUE(sound);
-  EXPECT_EQ(sound->map.version, 1);
+  const auto sound = value_of(open().newest_sound());
+  EXPECT_EQ(sound.map.version, 1);
 }
 
-TEST_F(TieRowsTest, BytesThatSayTooMuchAreRefused) {
-  // A hash that fits, and a number of pairs that is not there.
+TEST_F(TieRowsTest, AreRefusedWithAWrongCount) {
+  // A valid hash, but a wrong number of pairs.
   ASSERT_TRUE(open().commit(with_ties(make_map({3, 5, 9})), "one"));
   const std::vector<std::byte> bytes(8, std::byte{0xff});
   {
@@ -161,14 +151,13 @@ TEST_F(TieRowsTest, BytesThatSayTooMuchAreRefused) {
   EXPECT_NE(loaded.error().code, ErrorCode::kNotFound);
 }
 
-TEST_F(TieRowsTest, AStoreOfTheFirstSchemaIsBroughtUpToDate) {
+TEST_F(TieRowsTest, AreMigratedFromTheFirstSchema) {
   ASSERT_TRUE(open().commit(make_map({3, 5, 9}), "of an old server"));
   ASSERT_TRUE(make_old(path_, 1));
   {
     // Reading changes nothing.
-    const auto reader = MapStore::open_to_read(path_);
-    ASSERT_TRUE(reader);
-    EXPECT_EQ(reader->newest()->tags.size(), 3U);
+    const auto reader = value_of(MapStore::open_to_read(path_));
+    EXPECT_EQ(reader.newest()->tags.size(), 3U);
     EXPECT_EQ(
         *SqliteFile::open(path_, SqliteFile::Access::kSalvage)->integer("PRAGMA user_version"), 1);
   }
@@ -185,10 +174,9 @@ TEST_F(TieRowsTest, AreKeptByARepair) {
   ASSERT_TRUE(open().commit(with_ties(make_map({3, 5, 9, 11})), "two"));
   ASSERT_TRUE(SqliteFile::open(path_)->execute("DELETE FROM tag WHERE version = 2 AND tag_id = 5"));
   ASSERT_TRUE(repair_map_store(path_));
-  const auto loaded = open().newest();
-  ASSERT_TRUE(loaded) << loaded.error().text();
-  ASSERT_NE(loaded->known, nullptr);
-  expect_same(*loaded->known, *map.known);
+  const auto loaded = value_of(open().newest());
+  ASSERT_NE(loaded.known, nullptr);
+  expect_same(*loaded.known, *map.known);
 }
 
 }  // namespace

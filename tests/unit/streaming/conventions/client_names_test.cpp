@@ -4,8 +4,10 @@
 #include <random>
 #include <set>
 
+#include "base/pose.hpp"
 #include "streaming/conventions/client_names.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
+#include "support/scene_builder.hpp"
 
 namespace fiducap {
 namespace {
@@ -17,7 +19,7 @@ std::string ascii(std::u32string_view text) {
   return out;
 }
 
-TEST(Transliteration, WritesLettersAsTheirReadersWould) {
+TEST(Transliteration, ReplacesLettersByTheirUsualSpellingElseByNumber) {
   EXPECT_EQ(ascii(U"Größe"), "Groesse");
   EXPECT_EQ(ascii(U"ÄÖÜ"), "AeOeUe");
   EXPECT_EQ(ascii(U"Ångström Ærø œuvre"), "Aangstroem Aeroe oeuvre");
@@ -28,15 +30,12 @@ TEST(Transliteration, WritesLettersAsTheirReadersWould) {
   EXPECT_EQ(ascii(U"Þór Ŋ"), "Thor Ng");
   EXPECT_EQ(ascii(U"Αθήνα ψ"), "Athina ps");
   EXPECT_EQ(ascii(U"Ёж щука"), "Yozh shchuka");
-}
-
-TEST(Transliteration, WritesWhatItHasNoLetterForByItsNumber) {
   EXPECT_EQ(ascii(U"日本"), "u65e5u672c");
   EXPECT_EQ(ascii_of(U'\U0001F681'), "u1f681");
   EXPECT_EQ(ascii_of(0x80), "u0080");
 }
 
-TEST(Transliteration, IsNeverEmptyAndOfLettersAndDigits) {
+TEST(Transliteration, ConsistsOfLettersAndDigits) {
   const auto good = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_'; };
   for (char32_t c = 0x80; c <= 0x2fff; ++c) {
     const std::string written = ascii_of(c);
@@ -46,47 +45,36 @@ TEST(Transliteration, IsNeverEmptyAndOfLettersAndDigits) {
 }
 
 SceneModel model_of(const std::vector<std::string>& names) {
-  SceneModel model;
-  int id = 0;
-  for (const auto& name : names) model.bodies.push_back({++id, name});
-  return model;
+  return *make_scene_frame(names)->model;
 }
 
-TEST(ClientNames, WhatTheRuleForbidsBecomesAnUnderscore) {
+TEST(ClientNames, ReplacesForbiddenBytesByUnderscores) {
   const NameRule ros{20, "-./", true, false};
   EXPECT_EQ(client_name("left-arm v2.1", ros), "left_arm_v2_1");
   EXPECT_EQ(client_name("Größe 1", ros), "Groesse_1");
   EXPECT_EQ(client_name("日 1", ros), "u65e5_1");
-  EXPECT_EQ(client_name("gr\xf6\xdf"
-                        "e",
-                        {}),
-            "gr__e")
-      << "no UTF-8";
+  EXPECT_EQ(client_name("gr\xf6\xdfg", {}), "gr__g") << "no UTF-8";
   EXPECT_EQ(client_name("größe", {}), "größe");
   EXPECT_EQ(client_name("a\nb\x7f", {}), "a_b_");
 }
 
-TEST(ClientNames, AWireThatCarriesUtf8ShowsTheTrueName) {
-  const auto by = [](std::string_view protocol) {
+TEST(ClientNames, KeepUtf8InProtocolsThatCarryIt) {
+  const auto in = [](std::string_view protocol) {
     return client_name("Größe 1", conventions_of(protocol).names);
   };
-  for (const auto* true_to_it : {"vrpn", "natnet", "qualisys", "native"})
-    EXPECT_EQ(by(true_to_it), "Größe 1") << true_to_it;
-  for (const auto* in_ascii : {"vicon", "ros2", "px4"})
-    EXPECT_EQ(by(in_ascii), "Groesse_1") << in_ascii;
+  for (const auto* utf8 : {"vrpn", "natnet", "qualisys", "native"})
+    EXPECT_EQ(in(utf8), "Größe 1") << utf8;
+  for (const auto* other : {"vicon", "ros2", "px4"}) EXPECT_EQ(in(other), "Groesse_1") << other;
 }
 
-TEST(ClientNames, AnAliasStandsForTheNameAndObeysTheRuleToo) {
+TEST(ClientNames, AliasReplacesTheNameUnderTheSameRule) {
   EXPECT_EQ(client_name("drone", {}, {{"drone", "RigidBody 1"}}), "RigidBody 1");
   EXPECT_EQ(client_name("drone", {10, " "}, {{"drone", "RigidBody 1"}}), "RigidBody_");
 }
 
-TEST(ClientNames, ACutNeverSplitsACharacter) {
+TEST(ClientNames, CutBetweenCharactersAndAreNeverEmpty) {
   EXPECT_EQ(client_name("abcö", {4}), "abc");
   EXPECT_EQ(client_name("abcö", {5}), "abcö");
-}
-
-TEST(ClientNames, NeverEmpty) {
   EXPECT_EQ(client_name("", {}), "_");
   EXPECT_EQ(client_name("öö", {1}), "_");
 }
@@ -94,7 +82,7 @@ TEST(ClientNames, NeverEmpty) {
 TEST(ClientNames, StayDistinctAfterCuttingAndReplacing) {
   EXPECT_EQ(client_names(model_of({"arm-1", "arm.1", "arm_1"}), {127, "-."}),
             (std::vector<std::string>{"arm_1_2", "arm_1_3", "arm_1"}))
-      << "who fits as it is keeps its name";
+      << "a name that fits is kept";
   EXPECT_EQ(client_names(model_of({"walker-left", "walker-right"}), {7}),
             (std::vector<std::string>{"walker-", "walke_2"}));
 }
@@ -116,7 +104,7 @@ std::vector<std::string> names_of(std::mt19937& dice, std::size_t n) {
   return all;
 }
 
-TEST(ClientNames, NoTwoBodiesGetOneNameInAnyProtocolAndRunsAgree) {
+TEST(ClientNames, AreDistinctAndReproducibleInEveryProtocol) {
   std::mt19937 dice(7);
   for (int round = 0; round < 50; ++round) {
     const SceneModel model = model_of(names_of(dice, 100));
@@ -133,6 +121,40 @@ TEST(ClientNames, NoTwoBodiesGetOneNameInAnyProtocolAndRunsAgree) {
           EXPECT_EQ(client_name(name, rule), name) << "fits, and is whole UTF-8";
         }
       }
+    }
+  }
+}
+
+TEST(ProtocolConventions, ListsEachProtocolOnce) {
+  std::set<std::string_view> names;
+  for (const auto& one : kProtocolConventions) {
+    EXPECT_TRUE(names.insert(one.protocol).second) << one.protocol;
+    EXPECT_EQ(&conventions_of(one.protocol), &one);
+    EXPECT_NE(one.when_invalid, WhenInvalid::kHold)
+        << "a stale pose must not look live by default: " << one.protocol;
+  }
+}
+
+/// A point of the body is at the same place of the world in every protocol's axes and units.
+TEST(ProtocolConventions, EveryProtocolKeepsTheGeometry) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  const auto vector = [&] {
+    return Eigen::Vector3d(normal(random), normal(random), normal(random));
+  };
+  for (const auto& one : kProtocolConventions) {
+    const AxesChange change(one.axes);
+    for (int i = 0; i < 50; ++i) {
+      const Pose X_WP{exp_so3(vector()), vector()};
+      const Eigen::Vector3d p_P = vector();
+      const Pose X_CP = change.pose(X_WP);
+      const Eigen::Vector3d p_client = one.axes.scope == AxesScope::kWorldAndBody
+                                           ? change.length(p_P)
+                                           : Eigen::Vector3d(one.axes.units_per_m * p_P);
+      EXPECT_LT((X_CP * p_client - change.length(X_WP * p_P)).norm(), 1e-9 * one.axes.units_per_m)
+          << one.protocol;
+      EXPECT_NEAR(change.length(p_P).norm(), one.axes.units_per_m * p_P.norm(), 1e-9)
+          << one.protocol;
     }
   }
 }

@@ -6,7 +6,6 @@
 
 #include <dds/dds.h>
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "middleware/endpoints.hpp"
 #include "streaming/dds/dds.hpp"
@@ -17,14 +16,11 @@ namespace fiducap::dds {
 
 inline constexpr int kTestDomain = 42;
 
-/// A server of two bodies and what it publishes, written and read through the middleware in one
-/// process.
+/// A server of two bodies and readers of its topics, in one process.
 class DdsServerTest : public testing::Test {
  protected:
   void start(const DdsConfig& config) {
-    NetworkConfig network;
-    network.domain = kTestDomain;
-    auto participant = Participant::open(network);
+    auto participant = Participant::open({.domain = kTestDomain, .peers = {}});
     ASSERT_TRUE(participant) << participant.error().text();
     participant_ = *participant;
     auto server =
@@ -33,18 +29,29 @@ class DdsServerTest : public testing::Test {
     ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
   }
+  void start_px4(Px4Profile profile) {
+    DdsConfig config;
+    config.px4 = profile;
+    start(config);
+  }
+  std::vector<ClientStatus> clients() const {
+    std::vector<ClientStatus> all;
+    server_->append_clients(all);
+    return all;
+  }
   Reader read(const std::string& topic, const dds_topic_descriptor_t& type,
               const Qos& qos = {true, false, 100, 0}) {
     auto reader = Reader::make(*participant_, {topic, &type, {}}, qos);
     EXPECT_TRUE(reader) << reader.error().text();
     return std::move(*reader);
   }
-  void publish() {
-    auto next = std::make_shared<SceneFrame>(*frame_);
-    ++next->number;
-    next->at += std::chrono::milliseconds(10);
-    frame_ = next;
-    server_->publish(frame_);
+  void publish(int times = 1) {
+    for (int i = 0; i < times; ++i) {
+      frame_ = std::make_shared<SceneFrame>(*frame_);
+      ++frame_->number;
+      frame_->at += std::chrono::milliseconds(10);
+      server_->publish(frame_);
+    }
   }
 
   /// A later frame of another model: the rover, with id 7.

@@ -1,5 +1,5 @@
-// Announcements of participants (SPDP) that claim the address of a victim, sent as a stranger would
-// send them. An answer proves that the middleware has read what came before it.
+// Announcements of participants (SPDP) with the address of a victim. A reply proves that the
+// middleware has processed the datagrams before it.
 #include "middleware/network.hpp"
 
 #include <gmock/gmock.h>
@@ -34,12 +34,8 @@ class DdsFence : public testing::Test {
     hosts_.server.on([this] { participant_.reset(); });
   }
   void take_part(const std::string& interface, const std::vector<std::string>& peers = {}) {
-    NetworkConfig config;
-    config.domain = kDomain;
-    config.interface = interface;
-    config.peers = peers;
     hosts_.server.on([&] {
-      auto joined = Participant::open(config);
+      auto joined = Participant::open({.domain = kDomain, .interface = interface, .peers = peers});
       ASSERT_TRUE(joined) << joined.error().text();
       participant_ = *joined;
     });
@@ -49,62 +45,64 @@ class DdsFence : public testing::Test {
     in.on([&] { made = std::make_unique<Socket>(address, port); });
     return made;
   }
-  std::unique_ptr<Socket> theirs(const std::string& address) {
+  std::unique_ptr<Socket> outside(const std::string& address) {
     return socket(hosts_.client, address);
+  }
+  /// Announces participant `number` at the address of `target`.
+  static void announce(const Socket& from, std::uint32_t number, const std::string& address,
+                       const Socket& target, const std::string& to = TwoHosts::kServer) {
+    from.send(announcement(number, address, target.port()), to, kUnicastPort);
+  }
+  /// The neighbour gets a reply, the victim none.
+  static void expect_replies(const Socket& neighbour, const Socket& victim) {
+    EXPECT_TRUE(neighbour.hears_within(kTimeout_ms));
+    EXPECT_FALSE(victim.has_heard());
   }
 
   TwoHosts hosts_;
   std::shared_ptr<Participant> participant_;
 };
 
-TEST_F(DdsFence, OnLoopbackNothingFromOutsideIsHeard) {
+TEST_F(DdsFence, LoopbackReceivesNothingFromOutside) {
   take_part("lo");
   const auto victim = socket(hosts_.server, "127.0.0.1");
   const auto neighbour = socket(hosts_.server, "127.0.0.1");
-  const auto stranger = theirs(TwoHosts::kClient);
-  stranger->send(announcement(1, "127.0.0.1", victim->port()), TwoHosts::kServer, kUnicastPort);
-  neighbour->send(announcement(2, "127.0.0.1", neighbour->port()), "127.0.0.1", kUnicastPort);
-  EXPECT_TRUE(neighbour->hears_within(kTimeout_ms));
-  EXPECT_FALSE(victim->has_heard());
+  announce(*outside(TwoHosts::kClient), 1, "127.0.0.1", *victim);
+  announce(*neighbour, 2, "127.0.0.1", *neighbour, "127.0.0.1");
+  expect_replies(*neighbour, *victim);
 }
 
-TEST_F(DdsFence, OfACardItsOwnNetworkIsHeardAndNoSenderBeyond) {
+TEST_F(DdsFence, InterfaceReceivesFromItsNetworkOnly) {
   take_part(TwoHosts::kServer);
-  const auto stranger = theirs(kBeyond);
-  const auto victim = theirs(TwoHosts::kClient);
-  const auto neighbour = theirs(TwoHosts::kClient);
-  stranger->send(announcement(1, TwoHosts::kClient, victim->port()), TwoHosts::kServer,
-                 kUnicastPort);
-  neighbour->send(announcement(2, TwoHosts::kClient, neighbour->port()), TwoHosts::kServer,
-                  kUnicastPort);
-  EXPECT_TRUE(neighbour->hears_within(kTimeout_ms));
-  EXPECT_FALSE(victim->has_heard());
+  const auto victim = outside(TwoHosts::kClient);
+  const auto neighbour = outside(TwoHosts::kClient);
+  announce(*outside(kBeyond), 1, TwoHosts::kClient, *victim);
+  announce(*neighbour, 2, TwoHosts::kClient, *neighbour);
+  expect_replies(*neighbour, *victim);
 }
 
-TEST_F(DdsFence, ANeighbourCannotHaveAddressesBeyondAnswered) {
+TEST_F(DdsFence, SendsNoRepliesBeyondItsNetwork) {
   take_part(TwoHosts::kServer);
-  const auto victim = theirs(kBeyond);
-  const auto neighbour = theirs(TwoHosts::kClient);
-  neighbour->send(announcement(1, kBeyond, victim->port()), TwoHosts::kServer, kUnicastPort);
-  neighbour->send(announcement(2, TwoHosts::kClient, neighbour->port()), TwoHosts::kServer,
-                  kUnicastPort);
-  EXPECT_TRUE(neighbour->hears_within(kTimeout_ms));
-  EXPECT_FALSE(victim->has_heard());
+  const auto victim = outside(kBeyond);
+  const auto neighbour = outside(TwoHosts::kClient);
+  announce(*neighbour, 1, kBeyond, *victim);
+  announce(*neighbour, 2, TwoHosts::kClient, *neighbour);
+  expect_replies(*neighbour, *victim);
 }
 
-TEST_F(DdsFence, PeersBeyondAreHeardAndAnswered) {
+TEST_F(DdsFence, ConfiguredPeersBeyondGetReplies) {
   take_part(TwoHosts::kServer, {kBeyond});
-  const auto peer = theirs(kBeyond);
-  peer->send(announcement(1, kBeyond, peer->port()), TwoHosts::kServer, kUnicastPort);
+  const auto peer = outside(kBeyond);
+  announce(*peer, 1, kBeyond, *peer);
   EXPECT_TRUE(peer->hears_within(kTimeout_ms));
 }
 
-TEST_F(DdsFence, MulticastOfTheOwnNetworkPassesBothWays) {
+TEST_F(DdsFence, MulticastOfItsNetworkPassesBothWays) {
   const auto group = socket(hosts_.client, "0.0.0.0", kMulticastPort);
   hosts_.client.on([&] { group->join(kGroup, TwoHosts::kClient); });
   take_part(TwoHosts::kServer);
   EXPECT_TRUE(group->hears_within(kTimeout_ms)) << "the server's own announcement";
-  const auto neighbour = theirs(TwoHosts::kClient);
+  const auto neighbour = outside(TwoHosts::kClient);
   hosts_.client.on([&] {
     neighbour->join(kGroup, TwoHosts::kClient);
     neighbour->send(announcement(1, TwoHosts::kClient, neighbour->port()), kGroup, kMulticastPort);

@@ -7,8 +7,11 @@
 #include <unistd.h>
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
+
+#include "support/hex.hpp"
 
 namespace fiducap::dds {
 
@@ -46,7 +49,7 @@ class Socket final {
     ::getsockname(fd_, reinterpret_cast<sockaddr*>(&own), &size);
     return ntohs(own.sin_port);
   }
-  void send(const std::vector<std::uint8_t>& bytes, const std::string& address, int port) const {
+  void send(const std::vector<std::byte>& bytes, const std::string& address, int port) const {
     const auto to = ipv4(address, port);
     EXPECT_EQ(::sendto(fd_, bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&to),
                        sizeof(to)),
@@ -62,43 +65,23 @@ class Socket final {
   int fd_{::socket(AF_INET, SOCK_DGRAM, 0)};
 };
 
-inline void add_parameter(std::vector<std::uint8_t>& to, int id,
-                          const std::vector<std::uint8_t>& value) {
-  to.insert(to.end(),
-            {static_cast<std::uint8_t>(id), 0, static_cast<std::uint8_t>(value.size()), 0});
-  to.insert(to.end(), value.begin(), value.end());
-}
-
 /// SPDP, little-endian, of a participant whose addresses are the victim's.
-inline std::vector<std::uint8_t> announcement(std::uint32_t number, const std::string& victim,
-                                              int port) {
-  const auto byte = [number](int shift) { return static_cast<std::uint8_t>(number >> shift); };
-  const std::vector<std::uint8_t> prefix{1,   0x10, 'f',      'o',      'r',     'g',
-                                         'e', 'd',  byte(24), byte(16), byte(8), byte(0)};
-  std::vector<std::uint8_t> guid = prefix;
-  guid.insert(guid.end(), {0, 0, 1, 0xc1});
-  std::vector<std::uint8_t> locator{
-      1, 0, 0, 0, static_cast<std::uint8_t>(port), static_cast<std::uint8_t>(port >> 8)};
-  locator.resize(20);
-  const auto address = ipv4(victim, 0).sin_addr;
-  const auto* bytes = reinterpret_cast<const std::uint8_t*>(&address);
-  locator.insert(locator.end(), bytes, bytes + 4);
-  std::vector<std::uint8_t> list{0, 3, 0, 0};
-  add_parameter(list, 0x15, {2, 1, 0, 0});               // protocol version
-  add_parameter(list, 0x16, {1, 0x10, 0, 0});            // vendor
-  add_parameter(list, 0x02, {20, 0, 0, 0, 0, 0, 0, 0});  // lease, s
-  add_parameter(list, 0x50, guid);
-  add_parameter(list, 0x31, locator);             // default unicast
-  add_parameter(list, 0x32, locator);             // metatraffic unicast
-  add_parameter(list, 0x58, {0x3f, 0x0c, 0, 0});  // builtin endpoints
-  add_parameter(list, 0x01, {});                  // end
-  std::vector<std::uint8_t> data{0, 0, 16, 0, 0, 0, 0, 0, 0, 1, 0, 0xc2, 0, 0, 0, 0, 1, 0, 0, 0};
-  data.insert(data.end(), list.begin(), list.end());
-  std::vector<std::uint8_t> message{'R', 'T', 'P', 'S', 2, 1, 1, 0x10};
-  message.insert(message.end(), prefix.begin(), prefix.end());
-  message.insert(message.end(), {0x15, 5, static_cast<std::uint8_t>(data.size()), 0});
-  message.insert(message.end(), data.begin(), data.end());
-  return message;
+inline std::vector<std::byte> announcement(std::uint32_t number, const std::string& victim,
+                                           int port) {
+  const auto hex = [](const auto& value) {
+    const auto bytes = std::as_bytes(std::span(&value, 1));
+    return to_hex({bytes.begin(), bytes.end()});
+  };
+  const std::string prefix = "0110 666f72676564" + hex(htonl(number));  // "forged"
+  const std::string locator =
+      "01000000" + hex(port) + std::string(24, '0') + hex(ipv4(victim, 0).sin_addr.s_addr);
+  const std::string participant = "50001000" + prefix + "000001c1";
+  const std::string addresses = "31001800" + locator + "32001800" + locator;
+  // DATA of 140 bytes: protocol version, vendor, lease of 20 s, …, builtin endpoints, end.
+  return from_hex("52545053 02010110" + prefix +
+                  "15058c00 00001000 00000000 000100c2 00000000 01000000 00030000"
+                  "15000400 02010000 16000400 01100000 02000800 1400000000000000" +
+                  participant + addresses + "58000400 3f0c0000 01000000");
 }
 
 }  // namespace fiducap::dds

@@ -1,9 +1,9 @@
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <limits>
 #include <random>
 
+#include "middleware/network.hpp"
 #include "streaming/dds/dds.hpp"
 #include "streaming/dds/ros_messages.hpp"
 #include "support/scene_builder.hpp"
@@ -12,37 +12,29 @@ namespace fiducap::dds {
 namespace {
 
 using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::SizeIs;
 
 SceneModel model_of(const std::vector<std::string>& names) {
-  SceneModel model;
-  for (const auto& name : names)
-    model.bodies.push_back({static_cast<int>(model.bodies.size()) + 1, name});
-  return model;
+  return *make_scene_frame(names)->model;
 }
 
-TEST(RosNames, GoodNamesStay) {
+TEST(RosNames, AreValidRosNames) {
   EXPECT_THAT(ros_names(model_of({"drone", "cf_7"})), ElementsAre("drone", "cf_7"));
-}
-
-TEST(RosNames, AnAliasStandsForTheName) {
   EXPECT_THAT(ros_names(model_of({"drone", "arm"}), {{"drone", "cf 7"}}),
-              ElementsAre("cf_7", "arm"));
-}
-
-TEST(RosNames, WhatRosForbidsBecomesAnUnderscoreLettersStayReadable) {
+              ElementsAre("cf_7", "arm"))
+      << "an alias";
   EXPECT_THAT(ros_names(model_of({"big-drone.v2", "7up", "_x__y_", "Größe 1", "日", "(+)"})),
               ElementsAre("big_drone_v2", "body_7up", "body_x_y", "Groesse_1", "u65e5", "body"));
+  EXPECT_THAT(ros_names(model_of({"a-b", "a.b", "a_b"})), ElementsAre("a_b_2", "a_b_3", "a_b"))
+      << "a valid name is kept";
   std::string longest;
   while (longest.size() + 2 <= 63) longest += "щ";
   EXPECT_TRUE(is_ros_name(ros_names(model_of({longest})).front()));
 }
 
-TEST(RosNames, EqualNamesBecomeDistinct) {
-  EXPECT_THAT(ros_names(model_of({"a-b", "a.b", "a_b"})), ElementsAre("a_b_2", "a_b_3", "a_b"))
-      << "who is one already keeps its name";
-}
-
-TEST(RosNames, AreLegalAndDistinctWhateverTheBodiesAreCalled) {
+TEST(RosNames, AreValidAndDistinctForRandomNames) {
   std::mt19937 random(1);
   for (int round = 0; round < 200; ++round) {
     std::vector<std::string> names;
@@ -59,7 +51,7 @@ TEST(RosNames, AreLegalAndDistinctWhateverTheBodiesAreCalled) {
   }
 }
 
-TEST(RosNames, NamespacesBeginWithASlashAndDoNotEndWithOne) {
+TEST(RosNames, NamespacesHaveALeadingSlashOnly) {
   EXPECT_TRUE(is_ros_namespace("/fiducap"));
   EXPECT_TRUE(is_ros_namespace("/lab/fiducap"));
   for (const char* bad : {"fiducap", "/", "/fiducap/", "//a", "/7", "/a b"})
@@ -67,6 +59,8 @@ TEST(RosNames, NamespacesBeginWithASlashAndDoNotEndWithOne) {
 }
 
 constexpr double kRounding = 1e-12;
+
+Eigen::Vector3d vector(const auto& message) { return {message.x, message.y, message.z}; }
 
 class RosMessagesTest : public testing::Test {
  protected:
@@ -84,31 +78,24 @@ class RosMessagesTest : public testing::Test {
 TEST_F(RosMessagesTest, QuaternionsEndWithTheirRealPart) {
   geometry_msgs_msg_dds__PoseStamped_ message{};
   fill(message, body_);
-  EXPECT_EQ(message.pose.position.x, 1.0);
-  EXPECT_EQ(message.pose.position.y, -2.0);
-  EXPECT_EQ(message.pose.position.z, 0.25);
-  EXPECT_EQ(message.pose.orientation.x, 4 / 9.);
-  EXPECT_EQ(message.pose.orientation.y, 5 / 9.);
-  EXPECT_EQ(message.pose.orientation.z, 6 / 9.);
-  EXPECT_EQ(message.pose.orientation.w, 2 / 9.);
+  const auto& [position, orientation] = message.pose;
+  EXPECT_EQ(vector(position), Eigen::Vector3d(1.0, -2.0, 0.25));
+  EXPECT_EQ(vector(orientation), Eigen::Vector3d(4 / 9., 5 / 9., 6 / 9.));
+  EXPECT_EQ(orientation.w, 2 / 9.);
 }
 
-TEST_F(RosMessagesTest, TwistOfATwistMessageIsInTheWorldThatOfAnOdometryInTheBody) {
+TEST_F(RosMessagesTest, TwistIsInTheWorldAndThatOfAnOdometryInTheBody) {
   geometry_msgs_msg_dds__TwistStamped_ world{};
   nav_msgs_msg_dds__Odometry_ own{};
   fill(world, body_);
   fill(own, body_);
   EXPECT_EQ(world.twist.linear.x, body_.v_WP.x());
   EXPECT_EQ(own.twist.twist.angular.z, body_.w_WP_P.z());
-  const auto& linear = own.twist.twist.linear;
-  EXPECT_TRUE((body_.X_WP.q * Eigen::Vector3d(linear.x, linear.y, linear.z))
-                  .isApprox(body_.v_WP, kRounding));
-  const auto& angular = world.twist.angular;
-  EXPECT_TRUE(Eigen::Vector3d(angular.x, angular.y, angular.z)
-                  .isApprox(body_.X_WP.q * body_.w_WP_P, kRounding));
+  EXPECT_TRUE((body_.X_WP.q * vector(own.twist.twist.linear)).isApprox(body_.v_WP, kRounding));
+  EXPECT_TRUE(vector(world.twist.angular).isApprox(body_.X_WP.q * body_.w_WP_P, kRounding));
 }
 
-TEST_F(RosMessagesTest, CovariancesGoRowByRow) {
+TEST_F(RosMessagesTest, CovariancesAreRowByRow) {
   body_.covariance(0, 1) = 77;  // not symmetric: shows the order
   nav_msgs_msg_dds__Odometry_ message{};
   fill(message, body_);
@@ -117,7 +104,7 @@ TEST_F(RosMessagesTest, CovariancesGoRowByRow) {
   EXPECT_EQ(message.pose.covariance[35], 6);
 }
 
-TEST_F(RosMessagesTest, Px4GetsMicrosecondsItsAxesAndTheCounter) {
+TEST_F(RosMessagesTest, Px4HasMicrosecondsItsAxesAndTheCounter) {
   px4_msgs_msg_dds__VehicleOdometry_ message{};
   fill(message, body_, 1'700'000'005'123'456'789, AutopilotWorld::kNed, 258);
   EXPECT_EQ(message.timestamp_sample, 1'700'000'005'123'456u);
@@ -129,7 +116,7 @@ TEST_F(RosMessagesTest, Px4GetsMicrosecondsItsAxesAndTheCounter) {
   EXPECT_EQ(message.reset_counter, 2);  // a byte: wraps
 }
 
-TEST_F(RosMessagesTest, NativeSaysWhenTheNewestImageWasExposed) {
+TEST_F(RosMessagesTest, NativeHasTheExposureOfTheNewestImage) {
   fiducap_dds_Body message{};
   fill(message, body_, *frame_, 5);
   EXPECT_EQ(message.utc_ns, frame_->utc_ns());
@@ -148,7 +135,7 @@ TEST_F(RosMessagesTest, TimesBeforeTheEpochAreZero) {
   EXPECT_EQ(to_ros(std::int64_t{1'700'000'005'000'000'007}).nanosec, 7u);
 }
 
-TEST_F(RosMessagesTest, NumbersThatAreNoneNeverLeave) {
+TEST_F(RosMessagesTest, InvalidBodiesAndNumbersAreNotUsable) {
   EXPECT_TRUE(is_usable(body_));
   body_.covariance(3, 3) = std::numeric_limits<double>::infinity();
   EXPECT_FALSE(is_usable(body_));
@@ -157,17 +144,47 @@ TEST_F(RosMessagesTest, NumbersThatAreNoneNeverLeave) {
   EXPECT_FALSE(is_usable(body_));
 }
 
-using testing::IsEmpty;
-using testing::SizeIs;
-
-TEST(DdsConfig, DefaultsAreFine) { EXPECT_THAT(DdsConfig{}.check(), IsEmpty()); }
-
-TEST(DdsConfig, ReportsEveryBrokenRule) {
+TEST(DdsConfig, ReportsEachInvalidValue) {
   DdsConfig config;
+  EXPECT_THAT(config.check(), IsEmpty());
   config.prefix = "fiducap/";
   config.world_frame = "/world";
   config.poses_deadline_hz = 0.1;
   config.px4_rate_hz = 0;
+  EXPECT_THAT(config.check(), SizeIs(4));
+}
+
+TEST(DdsNetwork, DefaultsToThisMachineWithoutMulticast) {
+  const NetworkConfig config;
+  EXPECT_THAT(config.check(), IsEmpty());
+  EXPECT_FALSE(config.uses_multicast());
+  const std::string xml = cyclone_xml(config, true);
+  EXPECT_THAT(xml, HasSubstr("name=\"lo\""));
+  EXPECT_THAT(xml, HasSubstr("<AllowMulticast>false<"));
+  EXPECT_THAT(xml, HasSubstr("<Peer Address=\"127.0.0.1\"/>"));
+  EXPECT_THAT(xml, HasSubstr("<MaxSampleSize>" + std::to_string(kMaxMessage) + "B<"));
+  EXPECT_THAT(xml, HasSubstr("<DontRoute>true<"));
+  EXPECT_THAT(cyclone_xml(config, false), HasSubstr("<DontRoute>false<")) << "a peer is beyond";
+}
+
+TEST(DdsNetwork, UsesMulticastOnOtherInterfacesWithoutPeers) {
+  NetworkConfig config;
+  config.interface = "eth0";
+  EXPECT_TRUE(config.uses_multicast());
+  EXPECT_THAT(cyclone_xml(config, true), HasSubstr("<AllowMulticast>spdp<"));
+  config.peers = {"192.168.1.7", "robot.local"};
+  EXPECT_FALSE(config.uses_multicast());
+  EXPECT_THAT(cyclone_xml(config, true),
+              HasSubstr("<Peer Address=\"192.168.1.7\"/><Peer Address=\"robot.local\"/>"));
+  config.interface = "192.168.1.5";
+  EXPECT_THAT(cyclone_xml(config, true), HasSubstr("address=\"192.168.1.5\""));
+}
+
+TEST(DdsNetwork, RefusesCharactersThatEndAnAttribute) {
+  NetworkConfig config;
+  config.interface = "lo\"/><Evil x=\"";
+  config.peers = {"a b", "<x>"};
+  config.domain = 233;
   EXPECT_THAT(config.check(), SizeIs(4));
 }
 

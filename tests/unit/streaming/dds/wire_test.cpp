@@ -1,5 +1,4 @@
-// The bytes on the wire: OMG's XCDR version 1, little-endian, and the content of discovery
-// about our writers.
+// The bytes on the wire (OMG's XCDR version 1, little-endian) and the discovery data of writers.
 #include <dds/dds.h>
 #include <dds/ddsi/ddsi_serdata.h>
 #include <gmock/gmock.h>
@@ -15,14 +14,8 @@ namespace {
 
 class DdsWire : public testing::Test {
  protected:
-  void SetUp() override {
-    NetworkConfig network;
-    network.domain = 44;
-    auto participant = Participant::open(network);
-    ASSERT_TRUE(participant) << participant.error().text();
-    participant_ = *participant;
-  }
-  std::shared_ptr<Participant> participant_;
+  std::shared_ptr<Participant> participant_ =
+      Participant::open({.domain = 44, .peers = {}}).value();
 };
 
 TEST_F(DdsWire, PoseStampedIsPlainCdr) {
@@ -51,7 +44,7 @@ TEST_F(DdsWire, PoseStampedIsPlainCdr) {
           "000000000000e03f 000000000000e0bf 000000000000e03f 000000000000e0bf")));  // x y z w
 }
 
-TEST_F(DdsWire, WritersCarryRosNamesAndTheTypeHash) {
+TEST_F(DdsWire, WritersAnnounceRosNamesAndTheTypeHash) {
   const auto topic = ros_topic("/tf", RosType::kTfMessage);
   EXPECT_EQ(topic.name, "rt/tf");
   EXPECT_STREQ(topic.type->m_typename, "tf2_msgs::msg::dds_::TFMessage_");
@@ -68,7 +61,7 @@ TEST_F(DdsWire, WritersCarryRosNamesAndTheTypeHash) {
   dds_delete_qos(qos);
 }
 
-TEST_F(DdsWire, EveryRosTypeHasTheNameThatRosMangles) {
+TEST_F(DdsWire, TypesHaveTheMangledNamesOfRos) {
   const std::pair<RosType, const char*> expected[] = {
       {RosType::kPoseStamped, "geometry_msgs::msg::dds_::PoseStamped_"},
       {RosType::kTwistStamped, "geometry_msgs::msg::dds_::TwistStamped_"},

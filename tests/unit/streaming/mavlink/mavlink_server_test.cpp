@@ -1,4 +1,4 @@
-// Over real sockets on loopback: an autopilot that is a UDP socket.
+// Over real sockets on loopback: the autopilot is a UDP socket.
 #include "base/log.hpp"
 #include "streaming/mavlink/mavlink.hpp"
 
@@ -19,41 +19,42 @@ namespace {
 using boost::asio::ip::udp;
 using namespace std::chrono_literals;
 using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
 using testing::SizeIs;
+
+std::shared_ptr<SceneFrame> frame_of(std::uint64_t number, const char* name = "drone") {
+  return make_scene_frame({name, "rover"}, number);
+}
 
 class MavlinkServerTest : public testing::Test {
  protected:
-  MavlinkServerTest() : autopilot_(io_, udp::endpoint(boost::asio::ip::address_v4::loopback(), 0)) {
+  MavlinkServerTest() {
     VehicleConfig vehicle;
     vehicle.body = "drone";
     vehicle.port = autopilot_.local_endpoint().port();
     config_.address = "127.0.0.1";
     config_.vehicles = {vehicle};
-    autopilot_.non_blocking(true);
+    for (auto* socket : {&autopilot_, &stranger_}) socket->non_blocking(true);
   }
+  auto try_start() { return start_mavlink_server(io_, config_, frame_of(1)->model, clock_); }
   void start() {
-    auto server = start_mavlink_server(io_, config_, frame_->model, clock_);
+    auto server = try_start();
     ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
   }
-  void publish() {
-    frame_ = make_scene_frame({"drone", "rover"}, frame_->number + 1);
-    server_->publish(frame_);
-  }
-  /// What has come to the autopilot; datagrams on loopback are there at once.
-  std::vector<std::byte> received() {
+  /// All datagrams that have arrived; on loopback they arrive at once.
+  static std::vector<std::byte> received(udp::socket& socket) {
     std::vector<std::byte> all;
     std::array<std::byte, 2048> buffer{};
     boost::system::error_code error;
-    udp::endpoint from;
-    for (std::size_t n = 0;
-         (n = autopilot_.receive_from(boost::asio::buffer(buffer), from, 0, error)) > 0 &&
-         !error;) {
+    for (;;) {
+      const auto n = socket.receive(boost::asio::buffer(buffer), 0, error);
+      if (error || n == 0) return all;
       all.insert(all.end(), buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(n));
     }
-    return all;
   }
-  void say(udp::socket& from, const std::vector<std::byte>& bytes) {
+  void send(udp::socket& from, const std::vector<std::byte>& bytes) {
     from.send_to(boost::asio::buffer(bytes),
                  {boost::asio::ip::address_v4::loopback(), server_->port()});
     io_.restart();
@@ -62,46 +63,34 @@ class MavlinkServerTest : public testing::Test {
 
   boost::asio::io_context io_;
   FakeClock clock_;
-  udp::socket autopilot_;
+  udp::socket autopilot_{io_, udp::endpoint(boost::asio::ip::address_v4::loopback(), 0)};
+  udp::socket stranger_{io_, udp::endpoint(boost::asio::ip::address_v4::loopback(), 0)};
   MavlinkConfig config_;
-  std::shared_ptr<SceneFrame> frame_ = make_scene_frame({"drone", "rover"});
   std::unique_ptr<Streamer> server_;
 };
 
-TEST_F(MavlinkServerTest, SendsTheBodyOfTheVehicle) {
+TEST_F(MavlinkServerTest, AnswersConfiguredVehiclesOnly) {
   start();
-  publish();
-  const auto bytes = received();
+  std::vector<std::byte> request;
+  encode_timesync({1, 1, 0}, {0, 42}, request);
+  send(stranger_, request);
+  EXPECT_THAT(received(stranger_), IsEmpty());
+  send(autopilot_, request);
+  EXPECT_THAT(received(autopilot_), Not(IsEmpty()));
+}
+
+TEST_F(MavlinkServerTest, SendsTheBodyOfTheVehicleAlsoWhenRenamed) {
+  start();
+  server_->publish(frame_of(2));
+  const auto bytes = received(autopilot_);
   std::span<const std::byte> in(bytes);
   const auto odometry = next_frame(in);
   ASSERT_TRUE(odometry);
   EXPECT_EQ(odometry->message, static_cast<std::uint32_t>(MessageId::kOdometry));
   EXPECT_EQ(odometry->system, 1);
   EXPECT_EQ(odometry->component, kVisualInertialOdometry);
-}
-
-TEST_F(MavlinkServerTest, AnswersConfiguredVehiclesOnly) {
-  start();
-  std::vector<std::byte> question;
-  encode_timesync({1, 1, 0}, {0, 42}, question);
-  udp::socket stranger(io_, udp::endpoint(boost::asio::ip::address_v4::loopback(), 0));
-  stranger.non_blocking(true);
-  say(stranger, question);
-  std::array<std::byte, 64> buffer{};
-  boost::system::error_code error;
-  stranger.receive(boost::asio::buffer(buffer), 0, error);
-  EXPECT_EQ(error, boost::asio::error::would_block);
-  say(autopilot_, question);
-  EXPECT_THAT(received(), SizeIs(testing::Gt(0u)));
-}
-
-TEST_F(MavlinkServerTest, FollowsARenamedBodyAndReportsListeners) {
-  start();
-  publish();
-  received();
-  auto renamed = make_scene_frame({"falcon", "rover"}, 10);
-  server_->publish(renamed);
-  EXPECT_FALSE(received().empty());
+  server_->publish(frame_of(10, "falcon"));
+  EXPECT_THAT(received(autopilot_), Not(IsEmpty()));
   std::vector<ClientStatus> clients;
   server_->append_clients(clients);
   ASSERT_THAT(clients, SizeIs(1));
@@ -113,15 +102,16 @@ TEST_F(MavlinkServerTest, FollowsARenamedBodyAndReportsListeners) {
 TEST_F(MavlinkServerTest, CountsTheReturnOfALostBody) {
   start();
   std::uint8_t reset_counter = 0;
+  std::uint64_t number = 1;
   for (const bool valid : {true, false, true}) {
-    frame_ = make_scene_frame({"drone", "rover"}, frame_->number + 100);
-    frame_->bodies[0].valid = valid;
-    server_->publish(frame_);
-    const auto bytes = received();
+    const auto frame = frame_of(number += 100);
+    frame->bodies[0].valid = valid;
+    server_->publish(frame);
+    const auto bytes = received(autopilot_);
     std::span<const std::byte> in(bytes);
     while (const auto message = next_frame(in)) {
-      if (message->message != static_cast<std::uint32_t>(MessageId::kOdometry)) continue;
-      reset_counter = static_cast<std::uint8_t>(message->payload[230]);
+      if (message->message == static_cast<std::uint32_t>(MessageId::kOdometry))
+        reset_counter = static_cast<std::uint8_t>(message->payload[230]);
     }
   }
   EXPECT_EQ(reset_counter, 1);
@@ -129,9 +119,9 @@ TEST_F(MavlinkServerTest, CountsTheReturnOfALostBody) {
 
 TEST_F(MavlinkServerTest, AllocatesNothingPerFrameAfterWarmUp) {
   start();
-  for (int i = 0; i < 100; ++i) publish();
-  auto frame = make_scene_frame({"drone", "rover"}, 1000);
-  log::flush(std::chrono::seconds(10));  // its thread allocates, too
+  for (std::uint64_t i = 2; i < 102; ++i) server_->publish(frame_of(i));
+  const auto frame = frame_of(1000);
+  log::flush(10s);  // its thread allocates, too
   const AllocationCounter counter;
   for (int i = 0; i < 200; ++i) {
     frame->at += 10ms;
@@ -140,11 +130,30 @@ TEST_F(MavlinkServerTest, AllocatesNothingPerFrameAfterWarmUp) {
   EXPECT_EQ(counter.count(), 0u);
 }
 
-TEST_F(MavlinkServerTest, APortInUseIsAnErrorThatNamesTheRemedy) {
+TEST_F(MavlinkServerTest, ErrorOfAPortInUseNamesTheKey) {
   config_.port = autopilot_.local_endpoint().port();
-  const auto server = start_mavlink_server(io_, config_, frame_->model, clock_);
+  const auto server = try_start();
   ASSERT_FALSE(server);
   EXPECT_THAT(server.error().text(), HasSubstr("streaming.mavlink.port"));
+}
+
+TEST(MavlinkConfig, ReportsEachInvalidValue) {
+  MavlinkConfig config;
+  VehicleConfig vehicle;
+  vehicle.body = "drone";
+  config.vehicles = {vehicle};
+  EXPECT_THAT(config.check(), IsEmpty());
+  config.vehicles = {vehicle, vehicle};
+  ASSERT_THAT(config.check(), SizeIs(1)) << "one address for two vehicles";
+  EXPECT_EQ(config.check()[0].path, "streaming.mavlink.vehicles.1.port");
+  vehicle = {};  // without a body
+  vehicle.address = "px4.local";
+  vehicle.port = 0;
+  vehicle.rate_hz = 0;
+  vehicle.system_id = 256;
+  vehicle.component_id = 0;
+  config.vehicles = {vehicle};
+  EXPECT_THAT(config.check(), SizeIs(6));
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <numeric>
 
 #include "fiducap/v1/envelope.pb.h"
 #include "streaming/native/frames.hpp"
@@ -11,7 +12,7 @@
 namespace fiducap::native {
 namespace {
 
-TEST(Profile, LeavesOutAWholeNumberOfFramesToStayBelowTheRate) {
+TEST(Profile, OmitsAConstantNumberOfFramesToLimitTheRate) {
   Profile profile;
   EXPECT_EQ(step_of(profile, 200), 1u) << "no limit";
   for (const auto& [most, step] : std::vector<std::pair<float, std::uint64_t>>{
@@ -34,25 +35,16 @@ TEST(Profile, ChoosesBodiesByNameInTheOrderOfTheScene) {
   EXPECT_TRUE(chosen_bodies(profile, model).empty());
 }
 
-TEST(ProfileTable, GrantsTheSameNumberForTheSameProfile) {
-  ProfileTable table;
-  Profile slow;
-  slow.max_rate_hz = 10;
-  EXPECT_EQ(table.grant(Profile{}), 0u);
-  EXPECT_EQ(table.grant(slow), 1u);
-  EXPECT_EQ(table.grant(slow), 1u);
-  slow.covariance = false;
-  EXPECT_EQ(table.grant(slow), 2u);
-}
-
-TEST(ProfileTable, IsBoundedAndNeverUsesANumberTwice) {
+TEST(ProfileTable, NumbersAreBoundedAndNeverUsedTwice) {
   ProfileTable table;
   Profile profile;
+  EXPECT_EQ(table.grant(profile), 0u);
   for (std::size_t i = 1; i <= ProfileTable::kMost; ++i) {
     profile.max_rate_hz = static_cast<float>(i);
     EXPECT_EQ(table.grant(profile), i);
+    EXPECT_EQ(table.grant(profile), i) << "the same profile";
   }
-  profile.max_rate_hz = 1000;
+  profile.covariance = false;
   EXPECT_FALSE(table.grant(profile));
   table.prune([](std::uint32_t number) { return number != 3; });
   EXPECT_EQ(table.grant(profile), ProfileTable::kMost + 1);
@@ -60,23 +52,21 @@ TEST(ProfileTable, IsBoundedAndNeverUsesANumberTwice) {
 
 constexpr std::uint64_t kSession = 0x2122232425262728;
 
-std::vector<std::string> names(int count) {
-  std::vector<std::string> all;
-  for (int i = 0; i < count; ++i) all.push_back("body" + std::to_string(i));
-  return all;
-}
-
-v1::Frame parse(std::span<const std::byte> datagram) {
+v1::Frame frame_of(std::span<const std::byte> datagram) {
   v1::Envelope envelope;
   EXPECT_TRUE(envelope.ParseFromArray(datagram.data(), static_cast<int>(datagram.size())));
   EXPECT_EQ(envelope.protocol(), kProtocol);
   EXPECT_TRUE(envelope.has_frame());
   return envelope.frame();
 }
+/// The first datagram with the default profile.
+v1::Frame encoded(const SceneFrame& frame) {
+  FrameEncoder encoder(kSession);
+  return frame_of(encoder.encode(frame)[0]);
+}
 
 TEST(FrameEncoder, MatchesTheBytes) {
-  // Every number is different, and exact in binary; (2, 4, 5, 6)/9 is a unit quaternion with four
-  // different parts.
+  // Every number is different and exact in binary; (2, 4, 5, 6)/9 is a unit quaternion.
   const auto frame = make_scene_frame({"drone"}, 7);
   frame->at = instant_from_ns(0x0102030405060708);
   frame->published_at = instant_from_ns(0x1112131415161718);
@@ -95,21 +85,11 @@ TEST(FrameEncoder, MatchesTheBytes) {
   EXPECT_EQ(
       to_hex(bytes),
       to_hex(from_hex(
-          "0d 46444331"
-          "3a 8f02"              // Frame, 271 bytes
-          "09 2827262524232221"  // session
-          "10 07"                // number
-          "20 01"                // part_count
-          "30 01"                // body_count
-          "39 0807060504030201"  // at
-          "41 1817161514131211"  // published_at
-          "49 3837363534333231"  // utc_offset
-          "55 0000c842"          // rate 100
-          "60 01"                // model_generation; map_version is 0
-          "6a db01"              // Body, 219 bytes
-          "08 01"                // id
-          "10 01"                // tracking
-          "18 01"                // valid
+          "0d 46444331 3a 8f02"                      // Frame, 271 bytes
+          "09 2827262524232221 10 07 20 01 30 01"    // session, number, part and body_count
+          "39 0807060504030201 41 1817161514131211"  // at, published_at
+          "49 3837363534333231 55 0000c842 60 01"    // utc_offset, rate, model_generation
+          "6a db01 08 01 10 01 18 01"                // Body, 219 bytes: id, tracking, valid
           "22 1b 09 000000000000f03f 11 00000000000000c0 19 000000000000d03f"
           "2a 24 09 1cc7711cc771cc3f 11 1cc7711cc771dc3f 19 721cc7711cc7e13f 21 555555555555e53f"
           "32 0f 0d 0000003f 15 000080be 1d 0000003e"  // velocity
@@ -129,19 +109,16 @@ TEST(FrameEncoder, MatchesTheBytes) {
           "7d 00004040")));  // rate sigma
 }
 
-TEST(FrameEncoder, SendsNoPoseOfABodyThatIsNotValid) {
+TEST(FrameEncoder, SendsNoPoseOfAnInvalidBody) {
   const auto frame = make_scene_frame({"a", "b"});
   frame->bodies[1].valid = false;
   frame->bodies[1].state = BodyState::kLost;
-  FrameEncoder encoder(kSession);
-  const auto message = parse(encoder.encode(*frame)[0]);
+  const auto message = encoded(*frame);
   ASSERT_EQ(message.bodies_size(), 2);
   const auto& lost = message.bodies(1);
   EXPECT_EQ(lost.state(), v1::Body::STATE_LOST);
-  EXPECT_FALSE(lost.valid());
-  EXPECT_FALSE(lost.has_position());
-  EXPECT_FALSE(lost.has_orientation());
-  EXPECT_FALSE(lost.has_velocity());
+  EXPECT_FALSE(lost.valid() || lost.has_position() || lost.has_orientation() ||
+               lost.has_velocity());
   EXPECT_EQ(lost.pose_covariance_size(), 0);
   EXPECT_EQ(lost.age_ns(), 20'000'000);
 }
@@ -153,24 +130,22 @@ TEST(FrameEncoder, SendsNoPoseWithNumbersThatAreNotFinite) {
     frame->bodies[0].X_WP.p.y() = bad;
     frame->bodies[1].w_WP_P.z() = bad;
     frame->bodies[2].covariance(2, 3) = bad;
-    FrameEncoder encoder(kSession);
-    const auto message = parse(encoder.encode(*frame)[0]);
+    const auto message = encoded(*frame);
     for (const auto& body : message.bodies()) EXPECT_FALSE(body.valid()) << bad;
   }
 }
 
-TEST(FrameEncoder, SplitsABigSceneWithoutGaps) {
+TEST(FrameEncoder, SplitsALargeSceneWithoutGaps) {
   for (const int count : {0, 1, 4, 5, 6, 100, static_cast<int>(kMaxBodies)}) {
-    const auto frame = make_scene_frame(names(count));
-    for (auto& body : frame->bodies)
-      body.age = -Duration{1} * 4'000'000'000'000;  // the longest encoding
+    const auto frame = make_scene_frame(numbered_names(count));
+    for (auto& body : frame->bodies) body.age = Duration{-4'000'000'000'000};  // longest encoding
     FrameEncoder encoder(kSession);
     const auto datagrams = encoder.encode(*frame);
     ASSERT_LE(datagrams.size(), kMaxParts);
     std::uint32_t next_body = 0;
     for (std::size_t i = 0; i < datagrams.size(); ++i) {
       ASSERT_LE(datagrams[i].size(), kMaxDatagram);
-      const auto message = parse(datagrams[i]);
+      const auto message = frame_of(datagrams[i]);
       EXPECT_EQ(message.part_index(), i);
       EXPECT_EQ(message.part_count(), datagrams.size());
       EXPECT_EQ(message.first_body(), next_body);
@@ -182,7 +157,7 @@ TEST(FrameEncoder, SplitsABigSceneWithoutGaps) {
 }
 
 TEST(FrameEncoder, AllocatesNothingAfterWarmUp) {
-  const auto big = make_scene_frame(names(100));
+  const auto big = make_scene_frame(numbered_names(100));
   const auto small = make_scene_frame({"a"});
   FrameEncoder encoder(kSession);
   for (int i = 0; i < 3; ++i) (void)encoder.encode(*big);
@@ -193,7 +168,7 @@ TEST(FrameEncoder, AllocatesNothingAfterWarmUp) {
   EXPECT_GT(sent, 100u);
 }
 
-TEST(FrameEncoder, TurnsAxesUnitsSigmasAndCovarianceTogether) {
+TEST(FrameEncoder, ConvertsAxesUnitsSigmasAndCovariance) {
   const auto frame = make_scene_frame({"a"});
   BodyPose& body = frame->bodies[0];
   body.X_WP.p = {1, 2, 3};
@@ -204,7 +179,7 @@ TEST(FrameEncoder, TurnsAxesUnitsSigmasAndCovarianceTogether) {
   Profile profile;
   profile.axes = {UpAxis::kY, AxesScope::kWorld, 1000.0};
   FrameEncoder encoder(kSession, {5, profile});
-  const auto message = parse(encoder.encode(*frame)[0]);
+  const auto message = frame_of(encoder.encode(*frame)[0]);
   EXPECT_EQ(message.profile(), 5u);
   const auto& out = message.bodies(0);
   EXPECT_EQ(out.position().x(), 1000);  // x' = x, y' = z, z' = -y, in mm
@@ -220,11 +195,11 @@ TEST(FrameEncoder, TurnsAxesUnitsSigmasAndCovarianceTogether) {
   EXPECT_FLOAT_EQ(out.pose_covariance(18), 9);
 }
 
-TEST(FrameEncoder, SendsOnlyTheChosenBodiesInTheirOrder) {
+TEST(FrameEncoder, SendsTheChosenBodiesInTheirOrder) {
   const auto frame = make_scene_frame({"a", "b", "c", "d"});
   FrameEncoder encoder(kSession);
   const std::vector<std::uint32_t> chosen{1, 3};
-  const auto message = parse(encoder.encode(*frame, chosen, 1)[0]);
+  const auto message = frame_of(encoder.encode(*frame, chosen, 1)[0]);
   EXPECT_EQ(message.body_count(), 2u);
   ASSERT_EQ(message.bodies_size(), 2);
   EXPECT_EQ(message.bodies(0).id(), 2u);
@@ -232,21 +207,21 @@ TEST(FrameEncoder, SendsOnlyTheChosenBodiesInTheirOrder) {
   EXPECT_EQ(message.step(), 0u) << "1 is not written";
 }
 
-TEST(FrameEncoder, LeavesTheCovarianceOutWhereItIsNotWanted) {
-  const auto frame = make_scene_frame(names(40));
+TEST(FrameEncoder, OmitsTheCovarianceOnRequest) {
+  const auto frame = make_scene_frame(numbered_names(40));
   Profile without;
   without.covariance = false;
   FrameEncoder lean(kSession, {1, without});
   FrameEncoder whole(kSession);
   const auto datagrams = lean.encode(*frame);
-  const auto body = parse(datagrams[0]).bodies(0);
+  const auto body = frame_of(datagrams[0]).bodies(0);
   EXPECT_EQ(body.pose_covariance_size(), 0);
   EXPECT_GT(body.position_sigma(), 0);
   EXPECT_LT(datagrams.size(), whole.encode(*frame).size());
 }
 
-TEST(FrameEncoder, AFullPartOfTheLongestHeaderFitsADatagram) {
-  const auto frame = make_scene_frame(names(1000), ~0ull / 1'000'000 * 1'000'000);
+TEST(FrameEncoder, FullPartWithTheLongestHeaderFitsADatagram) {
+  const auto frame = make_scene_frame(numbered_names(1000), ~0ull / 1'000'000 * 1'000'000);
   frame->at = frame->published_at = instant_from_ns(-1);
   frame->utc_offset = Duration{-1};
   auto model = std::make_shared<SceneModel>(*frame->model);
@@ -260,7 +235,7 @@ TEST(FrameEncoder, AFullPartOfTheLongestHeaderFitsADatagram) {
     profile.covariance = covariance;
     FrameEncoder encoder(kSession, {0xffffffff, profile});
     std::vector<std::uint32_t> all(1000);
-    for (std::uint32_t i = 0; i < 1000; ++i) all[i] = i;
+    std::iota(all.begin(), all.end(), 0u);
     for (const auto& datagram : encoder.encode(*frame, all, 1'000'000))
       EXPECT_LE(datagram.size(), kMaxDatagram);
   }

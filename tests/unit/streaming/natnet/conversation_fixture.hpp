@@ -31,6 +31,9 @@ class ConversationFixture : public testing::Test {
                                  Channel channel = Channel::kUnicast) {
     return conversation_->receive(datagram, from, channel, now_);
   }
+  std::span<const std::byte> say_to_group(const Bytes& datagram) {
+    return say(datagram, kClient, Channel::kMulticast);
+  }
   void pass(double seconds) {
     now_ += from_seconds(seconds);
     conversation_->expire(now_);
@@ -39,14 +42,11 @@ class ConversationFixture : public testing::Test {
   void next_frame(std::uint64_t generation = 1,
                   const std::vector<std::string>& names = {"arm", "drone"}) {
     auto frame = make_scene_frame(names, ++number_);
-    auto model = std::make_shared<SceneModel>(*frame->model);
-    model->generation = generation;
-    frame->model = model;
-    frame->at = now_;
-    frame->published_at = now_;
+    frame->model = std::make_shared<SceneModel>(SceneModel{generation, frame->model->bodies});
+    frame->at = frame->published_at = now_;
     conversation_->take(frame, now_);
   }
-  /// What this client is sent now. @return empty: nothing
+  /// @return the frame that this client is sent now; empty: none
   Bytes frame_of(const Peer& peer = kClient) {
     for (const auto& one : conversation_->subscribers()) {
       if (one.peer != peer) continue;
@@ -59,6 +59,7 @@ class ConversationFixture : public testing::Test {
     (void)say(connect, peer);
     (void)say(message(Message::kKeepAlive), peer);
   }
+  [[nodiscard]] std::size_t clients() const { return conversation_->subscribers().size(); }
 
   NatNetConfig config_;
   FakeOperatorApi operator_api_;

@@ -1,8 +1,11 @@
 #include "streaming/natnet/conversation.hpp"
 
+#include <random>
+
 #include "base/log.hpp"
 #include "conversation_fixture.hpp"
 #include "support/allocation_counter.hpp"
+#include "support/hex.hpp"
 
 namespace fiducap::natnet {
 namespace {
@@ -14,16 +17,17 @@ constexpr std::size_t kInfoBefore3 = 268;
 constexpr std::size_t kMulticastFlag = kHeaderSize + 274;
 
 TEST_F(ConversationTest, AnswersEveryFormOfConnect) {
-  EXPECT_EQ(say(message(Message::kConnect)).size(), kInfoBytes);
-  EXPECT_EQ(say(ping()).size(), kInfoBytes);
-  EXPECT_EQ(say(connect({3, 0})).size(), kInfoBytes);
-  EXPECT_EQ(say(connect({4, 1}, {4, 1})).size(), kInfoBytes);
-  Bytes spare = connect({4, 2}, {4, 2});
-  spare.insert(spare.end(), 4, std::byte{0});
-  EXPECT_EQ(say(spare).size(), kInfoBytes);
+  Bytes with_spare_bytes = connect({4, 2}, {4, 2});
+  with_spare_bytes.insert(with_spare_bytes.end(), 4, std::byte{0});
+  for (const Bytes& request : {message(Message::kConnect), ping(), connect({3, 0}),
+                               connect({4, 1}, {4, 1}), with_spare_bytes}) {
+    EXPECT_EQ(say(request).size(), kInfoBytes);
+  }
 }
 
-TEST_F(ConversationTest, TheInfoSaysTheVersionThatIsSent) {
+TEST_F(ConversationTest, InfoContainsTheVersionAndTheKindOfServer) {
+  EXPECT_EQ(say(ping())[kMulticastFlag], std::byte{0});
+  EXPECT_EQ(say_to_group(ping())[kMulticastFlag], std::byte{1});
   EXPECT_EQ(version_in(say(ping())), (Bitstream{3, 1}));
   EXPECT_EQ(version_in(say(connect({3, 0}))), (Bitstream{3, 0}));
   EXPECT_EQ(version_in(say(connect({4, 2}, {4, 1}))), (Bitstream{4, 1}));
@@ -33,36 +37,28 @@ TEST_F(ConversationTest, TheInfoSaysTheVersionThatIsSent) {
   EXPECT_EQ(old.size(), kInfoBefore3);
 }
 
-TEST_F(ConversationTest, DiscoveryIsAnsweredWithoutASubscription) {
+TEST_F(ConversationTest, AnswersDiscoveryMulticastAndEmptyConnectWithoutState) {
   EXPECT_EQ(say(message(Message::kDiscovery, sender_block({3, 1}))).size(), kInfoBytes);
-  EXPECT_TRUE(conversation_->subscribers().empty());
+  EXPECT_EQ(version_in(say_to_group(connect({4, 2}, {4, 1}))), (Bitstream{3, 1}));
+  (void)say(message(Message::kConnect));
+  (void)say(message(Message::kRequestModel));
+  EXPECT_EQ(clients(), 0U);
 }
 
-TEST_F(ConversationTest, EachPortSaysWhatKindOfServerItIs) {
-  EXPECT_EQ(say(ping())[kMulticastFlag], std::byte{0});
-  EXPECT_EQ(say(ping(), kClient, Channel::kMulticast)[kMulticastFlag], std::byte{1});
-}
-
-TEST_F(ConversationTest, MulticastClientsGetOneVersionWithoutState) {
-  EXPECT_EQ(version_in(say(connect({4, 2}, {4, 1}), kClient, Channel::kMulticast)),
-            (Bitstream{3, 1}));
-  EXPECT_TRUE(conversation_->subscribers().empty());
-}
-
-TEST_F(ConversationTest, KeepAliveAtTheGroupsPortGetsFramesInItsVersion) {
-  (void)say(connect({4, 2}, {4, 1}), kClient, Channel::kMulticast);
-  (void)say(message(Message::kKeepAlive), kClient, Channel::kMulticast);
-  ASSERT_EQ(conversation_->subscribers().size(), 1U);
+TEST_F(ConversationTest, AKeepAliveAtTheMulticastPortSubscribes) {
+  (void)say_to_group(connect({4, 2}, {4, 1}));
+  (void)say_to_group(message(Message::kKeepAlive));
+  ASSERT_EQ(clients(), 1U);
   EXPECT_EQ(conversation_->subscribers()[0].version, (Bitstream{3, 1}));
   next_frame();
   EXPECT_FALSE(frame_of().empty());
   config_.unicast = false;
   start();
-  (void)say(message(Message::kKeepAlive), kClient, Channel::kMulticast);
-  EXPECT_TRUE(conversation_->subscribers().empty());
+  (void)say_to_group(message(Message::kKeepAlive));
+  EXPECT_EQ(clients(), 0U);
 }
 
-TEST_F(ConversationTest, OnlyAClientThatWantsFramesAsksForTheGroup) {
+TEST_F(ConversationTest, OnlyClientsWithoutUnicastFramesRequestTheGroup) {
   const auto asks = [&](const Bytes& datagram, const Peer& from, Channel channel) {
     (void)say(datagram, from, channel);
     return conversation_->asked_for_group();
@@ -75,34 +71,25 @@ TEST_F(ConversationTest, OnlyAClientThatWantsFramesAsksForTheGroup) {
   EXPECT_FALSE(asks(message(Message::kDiscovery), kClient, Channel::kMulticast));
   EXPECT_FALSE(asks(listener, kStranger, Channel::kMulticast)) << "of no network of this machine";
   EXPECT_FALSE(asks({}, kClient, Channel::kMulticast));
-  (void)say(message(Message::kKeepAlive), kClient, Channel::kMulticast);
+  (void)say_to_group(message(Message::kKeepAlive));
   EXPECT_FALSE(asks(message(Message::kRequestModel), kClient, Channel::kMulticast))
       << "it gets its own";
 }
 
-TEST_F(ConversationTest, FramesStartWithTheFirstKeepAlive) {
+TEST_F(ConversationTest, FramesStartWithAKeepAliveOrAfterADelay) {
   (void)say(ping());
   next_frame();
   EXPECT_TRUE(frame_of().empty()) << "it may still wait for its MODELDEF";
   (void)say(message(Message::kKeepAlive));
   EXPECT_FALSE(frame_of().empty());
-}
-
-TEST_F(ConversationTest, FramesStartAfterAMomentWithoutKeepAlive) {
-  (void)say(ping());
-  (void)say(message(Message::kRequestModel));
+  (void)say(ping(), kOther);
+  (void)say(message(Message::kRequestModel), kOther);
   pass(0.19);
   next_frame();
-  EXPECT_TRUE(frame_of().empty());
-  (void)say(ping());
+  EXPECT_TRUE(frame_of(kOther).empty());
+  (void)say(ping(), kOther);
   pass(0.02);
-  EXPECT_FALSE(frame_of().empty()) << "a second CONNECT must not start the wait again";
-}
-
-TEST_F(ConversationTest, AnEmptyConnectGetsNoFrames) {
-  (void)say(message(Message::kConnect));
-  (void)say(message(Message::kRequestModel));
-  EXPECT_TRUE(conversation_->subscribers().empty());
+  EXPECT_FALSE(frame_of(kOther).empty()) << "a second CONNECT must not start the wait again";
 }
 
 TEST_F(ConversationTest, AKeepAliveAfterARestartSubscribesAgain) {
@@ -113,27 +100,27 @@ TEST_F(ConversationTest, AKeepAliveAfterARestartSubscribesAgain) {
   EXPECT_EQ(conversation_->subscribers().front().version, (Bitstream{3, 0}));
 }
 
-TEST_F(ConversationTest, ALeaseEndsAfterSilence) {
+TEST_F(ConversationTest, ForgetsASilentClient) {
   join(ping());
   pass(14.9);
-  EXPECT_EQ(conversation_->subscribers().size(), 1U);
+  EXPECT_EQ(clients(), 1U);
   (void)say(message(Message::kEchoRequest, Bytes(8)));
   pass(14.9);
-  EXPECT_EQ(conversation_->subscribers().size(), 1U) << "any packet keeps it";
+  EXPECT_EQ(clients(), 1U) << "any packet keeps it";
   pass(0.2);
-  EXPECT_TRUE(conversation_->subscribers().empty());
+  EXPECT_EQ(clients(), 0U);
 }
 
 TEST_F(ConversationTest, DisconnectEndsTheFrames) {
   join(ping());
   EXPECT_TRUE(say(message(Message::kDisconnect)).empty());
-  EXPECT_TRUE(conversation_->subscribers().empty());
+  EXPECT_EQ(clients(), 0U);
   join(ping());
   EXPECT_EQ(number_in(say(words("Disconnect"))), 0);
-  EXPECT_TRUE(conversation_->subscribers().empty());
+  EXPECT_EQ(clients(), 0U);
 }
 
-TEST_F(ConversationTest, TwoClientsGetTheirOwnVersions) {
+TEST_F(ConversationTest, EachClientGetsItsOwnVersion) {
   join(connect({4, 1}, {4, 1}), kClient);
   join(connect({2, 7}), kOther);
   next_frame();
@@ -141,7 +128,7 @@ TEST_F(ConversationTest, TwoClientsGetTheirOwnVersions) {
   EXPECT_EQ(frame_of(kOther).size(), kHeaderSize + 4 + 8 + 4 + 42 * 2 + 8 + 26);
 }
 
-TEST_F(ConversationTest, TheModelIsInTheVersionOfTheAddress) {
+TEST_F(ConversationTest, TheModelHasTheVersionOfTheClient) {
   (void)say(connect({2, 7}), kOther);
   const auto model_of = [&](const Peer& peer) {
     return say(message(Message::kRequestModel), peer).size();
@@ -152,7 +139,7 @@ TEST_F(ConversationTest, TheModelIsInTheVersionOfTheAddress) {
   EXPECT_EQ(model_of(kClient), in_2 + 2 * (4 + 4 + 16));
 }
 
-TEST_F(ConversationTest, EchoReturnsTheClientsWordAndOurTicks) {
+TEST_F(ConversationTest, EchoReturnsTheTicksOfClientAndServer) {
   Bytes payload;
   LittleEndianWriter(payload).u64(0x0123456789abcdef);
   const auto echo = say(message(Message::kEchoRequest, payload));
@@ -163,13 +150,13 @@ TEST_F(ConversationTest, EchoReturnsTheClientsWordAndOurTicks) {
   EXPECT_EQ(in.u64(), static_cast<std::uint64_t>(to_ns(now_)) / 100);
 }
 
-TEST_F(ConversationTest, AFrameCanBeAskedFor) {
+TEST_F(ConversationTest, AFrameCanBeRequested) {
   EXPECT_TRUE(say(message(Message::kRequestFrame)).empty());
   next_frame();
   EXPECT_EQ(say(message(Message::kRequestFrame)).size(), 82 + 38 * 2U);
 }
 
-TEST_F(ConversationTest, ASwitchOfTheBitstreamIsAnnouncedForAMoment) {
+TEST_F(ConversationTest, AChangedBitstreamIsAnnouncedFor200Ms) {
   join(ping());
   EXPECT_EQ(number_in(say(words("Bitstream,4.1"))), 0);
   next_frame();
@@ -181,7 +168,7 @@ TEST_F(ConversationTest, ASwitchOfTheBitstreamIsAnnouncedForAMoment) {
   EXPECT_EQ(bits_in(frame_of()), 0);
 }
 
-TEST_F(ConversationTest, AChangeOfTheModelIsAnnouncedForAMoment) {
+TEST_F(ConversationTest, AChangedModelIsAnnouncedFor200Ms) {
   join(ping());
   next_frame();
   const auto before = say(message(Message::kRequestModel)).size();
@@ -196,13 +183,14 @@ TEST_F(ConversationTest, AChangeOfTheModelIsAnnouncedForAMoment) {
 }
 
 TEST_F(ConversationTest, ARecordingShowsInTheFrames) {
-  join(ping(), {0x7f000001, 9});
-  EXPECT_EQ(number_in(say(words("StartRecording"), {0x7f000001, 9})), 0);
+  constexpr Peer kLocal{0x7f000001, 9};
+  join(ping(), kLocal);
+  EXPECT_EQ(number_in(say(words("StartRecording"), kLocal)), 0);
   next_frame();
-  EXPECT_EQ(bits_in(frame_of({0x7f000001, 9})), FrameBits::kRecording);
+  EXPECT_EQ(bits_in(frame_of(kLocal)), FrameBits::kRecording);
 }
 
-TEST_F(ConversationTest, SubscribedDataOnlyHoldsFromTheConnect) {
+TEST_F(ConversationTest, SubscribedDataOnlyAppliesFromTheConnect) {
   join(connect({4, 1}, {3, 1}, true));
   next_frame();
   EXPECT_TRUE(bodies_in(frame_of()).empty());
@@ -211,7 +199,7 @@ TEST_F(ConversationTest, SubscribedDataOnlyHoldsFromTheConnect) {
   EXPECT_EQ(bodies_in(frame_of())[0].id, 2);
 }
 
-TEST_F(ConversationTest, TargetsGetFramesWithoutAsking) {
+TEST_F(ConversationTest, SendsFramesToTargetsAlways) {
   config_.targets = {"10.0.0.99:1511"};
   start();
   next_frame();
@@ -220,20 +208,13 @@ TEST_F(ConversationTest, TargetsGetFramesWithoutAsking) {
   EXPECT_FALSE(frame_of({0x0a000063, 1511}).empty());
 }
 
-TEST_F(ConversationTest, OneThatIsGoneGetsNothing) {
+TEST_F(ConversationTest, SendsNothingToARemovedClient) {
   join(ping());
+  EXPECT_TRUE(say(message(Message::kKeepAlive)).empty());
+  EXPECT_EQ(id_of(say(words("service20,-1,12345678"))), Message::kUnrecognized) << "old libraries";
   EXPECT_TRUE(conversation_->remove(kClient));
   next_frame();
   EXPECT_TRUE(frame_of().empty());
-}
-
-TEST_F(ConversationTest, KeepAliveHasNoAnswer) {
-  join(ping());
-  EXPECT_TRUE(say(message(Message::kKeepAlive)).empty());
-}
-
-TEST_F(ConversationTest, TheOldLibrarysCheckIsUnrecognized) {
-  EXPECT_EQ(id_of(say(words("service20,-1,12345678"))), Message::kUnrecognized);
 }
 
 TEST_F(ConversationTest, SendingAllocatesNothingOnceWarm) {
@@ -250,6 +231,102 @@ TEST_F(ConversationTest, SendingAllocatesNothingOnceWarm) {
   const AllocationCounter counter;
   for (int i = 0; i < 100; ++i) send();
   EXPECT_EQ(counter.count(), 0U);
+}
+
+/// Ten seconds of 10 000 datagrams a second from forged addresses, and 100 frames a second.
+class FloodTest : public ConversationFixture {
+ protected:
+  struct Traffic {
+    double in{}, out{};
+  };
+  Traffic flood(const Bytes& datagram) {
+    constexpr int kPerSecond = 10000, kSeconds = 10;
+    Traffic traffic;
+    for (int i = 0; i < kPerSecond * kSeconds; ++i) {
+      const Peer forged{static_cast<std::uint32_t>(0xc0000000U | (random_() & 0xffffffU)),
+                        static_cast<std::uint16_t>(1024 + random_() % 60000)};
+      traffic.in += static_cast<double>(datagram.size());
+      traffic.out += static_cast<double>(say(datagram, forged).size());
+      now_ += from_seconds(1.0 / kPerSecond);
+      if (i % (kPerSecond / 100) != 0) continue;
+      conversation_->expire(now_);
+      next_frame();
+      for (const auto& one : conversation_->subscribers()) {
+        if (one.peer != kClient)
+          traffic.out += static_cast<double>(conversation_->frame_for(one, now_).size());
+      }
+    }
+    return traffic;
+  }
+  std::mt19937 random_{3};  // each flood has other addresses
+};
+
+TEST_F(FloodTest, SendsStrangersAtMostThreeTimesTheirBytesAndNoFrames) {
+  for (const Bytes& datagram :
+       {ping(), connect({4, 1}, {4, 1}), message(Message::kKeepAlive), message(Message::kConnect),
+        message(Message::kRequestModel), message(Message::kRequestFrame), words("FrameRate"),
+        message(Message::kEchoRequest, Bytes(8)), words("GetProperty,,FrameRate")}) {
+    start();  // unused bytes of an earlier flood do not count
+    const Traffic traffic = flood(datagram);
+    EXPECT_LE(traffic.out, net::AnswerBudget::kRatio * traffic.in)
+        << to_hex(datagram).substr(0, 40);
+  }
+}
+
+TEST_F(FloodTest, ServesOldAndNewClientsDuringAFlood) {
+  config_.client_timeout_s = 600;  // the old one is silent during the flood
+  start();
+  join(ping());
+  (void)flood(ping());
+  next_frame();
+  EXPECT_FALSE(frame_of().empty());
+  join(ping(), kOther);
+  next_frame();
+  EXPECT_FALSE(frame_of(kOther).empty());
+}
+
+TEST_F(FloodTest, AStrangerNeverBecomesAClient) {
+  const Peer stranger{0xc0a80107, 40000};
+  double in = 0, out = 0;
+  for (int i = 0; i < 1000; ++i) {
+    for (const Bytes& datagram :
+         {message(Message::kKeepAlive), ping(), connect({4, 1}, {4, 1}),
+          message(Message::kRequestModel), message(Message::kRequestFrame)}) {
+      in += static_cast<double>(datagram.size());
+      out += static_cast<double>(say(datagram, stranger).size());
+    }
+    pass(0.02);
+    next_frame();
+    ASSERT_TRUE(frame_of(stranger).empty());
+  }
+  EXPECT_GT(out, 0) << "it gets replies";
+  EXPECT_LE(out, net::AnswerBudget::kRatio * in);
+  EXPECT_TRUE(conversation_->subscribers().empty());
+  EXPECT_GT(conversation_->unanswered().untrusted, 0U);
+}
+
+TEST_F(FloodTest, AcceptsClientsOfConfiguredNetworks) {
+  config_.networks = {"192.168.0.0/16"};
+  start();
+  const Peer client{0xc0a80107, 40000};
+  join(ping(), client);
+  next_frame();
+  EXPECT_FALSE(frame_of(client).empty());
+}
+
+TEST_F(FloodTest, AnswersRandomBytesWithAtMostOneDatagram) {
+  std::mt19937 random(5);
+  for (int i = 0; i < 100000; ++i) {
+    Bytes datagram(random() % 40);
+    for (auto& byte : datagram) byte = static_cast<std::byte>(random());
+    if (datagram.size() >= 2) {
+      datagram[0] = static_cast<std::byte>(random() % 16);
+      datagram[1] = std::byte{0};
+    }
+    EXPECT_LE(say(datagram).size(), kMaxDatagram);
+    now_ += from_seconds(0.001);
+  }
+  EXPECT_LE(conversation_->subscribers().size(), 1U);
 }
 
 }  // namespace

@@ -10,13 +10,10 @@
 #include "base/bytes.hpp"
 #include "streaming/natnet/codec.hpp"
 
-/// What clients send, and how they read what comes back.
+/// Messages of clients, and how they read the replies.
 namespace fiducap::natnet {
 
 using Bytes = std::vector<std::byte>;
-
-inline constexpr std::size_t kLongestPayload =
-    300;  // reserved, so that GCC 12 does not warn about what cannot happen
 
 inline Bytes message(Message id, std::span<const std::byte> payload = {}) {
   const auto low = [](std::size_t value) { return static_cast<std::byte>(value & 0xff); };
@@ -27,24 +24,22 @@ inline Bytes message(Message id, std::span<const std::byte> payload = {}) {
   return out;
 }
 
-inline Bytes words(std::string_view text) {
+/// @return text and its terminator. Memory is reserved because GCC 12 warns without reason else.
+inline Bytes text_payload(std::string_view text) {
+  constexpr std::size_t kLongestPayload = 300;
   Bytes payload;
   payload.reserve(kLongestPayload);
   LittleEndianWriter(payload).text(text).u8(0);
-  return message(Message::kRequest, payload);
+  return payload;
 }
 
-/// 264 bytes: what a 3.x library sends.
+inline Bytes words(std::string_view text) { return message(Message::kRequest, text_payload(text)); }
+
+/// 264 bytes, as a 3.x library sends them.
 inline Bytes sender_block(Bitstream library, std::string_view name = "NatNetLib") {
-  Bytes payload;
-  payload.reserve(kLongestPayload);
-  LittleEndianWriter(payload)
-      .text(name)
-      .zeros(256 - name.size())
-      .zeros(4)
-      .u8(library.major)
-      .u8(library.minor)
-      .zeros(2);
+  Bytes payload = text_payload(name);
+  LittleEndianWriter out(payload);
+  out.zeros(256 - payload.size()).zeros(4).u8(library.major).u8(library.minor).zeros(2);
   return payload;
 }
 
@@ -52,29 +47,21 @@ inline Bytes connect(Bitstream library) {
   return message(Message::kConnect, sender_block(library));
 }
 
-/// 269 bytes: what a 4.x library sends.
+/// 269 bytes, as a 4.x library sends them.
 inline Bytes connect(Bitstream library, Bitstream wanted, bool subscribed_data_only = false) {
   Bytes payload = sender_block(library);
-  LittleEndianWriter(payload)
-      .u8(subscribed_data_only ? 1 : 0)
-      .u8(wanted.major)
-      .u8(wanted.minor)
-      .zeros(2);
+  LittleEndianWriter out(payload);
+  out.u8(subscribed_data_only ? 1 : 0).u8(wanted.major).u8(wanted.minor).zeros(2);
   return message(Message::kConnect, payload);
 }
 
-inline Bytes ping() {
-  Bytes payload;
-  payload.reserve(kLongestPayload);
-  LittleEndianWriter(payload).text("Ping").u8(0);
-  return message(Message::kConnect, payload);
-}
+inline Bytes ping() { return message(Message::kConnect, text_payload("Ping")); }
 
 inline Message id_of(std::span<const std::byte> datagram) {
   return static_cast<Message>(LittleEndianReader(datagram).u16());
 }
 
-/// The payload of a RESPONSE as the text or number it is.
+/// The payload of a RESPONSE as text or number.
 inline std::string text_in(std::span<const std::byte> datagram) {
   if (datagram.size() < kHeaderSize) return {};
   const std::string all(reinterpret_cast<const char*>(datagram.data()) + kHeaderSize,
@@ -88,7 +75,7 @@ inline std::int32_t number_in(std::span<const std::byte> datagram) {
   return in.failed() || in.left() != 0 ? -1 : number;
 }
 
-/// The fields of SERVERINFO, byte by byte as in the reference.
+/// Of SERVERINFO.
 inline Bitstream version_in(std::span<const std::byte> info) {
   return {std::to_integer<std::uint8_t>(info[4 + 260]),
           std::to_integer<std::uint8_t>(info[4 + 261])};

@@ -5,21 +5,23 @@
 namespace fiducap::natnet {
 namespace {
 
+using testing::ElementsAre;
+using testing::IsEmpty;
+
 std::vector<std::string> faults(const NatNetConfig& config) {
   std::vector<std::string> paths;
   for (const auto& error : config.check()) paths.push_back(error.path);
   return paths;
 }
 
-TEST(NatNetConfig, DefaultsAreUsable) { EXPECT_TRUE(NatNetConfig{}.check().empty()); }
-
-TEST(NatNetConfig, StreamsYUpInMetresAsTheCommercialServerDoes) {
+TEST(NatNetConfig, DefaultsAreYUpInMetresAsOfTheCommercialServer) {
+  EXPECT_THAT(faults(NatNetConfig{}), IsEmpty());
   EXPECT_EQ(NatNetConfig{}.up, UpAxis::kY);
   EXPECT_EQ(NatNetConfig{}.scope, AxesScope::kWorldAndBody);
   EXPECT_EQ(NatNetConfig{}.axes().units_per_m, 1.0);
 }
 
-TEST(NatNetConfig, NamesEveryBrokenRule) {
+TEST(NatNetConfig, ReportsEveryBrokenRule) {
   NatNetConfig config;
   config.address = "localhost";
   config.multicast_group = "10.0.0.1";
@@ -42,41 +44,41 @@ TEST(NatNetConfig, TrustsItsNetworksAndItsTargets) {
   config.networks = {"10.1.0.0/16", "10.1.0.0/33", "lab"};
   config.targets = {"10.0.0.7:1511"};
   EXPECT_THAT(faults(config),
-              testing::ElementsAre("streaming.natnet.networks", "streaming.natnet.networks"));
+              ElementsAre("streaming.natnet.networks", "streaming.natnet.networks"));
   config.networks.resize(1);
-  EXPECT_THAT(faults(config), testing::IsEmpty());
-  EXPECT_THAT(config.trusted_networks(), testing::ElementsAre(*net::parse_network("10.1.0.0/16"),
-                                                              *net::parse_network("10.0.0.7")));
+  EXPECT_THAT(faults(config), IsEmpty());
+  EXPECT_THAT(config.trusted_networks(),
+              ElementsAre(*net::parse_network("10.1.0.0/16"), *net::parse_network("10.0.0.7")));
 }
 
-TEST(NatNetConfig, TheTwoCommandPortsDiffer) {
+TEST(NatNetConfig, RequiresTwoDifferentCommandPorts) {
   NatNetConfig config;
   config.unicast_port = config.port;
-  EXPECT_THAT(faults(config), testing::ElementsAre("streaming.natnet.unicast_port"));
+  EXPECT_THAT(faults(config), ElementsAre("streaming.natnet.unicast_port"));
   config.unicast = false;
   EXPECT_TRUE(config.check().empty());
   config.data_port = 0;
-  EXPECT_THAT(faults(config), testing::ElementsAre("streaming.natnet.data_port"));
+  EXPECT_THAT(faults(config), ElementsAre("streaming.natnet.data_port"));
   config.multicast = false;
-  EXPECT_THAT(faults(config), testing::ElementsAre("streaming.natnet.unicast"));
+  EXPECT_THAT(faults(config), ElementsAre("streaming.natnet.unicast"));
 }
 
 TEST(NatNetConfig, ATargetMayBeAGroup) {
   NatNetConfig config;
   config.targets = {"224.0.0.1:9000", "10.0.0.7:1511"};
-  EXPECT_THAT(faults(config), testing::IsEmpty());
-  EXPECT_THAT(config.groups(), testing::ElementsAre(*parse_peer("239.255.42.99:1511"),
-                                                    *parse_peer("224.0.0.1:9000")));
-  EXPECT_THAT(config.listeners(), testing::ElementsAre(*parse_peer("10.0.0.7:1511")));
+  EXPECT_THAT(faults(config), IsEmpty());
+  EXPECT_THAT(config.groups(),
+              ElementsAre(*parse_peer("239.255.42.99:1511"), *parse_peer("224.0.0.1:9000")));
+  EXPECT_THAT(config.listeners(), ElementsAre(*parse_peer("10.0.0.7:1511")));
   config.multicast = false;
-  EXPECT_THAT(config.groups(), testing::ElementsAre(*parse_peer("224.0.0.1:9000")));
+  EXPECT_THAT(config.groups(), ElementsAre(*parse_peer("224.0.0.1:9000")));
   config.address = "0.0.0.0";
-  EXPECT_THAT(faults(config), testing::ElementsAre("streaming.natnet.multicast_interface"));
+  EXPECT_THAT(faults(config), ElementsAre("streaming.natnet.multicast_interface"));
   config.multicast_interface = "10.0.0.5";
-  EXPECT_THAT(faults(config), testing::IsEmpty());
+  EXPECT_THAT(faults(config), IsEmpty());
 }
 
-TEST(Peer, ReadsWhatItWrites) {
+TEST(Peer, IsReadFromItsTextAndKnowsTheLoopback) {
   const Peer peer{0x0a4d0107, 1511};
   EXPECT_EQ(text_of(peer), "10.77.1.7:1511");
   EXPECT_EQ(parse_peer("10.77.1.7:1511"), peer);
@@ -84,9 +86,6 @@ TEST(Peer, ReadsWhatItWrites) {
                            "10.0.0:1", "1.2.3.4:5 "}) {
     EXPECT_EQ(parse_peer(text), std::nullopt) << text;
   }
-}
-
-TEST(Peer, KnowsTheLoopback) {
   EXPECT_TRUE(parse_peer("127.0.0.1:1")->is_loopback());
   EXPECT_TRUE(parse_peer("127.9.9.9:1")->is_loopback());
   EXPECT_FALSE(parse_peer("10.0.0.1:1")->is_loopback());

@@ -1,8 +1,7 @@
 #include "streaming/natnet/natnet.hpp"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
-#include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/multicast.hpp>
 #include <boost/asio/ip/udp.hpp>
 
@@ -16,14 +15,18 @@ namespace {
 namespace asio = boost::asio;
 using asio::ip::udp;
 
-constexpr auto kTimeout =
-    std::chrono::seconds(2);  // for datagrams on loopback; reached only by a failure
+/// For datagrams on loopback; reached only by a failure.
+constexpr auto kTimeout = std::chrono::seconds(2);
 
-/// A client's socket; what it gets, in order.
+/// A client's socket; what it receives, in order.
 class Client {
  public:
-  explicit Client(asio::io_context& io)
-      : socket_(io, udp::endpoint(asio::ip::address_v4::loopback(), 0)) {
+  explicit Client(asio::io_context& io,
+                  const asio::ip::address& address = asio::ip::address_v4::loopback(),
+                  bool shared = false)
+      : socket_(io, udp::v4()) {
+    socket_.set_option(udp::socket::reuse_address(shared));
+    socket_.bind({address, 0});
     socket_.non_blocking(true);
   }
   void send(const Bytes& datagram, std::uint16_t port, const char* address = "127.0.0.1") {
@@ -53,8 +56,12 @@ class NatNetServerTest : public testing::Test {
     server_.reset();
     io_.poll();
   }
+  [[nodiscard]] auto make_server() {
+    return start_natnet_server(io_, config_, frame_->model, clock_, nullptr, 100);
+  }
   void start() {
-    auto server = start_natnet_server(io_, config_, frame_->model, clock_, nullptr, 100);
+    server_.reset();
+    auto server = make_server();
     ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
   }
@@ -62,7 +69,7 @@ class NatNetServerTest : public testing::Test {
     frame_->number++;
     server_->publish(frame_);
   }
-  /// Runs the server until this client got something.
+  /// Runs the server until this client receives a datagram.
   Bytes wait_for(Client& client) {
     const auto end = std::chrono::steady_clock::now() + kTimeout;
     while (std::chrono::steady_clock::now() < end) {
@@ -72,12 +79,15 @@ class NatNetServerTest : public testing::Test {
     }
     return {};
   }
-  void join(Client& client) {
-    client.send(ping(), server_->port());
-    EXPECT_EQ(id_of(wait_for(client)), Message::kServerInfo);
-    client.send(message(Message::kKeepAlive), server_->port());
-    client.send(message(Message::kRequestModel), server_->port());
-    EXPECT_EQ(id_of(wait_for(client)), Message::kModel);
+  Bytes ask(Client& client, const Bytes& request, std::uint16_t port) {
+    client.send(request, port);
+    return wait_for(client);
+  }
+  void join(Client& client, std::uint16_t port = 0, const Bytes& hello = ping()) {
+    if (port == 0) port = server_->port();
+    EXPECT_EQ(id_of(ask(client, hello, port)), Message::kServerInfo);
+    client.send(message(Message::kKeepAlive), port);
+    EXPECT_EQ(id_of(ask(client, message(Message::kRequestModel), port)), Message::kModel);
   }
   std::vector<ClientStatus> clients() {
     std::vector<ClientStatus> all;
@@ -90,29 +100,22 @@ class NatNetServerTest : public testing::Test {
   NatNetConfig config_;
   std::shared_ptr<SceneFrame> frame_ = make_scene_frame({"arm", "drone"});
   std::unique_ptr<NatNetStreamer> server_;
+  Client client_{io_};
 };
 
-TEST_F(NatNetServerTest, FramesGoToTheSocketThatAskedFromAPortOfTheirOwn) {
+TEST_F(NatNetServerTest, SendsFramesFromADataPortAndReportsItsClients) {
   start();
-  Client client(io_);
-  join(client);
+  join(client_);
   publish();
-  const Bytes frame = wait_for(client);
+  const Bytes frame = wait_for(client_);
   EXPECT_EQ(id_of(frame), Message::kFrame);
   EXPECT_EQ(bodies_in(frame).size(), 2U);
-  EXPECT_NE(client.from().port(), server_->port())
+  EXPECT_NE(client_.from().port(), server_->port())
       << "the vendor's library ignores frames from the command port";
-}
-
-TEST_F(NatNetServerTest, ListsWhatItsClientsReceive) {
-  start();
-  Client client(io_);
-  join(client);
-  publish();
   const auto all = clients();
   ASSERT_EQ(all.size(), 2U);
   EXPECT_EQ(all[0].protocol, "natnet");
-  EXPECT_EQ(all[0].peer, "127.0.0.1:" + std::to_string(client.port()) + " udp");
+  EXPECT_EQ(all[0].peer, "127.0.0.1:" + std::to_string(client_.port()) + " udp");
   EXPECT_EQ(all[0].detail, "bitstream 3.1, y-up m");
   EXPECT_EQ(all[0].frames_sent, 1U);
   EXPECT_EQ(all[0].frames_dropped, 0U);
@@ -121,17 +124,16 @@ TEST_F(NatNetServerTest, ListsWhatItsClientsReceive) {
   EXPECT_EQ(all[1].frames_sent, 1U);
 }
 
-TEST_F(NatNetServerTest, HearsDiscoveryByBroadcastOnTheLoopback) {
+TEST_F(NatNetServerTest, AnswersDiscoveryByBroadcastOnTheLoopback) {
   start();
-  Client client(io_);
-  client.socket().set_option(asio::socket_base::broadcast(true));
-  client.send(message(Message::kDiscovery, sender_block({3, 1})), server_->port(),
-              "127.255.255.255");
-  EXPECT_EQ(id_of(wait_for(client)), Message::kServerInfo);
-  EXPECT_EQ(client.from().port(), server_->port());
+  client_.socket().set_option(asio::socket_base::broadcast(true));
+  client_.send(message(Message::kDiscovery, sender_block({3, 1})), server_->port(),
+               "127.255.255.255");
+  EXPECT_EQ(id_of(wait_for(client_)), Message::kServerInfo);
+  EXPECT_EQ(client_.from().port(), server_->port());
 }
 
-TEST_F(NatNetServerTest, AClientWhoseSocketIsClosedIsForgottenAndOthersLoseNothing) {
+TEST_F(NatNetServerTest, ForgetsAClientWhoseSocketIsClosed) {
   start();
   Client stays(io_);
   {
@@ -147,23 +149,18 @@ TEST_F(NatNetServerTest, AClientWhoseSocketIsClosedIsForgottenAndOthersLoseNothi
   EXPECT_EQ(clients().size(), 2U) << "the one that stays, and the group";
 }
 
-TEST_F(NatNetServerTest, AThousandBodiesArriveInOneDatagram) {
+TEST_F(NatNetServerTest, SendsAThousandBodiesInOneDatagram) {
   frame_ = make_scene_frame(std::vector<std::string>(1000, "x"));
   start();
-  Client client(io_);
-  client.socket().set_option(asio::socket_base::receive_buffer_size(1 << 20));
-  client.send(connect({4, 1}, {4, 1}), server_->unicast_port());
-  EXPECT_EQ(id_of(wait_for(client)), Message::kServerInfo);
-  client.send(message(Message::kKeepAlive), server_->unicast_port());
-  client.send(message(Message::kRequestModel), server_->unicast_port());
-  EXPECT_EQ(id_of(wait_for(client)), Message::kModel);
+  client_.socket().set_option(asio::socket_base::receive_buffer_size(1 << 20));
+  join(client_, server_->unicast_port(), connect({4, 1}, {4, 1}));
   for (int i = 0; i < 20; ++i) {
     publish();
-    EXPECT_EQ(wait_for(client).size(), 126 + 38 * 1000U);
+    EXPECT_EQ(wait_for(client_).size(), 126 + 38 * 1000U);
   }
 }
 
-TEST_F(NatNetServerTest, SixtyFourClientsOfOneComputerAllGetEveryFrame) {
+TEST_F(NatNetServerTest, SendsEveryFrameTo64ClientsOfOneComputer) {
   start();
   std::vector<std::unique_ptr<Client>> all;
   for (int i = 0; i < 64; ++i) join(*all.emplace_back(std::make_unique<Client>(io_)));
@@ -173,66 +170,52 @@ TEST_F(NatNetServerTest, SixtyFourClientsOfOneComputerAllGetEveryFrame) {
   }
 }
 
-TEST_F(NatNetServerTest, TwoPortsServeTwoKindsOfServer) {
+TEST_F(NatNetServerTest, ServesMulticastAndUnicastOnTwoPorts) {
   start();
   ASSERT_NE(server_->unicast_port(), 0);
-  Client client(io_);
-  client.send(ping(), server_->port());
-  EXPECT_EQ(wait_for(client).at(kHeaderSize + 274), std::byte{1});
-  client.send(ping(), server_->unicast_port());
-  EXPECT_EQ(wait_for(client).at(kHeaderSize + 274), std::byte{0});
-  server_.reset();
+  const auto multicast_flag = [&](std::uint16_t port) {
+    return ask(client_, ping(), port).at(kHeaderSize + 274);
+  };
+  EXPECT_EQ(multicast_flag(server_->port()), std::byte{1});
+  EXPECT_EQ(multicast_flag(server_->unicast_port()), std::byte{0});
   config_.multicast = false;
   start();
   EXPECT_EQ(server_->unicast_port(), 0);
-  client.send(ping(), server_->port());
-  EXPECT_EQ(wait_for(client).at(kHeaderSize + 274), std::byte{0});
+  EXPECT_EQ(multicast_flag(server_->port()), std::byte{0});
 }
 
-/// Bound to the port of the group as a client of another program would.
-class Listener {
+/// Bound to the port of the group, as the client of another program.
+class Listener : public Client {
  public:
-  explicit Listener(asio::io_context& io) : socket_(io) {
-    socket_.open(udp::v4());
-    socket_.set_option(udp::socket::reuse_address(true));
-    socket_.bind({asio::ip::address_v4::any(), 0});
-    socket_.non_blocking(true);
-  }
+  explicit Listener(asio::io_context& io) : Client(io, asio::ip::address_v4::any(), true) {}
   [[nodiscard]] bool join(const std::string& group, const char* card) {
     boost::system::error_code error;
-    socket_.set_option(asio::ip::multicast::join_group(asio::ip::make_address_v4(group),
-                                                       asio::ip::make_address_v4(card)),
-                       error);
+    socket().set_option(asio::ip::multicast::join_group(asio::ip::make_address_v4(group),
+                                                        asio::ip::make_address_v4(card)),
+                        error);
     return !error;
   }
-  [[nodiscard]] std::uint16_t port() const { return socket_.local_endpoint().port(); }
-  /// Datagrams that came, until none has come for a moment.
+  /// Datagrams that came, until none has come for 50 ms.
   std::size_t count(Bytes& last) {
     std::size_t n = 0;
     auto until = std::chrono::steady_clock::now() + kTimeout;
     while (std::chrono::steady_clock::now() < until) {
-      Bytes buffer(65536);
-      boost::system::error_code error;
-      buffer.resize(socket_.receive(asio::buffer(buffer), 0, error));
-      if (error) continue;
+      Bytes datagram = take();
+      if (datagram.empty()) continue;
       ++n;
-      last = buffer;
+      last = std::move(datagram);
       until = std::chrono::steady_clock::now() + std::chrono::milliseconds(50);
     }
     return n;
   }
-
- private:
-  udp::socket socket_;
 };
 
-TEST_F(NatNetServerTest, ALocalClientThatNeverAsksHearsTheGroupWhicheverCardItJoinedOn) {
+TEST_F(NatNetServerTest, SendsToLocalGroupMembersOnEveryInterface) {
   for (const char* card : {"127.0.0.1", "0.0.0.0", ""}) {
     Listener listener(io_);
     // On a machine without any network the system knows no card for a group.
     if (*card != '\0' && !listener.join(config_.multicast_group, card)) continue;
     config_.data_port = listener.port();
-    server_.reset();
     start();
     publish();
     Bytes frame;
@@ -242,7 +225,7 @@ TEST_F(NatNetServerTest, ALocalClientThatNeverAsksHearsTheGroupWhicheverCardItJo
   }
 }
 
-TEST_F(NatNetServerTest, AGroupAmongTheTargetsGetsFramesToo) {
+TEST_F(NatNetServerTest, SendsFramesToAGroupAmongTheTargets) {
   Listener listener(io_);
   config_.multicast = false;
   config_.targets = {"224.0.0.1:" + std::to_string(listener.port())};
@@ -253,16 +236,19 @@ TEST_F(NatNetServerTest, AGroupAmongTheTargetsGetsFramesToo) {
   EXPECT_EQ(clients().at(0).peer, config_.targets[0] + " multicast");
 }
 
-TEST_F(NatNetServerTest, SaysWhatToDoWhenAPortIsTaken) {
+TEST_F(NatNetServerTest, ReportsAPortInUseAndTooManyBodies) {
   start();
   config_.port = server_->port();
-  const auto second = start_natnet_server(io_, config_, frame_->model, clock_, nullptr, 100);
+  const auto second = make_server();
   ASSERT_FALSE(second);
-  EXPECT_NE(second.error().text().find("streaming.natnet.port"), std::string::npos)
-      << second.error().text();
+  EXPECT_THAT(second.error().text(), testing::HasSubstr("streaming.natnet.port"));
+  frame_ = make_scene_frame(std::vector<std::string>(1001, "x"));
+  const auto third = make_server();
+  ASSERT_FALSE(third);
+  EXPECT_EQ(third.error().code, ErrorCode::kInvalid);
 }
 
-TEST_F(NatNetServerTest, GivesItsPortsBackWhenItStops) {
+TEST_F(NatNetServerTest, ReleasesItsPortsWhenItStops) {
   const std::uint16_t any = config_.port;
   bool is_given_back = false;
   for (int attempt = 0; attempt < 5 && !is_given_back; ++attempt) {
@@ -271,29 +257,20 @@ TEST_F(NatNetServerTest, GivesItsPortsBackWhenItStops) {
     config_.port = server_->port();
     server_->stop();
     // Another program of this machine may be quicker, but not five times.
-    is_given_back =
-        start_natnet_server(io_, config_, frame_->model, clock_, nullptr, 100).has_value();
+    is_given_back = make_server().has_value();
   }
   EXPECT_TRUE(is_given_back);
 }
 
-TEST_F(NatNetServerTest, RefusesMoreBodiesThanClientsTake) {
-  frame_ = make_scene_frame(std::vector<std::string>(1001, "x"));
-  const auto server = start_natnet_server(io_, config_, frame_->model, clock_, nullptr, 100);
-  ASSERT_FALSE(server);
-  EXPECT_EQ(server.error().code, ErrorCode::kInvalid);
-}
-
-TEST_F(NatNetServerTest, SurvivesEverySortOfRubbish) {
+TEST_F(NatNetServerTest, SurvivesInvalidDatagrams) {
   start();
-  Client client(io_);
-  client.send({}, server_->port());
+  client_.send({}, server_->port());
   for (std::size_t size : {1U, 3U, 4U, 5U, 65507U})
-    client.send(Bytes(size, std::byte{0xff}), server_->port());
-  join(client);
+    client_.send(Bytes(size, std::byte{0xff}), server_->port());
+  join(client_);
 }
 
-TEST_F(NatNetServerTest, MayDieBeforeTheIoThreadIsDone) {
+TEST_F(NatNetServerTest, MayBeDestroyedBeforeTheIoContextIsDone) {
   start();
   server_.reset();
   EXPECT_NO_THROW(io_.poll());

@@ -9,7 +9,7 @@
 namespace fiducap::net {
 namespace {
 
-/// Ticks for ever; what its handler does may throw before the next wait.
+/// Ticks until it is destroyed; the second tick throws before the next wait.
 class Ticker final : public RepeatedWait, public std::enable_shared_from_this<Ticker> {
  public:
   explicit Ticker(boost::asio::io_context& io) : timer_(io) {}
@@ -35,7 +35,7 @@ class Ticker final : public RepeatedWait, public std::enable_shared_from_this<Ti
   PendingWait waiting_;
 };
 
-TEST(RepeatedWait, ALostWaitIsTakenUpAgainAsSoonAsItCanBe) {
+TEST(RepeatedWait, LostWaitIsResumedAsSoonAsPossible) {
   boost::asio::io_context io;
   const auto ticker = std::make_shared<Ticker>(io);
   register_wait(io, ticker);
@@ -48,12 +48,9 @@ TEST(RepeatedWait, ALostWaitIsTakenUpAgainAsSoonAsItCanBe) {
   while (ticker->ticks < 5) ASSERT_EQ(io.run_one(), 1U);
 }
 
-TEST(RepeatedWait, OneThatIsUnderWayIsLeftAloneAndADeadOneForgotten) {
+TEST(RepeatedWait, RunningWaitIsKeptAndADestroyedOneForgotten) {
   boost::asio::io_context io;
-  {
-    const auto dead = std::make_shared<Ticker>(io);
-    register_wait(io, dead);
-  }
+  register_wait(io, std::make_shared<Ticker>(io));
   const auto ticker = std::make_shared<Ticker>(io);
   register_wait(io, ticker);
   ticker->resume();
@@ -62,7 +59,7 @@ TEST(RepeatedWait, OneThatIsUnderWayIsLeftAloneAndADeadOneForgotten) {
   EXPECT_EQ(ticker->ticks, 1);
 }
 
-TEST(PendingWait, IsOverWhenItsTokenDies) {
+TEST(PendingWait, EndsWithItsTokenAndNotWithAReleasedOne) {
   PendingWait wait;
   EXPECT_FALSE(wait);
   {
@@ -70,10 +67,6 @@ TEST(PendingWait, IsOverWhenItsTokenDies) {
     EXPECT_TRUE(wait);
   }
   EXPECT_FALSE(wait);
-}
-
-TEST(PendingWait, TheNextOneMayBeginBeforeTheOldHandlerIsGone) {
-  PendingWait wait;
   auto first = wait.begin();
   first.release();
   const auto second = wait.begin();

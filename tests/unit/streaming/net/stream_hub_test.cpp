@@ -7,60 +7,49 @@
 namespace fiducap {
 namespace {
 
+/// Counts frames and requests for its one client.
 class Counter final : public Streamer {
  public:
-  Counter(int& frames, bool throws) : frames_(frames), throws_(throws) {}
+  struct Counts {
+    int frames{0};
+    int requests{0};
+    bool throws{false};
+  };
+  explicit Counter(Counts& counts) : counts_(counts) {}
   [[nodiscard]] std::string_view protocol() const override { return "test"; }
   void publish(const std::shared_ptr<const SceneFrame>&) override {
-    if (throws_) throw std::runtime_error("cannot be encoded");
-    ++frames_;
+    if (counts_.throws) throw std::runtime_error("cannot be encoded");
+    ++counts_.frames;
   }
-  void append_clients(std::vector<ClientStatus>&) const override {}
-  void stop() override {}
-
- private:
-  int& frames_;
-  bool throws_;
-};
-
-TEST(StreamHub, AProtocolThatThrowsSilencesNoOther) {
-  int before = 0;
-  int broken = 0;
-  int after = 0;
-  StreamHub hub;
-  hub.add(std::make_unique<Counter>(before, false));
-  hub.add(std::make_unique<Counter>(broken, true));
-  hub.add(std::make_unique<Counter>(after, false));
-  for (int i = 0; i < 3; ++i) hub.publish(nullptr);
-  EXPECT_EQ(before, 3);
-  EXPECT_EQ(after, 3);
-}
-
-class OneClient final : public Streamer {
- public:
-  explicit OneClient(int& asked) : asked_(asked) {}
-  [[nodiscard]] std::string_view protocol() const override { return "test"; }
-  void publish(const std::shared_ptr<const SceneFrame>&) override {}
   void append_clients(std::vector<ClientStatus>& out) const override {
-    ++asked_;
+    ++counts_.requests;
     out.push_back({"test", "peer", "", 0, 0, 0});
   }
   void stop() override {}
 
  private:
-  int& asked_;
+  Counts& counts_;
 };
 
-TEST(StreamHub, ShowsItsClientsToAnotherThreadWithTheNextFrame) {
-  int asked = 0;
+TEST(StreamHub, ProtocolThatThrowsStopsNoOther) {
+  Counter::Counts before, broken{.throws = true}, after;
   StreamHub hub;
-  hub.add(std::make_unique<OneClient>(asked));
+  for (auto* counts : {&before, &broken, &after}) hub.add(std::make_unique<Counter>(*counts));
+  for (int i = 0; i < 3; ++i) hub.publish(nullptr);
+  EXPECT_EQ(before.frames, 3);
+  EXPECT_EQ(after.frames, 3);
+}
+
+TEST(StreamHub, ReportsItsClientsWithTheFrameAfterARequest) {
+  Counter::Counts counts;
+  StreamHub hub;
+  hub.add(std::make_unique<Counter>(counts));
   hub.publish(nullptr);
-  EXPECT_EQ(asked, 0) << "nobody wants to know";
+  EXPECT_EQ(counts.requests, 0);
   EXPECT_TRUE(hub.shown_clients()->empty());
   hub.publish(nullptr);
   hub.publish(nullptr);
-  EXPECT_EQ(asked, 1) << "once per question";
+  EXPECT_EQ(counts.requests, 1);
   EXPECT_EQ(hub.shown_clients()->size(), 1u);
 }
 

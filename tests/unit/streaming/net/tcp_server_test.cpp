@@ -12,6 +12,8 @@
 namespace fiducap::net {
 namespace {
 
+using boost::asio::ip::tcp;
+
 constexpr Instant kStart = instant_from_ns(1'000'000'000);
 
 std::vector<std::byte> bytes(std::string_view text) {
@@ -26,29 +28,23 @@ class TcpOutboxTest : public testing::Test {
  protected:
   std::string take(Instant now = kStart) {
     const auto pieces = outbox_.take(now);
-    std::string text = pieces ? "" : "nothing";
-    if (pieces) {
-      for (const auto& piece : *pieces)
-        text.append(reinterpret_cast<const char*>(piece.data()), piece.size());
-    }
-    return text;
+    if (!pieces) return "nothing";
+    std::string all;
+    for (const auto& piece : *pieces)
+      all.append(reinterpret_cast<const char*>(piece.data()), piece.size());
+    return all;
   }
   TcpOutbox outbox_;
 };
 
-TEST_F(TcpOutboxTest, RepliesGoBeforeTheFrame) {
-  outbox_.offer(frame("frame"));
-  outbox_.reply(bytes("reply,"));
-  EXPECT_EQ(take(), "reply,frame");
-}
-
-TEST_F(TcpOutboxTest, OfFramesOnlyTheNewestWaits) {
+TEST_F(TcpOutboxTest, SendsRepliesThenTheNewestFrame) {
   EXPECT_TRUE(outbox_.offer(frame("old")));
   EXPECT_FALSE(outbox_.offer(frame("new")));
-  EXPECT_EQ(take(), "new");
+  outbox_.reply(bytes("reply,"));
+  EXPECT_EQ(take(), "reply,new");
 }
 
-TEST_F(TcpOutboxTest, WhatIsUnderWayStaysWholeWhileMoreArrives) {
+TEST_F(TcpOutboxTest, WriteUnderWayStaysWholeWhileMoreArrives) {
   outbox_.reply(bytes("one"));
   outbox_.offer(frame("1"));
   const auto pieces = outbox_.take(kStart);
@@ -60,21 +56,19 @@ TEST_F(TcpOutboxTest, WhatIsUnderWayStaysWholeWhileMoreArrives) {
   EXPECT_EQ(take(), "two2");
 }
 
-TEST_F(TcpOutboxTest, AClientThatDoesNotReadMustGo) {
+TEST_F(TcpOutboxTest, IsOverdueAfterASlowWriteOrTooManyReplies) {
   outbox_.offer(frame("1"));
   take();
   EXPECT_FALSE(outbox_.overdue(kStart + TcpOutbox::kMaxWait));
   EXPECT_TRUE(outbox_.overdue(kStart + TcpOutbox::kMaxWait + Duration(1)));
+  TcpOutbox full;
+  full.reply(std::vector<std::byte>(TcpOutbox::kMaxReplyBytes));
+  EXPECT_FALSE(full.overdue(kStart));
+  full.reply(bytes("x"));
+  EXPECT_TRUE(full.overdue(kStart));
 }
 
-TEST_F(TcpOutboxTest, RepliesThatPileUpEndItToo) {
-  outbox_.reply(std::vector<std::byte>(TcpOutbox::kMaxReplyBytes));
-  EXPECT_FALSE(outbox_.overdue(kStart));
-  outbox_.reply(bytes("x"));
-  EXPECT_TRUE(outbox_.overdue(kStart));
-}
-
-TEST_F(TcpOutboxTest, AReaderThatKeepsUpIsNeverOverdue) {
+TEST_F(TcpOutboxTest, TimelyWritesAreNeverOverdue) {
   for (int second = 0; second < 20; ++second) {
     const Instant now = kStart + std::chrono::seconds(second);
     outbox_.offer(frame("f"));
@@ -84,8 +78,6 @@ TEST_F(TcpOutboxTest, AReaderThatKeepsUpIsNeverOverdue) {
     outbox_.written(now);
   }
 }
-
-using boost::asio::ip::tcp;
 
 /// Echoes every byte; `!` ends it, `#` makes it throw.
 class Echo final : public TcpSession {
@@ -113,15 +105,20 @@ class Echo final : public TcpSession {
 
 class TcpServerTest : public testing::Test {
  protected:
-  TcpServerTest() {
-    port_ = server_
-                .listen({"127.0.0.1", 0, "streaming.test"},
-                        [this](Socket socket, const Peer&) {
-                          sessions_.push_back(std::make_shared<Echo>(std::move(socket), clock_));
-                          return sessions_.back();
-                        })
-                .value();
+  TcpServerTest() : port_(listen([this](Socket socket, const Peer&) { return make(socket); })) {}
+
+  std::uint16_t listen(TcpServer::MakeSession make) {
+    return server_.listen({"127.0.0.1", 0, "streaming.test"}, std::move(make)).value();
   }
+  std::shared_ptr<Echo> make(Socket& socket) {
+    sessions_.push_back(std::make_shared<Echo>(std::move(socket), clock_));
+    return sessions_.back();
+  }
+  void connect_to(const Peer& peer) {
+    server_.connect(peer, std::chrono::seconds(3),
+                    [this](Socket socket, const Peer&) { return make(socket); });
+  }
+  tcp::acceptor listener() { return {io_, {boost::asio::ip::address_v4::loopback(), 0}}; }
 
   /// @param host  of 127.0.0.0/8: each is an address of its own
   tcp::socket dial(std::uint32_t host = 0x7f000001) {
@@ -136,23 +133,18 @@ class TcpServerTest : public testing::Test {
     while (sessions_.size() == before) io_.run_one();
     return client;
   }
-  void say(tcp::socket& client, char letter) {
-    boost::asio::write(client, boost::asio::buffer(&letter, 1));
-  }
-  std::string read(tcp::socket& client, std::size_t size) {
-    std::string text(size, '\0');
-    std::size_t have = 0;
-    while (have < size) {
+  /// The next byte, or "end" when the connection is closed.
+  std::string read(tcp::socket& client) {
+    for (char letter = 0;;) {
       io_.poll();
       boost::system::error_code error;
-      have += client.read_some(boost::asio::buffer(text.data() + have, size - have), error);
-      if (error && error != boost::asio::error::would_block) return "end";
+      if (client.read_some(boost::asio::buffer(&letter, 1), error) == 1) return {letter};
+      if (error != boost::asio::error::would_block) return "end";
     }
-    return text;
   }
   std::string echo(tcp::socket& client, char letter) {
-    say(client, letter);
-    return read(client, 1);
+    boost::asio::write(client, boost::asio::buffer(&letter, 1));
+    return read(client);
   }
   /// Until the server's own timer has gone off.
   void tick() {
@@ -176,12 +168,7 @@ class TcpServerTest : public testing::Test {
   bool tick_throws_{false};
 };
 
-TEST_F(TcpServerTest, AnswersWhatItReceives) {
-  auto client = connect();
-  EXPECT_EQ(echo(client, 'h'), "h");
-}
-
-TEST_F(TcpServerTest, AClientThatNeverReadsLosesFramesAndThenItsPlace) {
+TEST_F(TcpServerTest, ClientThatNeverReadsLosesFramesThenItsConnection) {
   auto client = connect();
   const auto big = std::make_shared<const std::vector<std::byte>>(1 << 20);
   for (int i = 0; i < 50; ++i) {
@@ -195,71 +182,62 @@ TEST_F(TcpServerTest, AClientThatNeverReadsLosesFramesAndThenItsPlace) {
   EXPECT_TRUE(sessions_[0]->closed());
 }
 
-TEST_F(TcpServerTest, ASessionMayCloseItselfWhileReceiving) {
-  auto client = connect();
-  EXPECT_EQ(echo(client, '!'), "end");
-  EXPECT_TRUE(sessions_[0]->closed());
-}
-
-TEST_F(TcpServerTest, WhatASessionThrowsWhileReceivingEndsThatSessionOnly) {
-  auto broken = connect();
+TEST_F(TcpServerTest, EndsSessionsOnRequestOrExceptionOnly) {
+  auto first = connect();
   auto other = connect();
-  EXPECT_EQ(echo(broken, '#'), "end");
+  EXPECT_EQ(echo(first, 'h'), "h");
+  EXPECT_EQ(echo(first, '!'), "end");
   EXPECT_TRUE(sessions_[0]->closed());
+  auto broken = connect();
+  EXPECT_EQ(echo(broken, '#'), "end");
+  EXPECT_TRUE(sessions_[2]->closed());
   EXPECT_EQ(echo(other, 'a'), "a");
   start();
   tick();
   auto next = connect();
-  EXPECT_EQ(echo(next, 'b'), "b") << "it goes on accepting";
+  EXPECT_EQ(echo(next, 'b'), "b") << "the server still accepts";
 }
 
-TEST_F(TcpServerTest, WhatASessionThrowsForAFrameEndsThatSessionOnly) {
-  auto broken = connect();
+TEST_F(TcpServerTest, ExceptionForAFrameOrInATickEndsItsSessionOnly) {
+  auto first = connect();
   auto other = connect();
   sessions_[0]->throws_later = true;
   server_.each<Echo>([](Echo& session) { session.publish(); });
   EXPECT_TRUE(sessions_[0]->closed());
-  EXPECT_EQ(read(other, 1), "f");
-}
-
-TEST_F(TcpServerTest, WhatIsThrownInATickStopsNoTicks) {
+  EXPECT_EQ(read(other), "f");
   auto broken = connect();
-  auto other = connect();
-  sessions_[0]->throws_later = true;
+  sessions_[2]->throws_later = true;
   tick_throws_ = true;
   start();
   tick();
   tick();
-  EXPECT_TRUE(sessions_[0]->closed());
+  EXPECT_TRUE(sessions_[2]->closed());
   EXPECT_EQ(echo(other, 'a'), "a");
 }
 
-TEST_F(TcpServerTest, AMakerThatThrowsCostsThatConnectionOnly) {
+TEST_F(TcpServerTest, ExceptionWhileAcceptingEndsItsConnectionOnly) {
   bool throws = true;
-  const auto port =
-      server_.listen({"127.0.0.1", 0, "streaming.test"}, [&](Socket socket, const Peer&) {
-        if (std::exchange(throws, false)) throw std::runtime_error("no memory");
-        sessions_.push_back(std::make_shared<Echo>(std::move(socket), clock_));
-        return sessions_.back();
-      });
-  port_ = port.value();
+  port_ = listen([&](Socket socket, const Peer&) {
+    if (std::exchange(throws, false)) throw std::runtime_error("no memory");
+    return make(socket);
+  });
   auto first = dial();
-  EXPECT_EQ(read(first, 1), "end");
+  EXPECT_EQ(read(first), "end");
   auto second = connect();
   EXPECT_EQ(echo(second, 'a'), "a");
 }
 
-TEST_F(TcpServerTest, OneAddressGetsNoMoreThanItsPlaces) {
+TEST_F(TcpServerTest, AddressHasALimitedNumberOfConnections) {
   auto one = connect();
   auto two = connect();
   auto three = dial();
-  EXPECT_EQ(read(three, 1), "end");
+  EXPECT_EQ(read(three), "end");
   EXPECT_EQ(echo(one, '!'), "end");
   auto four = connect();
   EXPECT_EQ(echo(four, 'a'), "a") << "a place is free again";
 }
 
-TEST_F(TcpServerTest, WhoHoldsTheMostPlacesGivesOneToWhoHasNone) {
+TEST_F(TcpServerTest, AddressWithMostConnectionsYieldsToOneWithNone) {
   constexpr std::uint32_t kGreedy = 0x7f000002, kOther = 0x7f000003, kThird = 0x7f000004;
   auto first = connect(kGreedy);
   auto second = connect(kGreedy);
@@ -270,42 +248,36 @@ TEST_F(TcpServerTest, WhoHoldsTheMostPlacesGivesOneToWhoHasNone) {
   EXPECT_EQ(echo(first, 'a'), "a");
   EXPECT_EQ(echo(third, 'b'), "b");
   auto back = dial(kGreedy);
-  EXPECT_EQ(read(back, 1), "end") << "everybody has one now";
+  EXPECT_EQ(read(back), "end") << "each address has one now";
   EXPECT_EQ(echo(other, 'c'), "c");
 }
 
-TEST_F(TcpServerTest, ManyAddressesBlockNoClientWhileOneMayBeReplaced) {
+TEST_F(TcpServerTest, NewAddressReplacesTheOldestReplaceableSession) {
   auto first = connect(0x7f000002);
   auto second = connect(0x7f000003);
   auto third = connect(0x7f000004);
   auto refused = dial(0x7f000005);
-  EXPECT_EQ(read(refused, 1), "end") << "none of them";
+  EXPECT_EQ(read(refused), "end") << "none is replaceable";
   sessions_[1]->is_replaceable = true;
   sessions_[2]->is_replaceable = true;
-  auto newcomer = connect(0x7f000005);
-  EXPECT_EQ(echo(newcomer, 'a'), "a");
-  EXPECT_TRUE(sessions_[1]->closed()) << "the oldest of the two";
+  auto fourth = connect(0x7f000005);
+  EXPECT_EQ(echo(fourth, 'a'), "a");
+  EXPECT_TRUE(sessions_[1]->closed());
   EXPECT_FALSE(sessions_[2]->closed());
   EXPECT_EQ(echo(first, 'b'), "b");
 }
 
-TEST_F(TcpServerTest, ConnectsToAPeerWithinTheSameLimits) {
-  tcp::acceptor listening(io_, {boost::asio::ip::address_v4::loopback(), 0});
-  const Peer peer = peer_of(listening.local_endpoint());
-  int made = 0;
-  const auto make = [&](Socket socket, const Peer&) {
-    ++made;
-    return std::make_shared<Echo>(std::move(socket), clock_);
-  };
-  server_.connect(peer, std::chrono::seconds(3), make);
-  server_.connect(peer, std::chrono::seconds(3), make);
-  tcp::socket client = listening.accept();
+TEST_F(TcpServerTest, MakesOneOutgoingConnectionToAPeer) {
+  tcp::acceptor peer = listener();
+  connect_to(peer_of(peer.local_endpoint()));
+  connect_to(peer_of(peer.local_endpoint()));
+  tcp::socket client = peer.accept();
   client.non_blocking(true);
   EXPECT_EQ(echo(client, 'a'), "a");
-  EXPECT_EQ(made, 1) << "one connection to one peer at a time";
+  EXPECT_EQ(sessions_.size(), 1u);
 }
 
-/// Takes connections until its queue is full, and answers none after that.
+/// Accepts connections until its queue is full, then none.
 class FullListener final {
  public:
   explicit FullListener(boost::asio::io_context& io) : acceptor_(io), first_(io) {
@@ -321,26 +293,23 @@ class FullListener final {
   tcp::socket first_;
 };
 
-TEST_F(TcpServerTest, SilentAddressesDoNotBlockOtherConnections) {
+TEST_F(TcpServerTest, PeersThatDoNotAcceptBlockNoOtherConnection) {
   FullListener silent(io_);
-  tcp::acceptor real(io_, {boost::asio::ip::address_v4::loopback(), 0});
-  const auto make = [this](Socket socket, const Peer&) {
-    sessions_.push_back(std::make_shared<Echo>(std::move(socket), clock_));
-    return sessions_.back();
-  };
+  tcp::acceptor real = listener();
+  const std::uint16_t port = real.local_endpoint().port();
   for (std::uint32_t i = 0; i < 2 * TcpServer::kMaxConnecting; ++i)
-    server_.connect({0x7f000101 + i, silent.port()}, std::chrono::seconds(3), make);
-  server_.connect({0x7f000001, real.local_endpoint().port()}, std::chrono::seconds(3), make);
+    connect_to({0x7f000101 + i, silent.port()});
+  connect_to({0x7f000001, port});
   io_.poll();
   ASSERT_FALSE(sessions_.empty());
-  EXPECT_EQ(sessions_.back()->peer().port, real.local_endpoint().port());
+  EXPECT_EQ(sessions_.back()->peer().port, port);
 }
 
-TEST_F(TcpServerTest, NothingIsCalledAfterItHasStopped) {
+TEST_F(TcpServerTest, CallsNothingAfterStop) {
   auto client = connect();
   start();
   server_.stop();
-  EXPECT_EQ(read(client, 1), "end");
+  EXPECT_EQ(read(client), "end");
   io_.restart();
   io_.run();
   EXPECT_EQ(ticks_, 0);
@@ -350,7 +319,7 @@ TEST_F(TcpServerTest, NothingIsCalledAfterItHasStopped) {
   EXPECT_TRUE(error);
 }
 
-TEST_F(TcpServerTest, SessionsMaySendALastMessage) {
+TEST_F(TcpServerTest, StopLeavesTimeForALastMessage) {
   auto client = connect();
   server_.stop(std::chrono::milliseconds(1));
   EXPECT_FALSE(sessions_[0]->closed());

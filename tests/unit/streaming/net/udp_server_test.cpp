@@ -13,110 +13,81 @@ namespace {
 
 using boost::asio::ip::udp;
 
+udp::socket open_socket(boost::asio::io_context& io) {
+  return std::move(bind_udp(io, {"127.0.0.1", 0, "streaming.test"}).value());
+}
+std::span<const std::byte> bytes(std::string_view text) {
+  return std::as_bytes(std::span(text.data(), text.size()));
+}
+std::string read_now(udp::socket& socket, boost::system::error_code& error) {
+  std::array<char, 64> text{};
+  const auto n = socket.receive(boost::asio::buffer(text), 0, error);
+  return {text.data(), n};
+}
+
 class DatagramBatchTest : public testing::Test {
  protected:
-  udp::socket open() {
-    return std::move(bind_udp(io_, {"127.0.0.1", 0, "streaming.test"}).value());
-  }
-
   static std::string read(udp::socket& socket) {
-    std::array<char, 64> text{};
     boost::system::error_code error;
-    const auto n = socket.receive(boost::asio::buffer(text), 0, error);
-    return error ? "" : std::string(text.data(), n);
+    return read_now(socket, error);
   }
-
-  static std::span<const std::byte> bytes(std::string_view text) {
-    return std::as_bytes(std::span(text.data(), text.size()));
-  }
-
   void add(std::string_view text, const udp::endpoint& to) {
     batch_.add(bytes(text), to.data(), static_cast<socklen_t>(to.size()));
   }
+  /// Of four bytes each, to `one_`.
+  void add_cut(std::string_view text) {
+    batch_.add_cut(bytes(text), 4, to_one_.data(), static_cast<socklen_t>(to_one_.size()));
+  }
+  void send() { batch_.send(sender_.native_handle()); }
 
   boost::asio::io_context io_;
-  udp::socket sender_{open()};
-  udp::socket one_{open()};
-  udp::socket two_{open()};
+  udp::socket sender_{open_socket(io_)};
+  udp::socket one_{open_socket(io_)};
+  udp::socket two_{open_socket(io_)};
+  const udp::endpoint to_one_{one_.local_endpoint()};
+  const udp::endpoint to_two_{two_.local_endpoint()};
   DatagramBatch batch_;
 };
 
-TEST_F(DatagramBatchTest, EveryDatagramGoesToItsOwnAddress) {
-  const auto to_one = one_.local_endpoint();
-  const auto to_two = two_.local_endpoint();
-  add("first", to_one);
-  add("second", to_two);
-  add("third", to_one);
-  batch_.send(sender_.native_handle());
-  EXPECT_TRUE(batch_.sent(0) && batch_.sent(1) && batch_.sent(2));
+TEST_F(DatagramBatchTest, SendsEachDatagramToItsAddressThoughOneFails) {
+  const udp::endpoint broadcast(boost::asio::ip::address_v4::broadcast(), 9);
+  add("first", to_one_);
+  add("second", to_two_);
+  add("lost", broadcast);  // not allowed without SO_BROADCAST
+  add("third", to_one_);
+  send();
+  EXPECT_TRUE(batch_.sent(0) && batch_.sent(1) && !batch_.sent(2) && batch_.sent(3));
   EXPECT_EQ(read(one_), "first");
   EXPECT_EQ(read(one_), "third");
   EXPECT_EQ(read(two_), "second");
 }
 
-TEST_F(DatagramBatchTest, OneThatCannotGoDoesNotStopTheOthers) {
-  const udp::endpoint nowhere(boost::asio::ip::address_v4::broadcast(),
-                              9);  // not allowed without SO_BROADCAST
-  const auto to_two = two_.local_endpoint();
-  add("lost", nowhere);
-  add("found", to_two);
-  batch_.send(sender_.native_handle());
-  EXPECT_FALSE(batch_.sent(0));
-  EXPECT_TRUE(batch_.sent(1));
-  EXPECT_EQ(read(two_), "found");
-}
-
-TEST_F(DatagramBatchTest, OneMessageIsCutIntoManyDatagrams) {
-  const auto to_one = one_.local_endpoint();
-  batch_.add_cut(bytes("aaaabbbbccccdd"), 4, to_one.data(), static_cast<socklen_t>(to_one.size()));
-  add("next", to_one);
+TEST_F(DatagramBatchTest, CutsAMessageIntoDatagrams) {
+  add_cut("aaaabbbbccccdd");
+  add("next", to_one_);
   EXPECT_EQ(batch_.size(), 2u);
-  batch_.send(sender_.native_handle());
+  send();
   EXPECT_TRUE(batch_.sent(0) && batch_.sent(1));
   for (const char* part : {"aaaa", "bbbb", "cccc", "dd", "next"}) EXPECT_EQ(read(one_), part);
 }
 
 TEST_F(DatagramBatchTest, CutsMoreDatagramsThanTheKernelTakesAtOnce) {
-  const auto to_one = one_.local_endpoint();
   std::string text;
   for (int i = 0; i < 150; ++i) text += std::to_string(1000 + i);
-  batch_.add_cut(bytes(text), 4, to_one.data(), static_cast<socklen_t>(to_one.size()));
+  add_cut(text);
   EXPECT_EQ(batch_.size(), 3u);
-  batch_.send(sender_.native_handle());
+  send();
   for (int i = 0; i < 150; ++i) EXPECT_EQ(read(one_), std::to_string(1000 + i));
 }
 
-TEST_F(DatagramBatchTest, WhatTheKernelCannotCutIsCutByHand) {
+TEST_F(DatagramBatchTest, CutsByItselfWhereTheKernelRefuses) {
   const int on = 1;  // without checksums the kernel refuses to cut
   ASSERT_EQ(::setsockopt(sender_.native_handle(), SOL_SOCKET, SO_NO_CHECK, &on, sizeof(on)), 0);
-  const auto to_one = one_.local_endpoint();
-  batch_.add_cut(bytes("aaaabb"), 4, to_one.data(), static_cast<socklen_t>(to_one.size()));
-  batch_.send(sender_.native_handle());
+  add_cut("aaaabb");
+  send();
   EXPECT_TRUE(batch_.sent(0));
   EXPECT_EQ(read(one_), "aaaa");
   EXPECT_EQ(read(one_), "bb");
-}
-
-TEST_F(DatagramBatchTest, AllocatesNothingAfterTheFirstFrame) {
-  const auto to_one = one_.local_endpoint();
-  const auto frame = [&] {
-    batch_.clear();
-    for (int i = 0; i < 20; ++i) add("frame", to_one);
-    batch_.send(sender_.native_handle());
-  };
-  frame();
-  const AllocationCounter allocations;
-  frame();
-  EXPECT_EQ(allocations.count(), 0u);
-}
-
-using boost::asio::ip::udp;
-
-std::span<const std::byte> bytes(std::string_view text) {
-  return std::as_bytes(std::span(text.data(), text.size()));
-}
-std::string text(std::span<const std::byte> data) {
-  return {reinterpret_cast<const char*>(data.data()), data.size()};
 }
 
 class UdpServerTest : public testing::Test {
@@ -128,72 +99,67 @@ class UdpServerTest : public testing::Test {
   }
   void echo() {
     server_.start([this](const UdpServer::Datagram& datagram) {
-      ++heard_;
-      if (text(datagram.bytes) == "#") throw std::runtime_error("a handler's defect");
+      ++received_;
+      if (datagram.bytes.front() == std::byte{'#'}) throw std::runtime_error("a handler's defect");
       server_.send(datagram.bytes, datagram.from, datagram.to);
     });
   }
-  void say(std::string_view what) {
-    client_.send_to(boost::asio::buffer(what.data(), what.size()),
+  void send(std::string_view text) {
+    client_.send_to(boost::asio::buffer(text.data(), text.size()),
                     {boost::asio::ip::address_v4::loopback(), server_.port()});
   }
   std::string read() {
-    std::array<char, 64> answer{};
     boost::system::error_code error = boost::asio::error::would_block;
-    std::size_t size = 0;
+    std::string text;
     while (error == boost::asio::error::would_block) {
       io_.poll();
-      size = client_.receive(boost::asio::buffer(answer), 0, error);
+      text = read_now(client_, error);
     }
-    return {answer.data(), size};
+    return text;
   }
 
   boost::asio::io_context io_;
   UdpServer server_{open(io_)};
-  udp::socket client_{std::move(bind_udp(io_, {"127.0.0.1", 0, "streaming.test"}).value())};
-  int heard_{0};
+  udp::socket client_{open_socket(io_)};
+  int received_{0};
 };
 
-TEST_F(UdpServerTest, AnswersTheSender) {
+TEST_F(UdpServerTest, RepliesToTheSenderAndCutsALongerDatagram) {
   echo();
-  say("hello");
+  send("hello");
   EXPECT_EQ(read(), "hello");
-}
-
-TEST_F(UdpServerTest, ALongerDatagramIsCut) {
-  echo();
-  say("0123456789");
+  send("0123456789");
   EXPECT_EQ(read(), "01234567");
 }
 
-TEST_F(UdpServerTest, WhatAHandlerThrowsCostsThatDatagramOnly) {
+TEST_F(UdpServerTest, ExceptionOfAHandlerAffectsItsDatagramOnly) {
   echo();
-  say("#");
-  say("next");
+  send("#");
+  send("next");
   EXPECT_EQ(read(), "next") << "in the same turn";
-  say("later");
-  EXPECT_EQ(read(), "later") << "and in the next one";
-  EXPECT_EQ(heard_, 3);
+  send("later");
+  EXPECT_EQ(read(), "later") << "in the next turn";
+  EXPECT_EQ(received_, 3);
 }
 
-TEST_F(UdpServerTest, AFloodDoesNotKeepOtherWorkFromItsTurn) {
+TEST_F(UdpServerTest, FloodLeavesTimeForOtherTasks) {
   echo();
-  for (int i = 0; i < 200; ++i) say("x");
+  for (int i = 0; i < 200; ++i) send("x");
   io_.poll_one();
   io_.poll_one();
-  EXPECT_LE(heard_, 128);
+  EXPECT_LE(received_, 128);
 }
 
-TEST_F(UdpServerTest, NothingIsCalledAfterItHasStopped) {
+TEST_F(UdpServerTest, CallsNothingAfterStop) {
   echo();
-  say("hello");
+  send("hello");
   server_.stop();
   io_.poll();
-  EXPECT_EQ(heard_, 0);
+  EXPECT_EQ(received_, 0);
   EXPECT_FALSE(server_.is_open());
 }
 
-TEST_F(UdpServerTest, NamesThePeersThatAreGone) {
+TEST_F(UdpServerTest, ReportsPeersThatRefuse) {
   UdpOptions options{"test"};
   options.reports_refusals = true;
   auto sender = UdpServer::open(io_, {"127.0.0.1", 0, "streaming.test"}, options).value();
@@ -206,7 +172,7 @@ TEST_F(UdpServerTest, NamesThePeersThatAreGone) {
   EXPECT_EQ(refused, gone);
 }
 
-TEST_F(UdpServerTest, ABatchAllocatesNothingAfterTheFirstFrame) {
+TEST_F(UdpServerTest, BatchAllocatesNothingAfterTheFirstFrame) {
   const Peer to{0x7f000001, client_.local_endpoint().port()};
   const auto frame = [&] {
     server_.batch().clear();

@@ -1,13 +1,11 @@
 // NatNet and MAVLink over a network that loses, doubles, delays and cuts, in virtual time.
 #include <gtest/gtest.h>
 
-#include <map>
-
 #include "../natnet/messages.hpp"
 #include "base/bytes.hpp"
+#include "datagram_network.hpp"
 #include "streaming/mavlink/vehicle_link.hpp"
 #include "streaming/natnet/conversation.hpp"
-#include "support/faulty_link.hpp"
 #include "support/scene_builder.hpp"
 
 namespace fiducap {
@@ -18,44 +16,31 @@ using namespace std::chrono_literals;
 constexpr Duration kStep = 10ms;
 const std::vector<std::string> kNames{"arm", "drone"};
 
-/// A unicast client of this family: connects until it hears something, then keeps alive.
-class NatNetNetwork {
+/// A unicast client: connects until it receives something, then sends keep-alives.
+class NatNetNetwork : public DatagramNetwork {
  public:
   explicit NatNetNetwork(std::uint32_t seed)
-      : random_(seed),
-        up_(random_, LinkFaults::drawn(random_)),
-        down_(random_, LinkFaults::drawn(random_)),
+      : DatagramNetwork(seed),
         conversation_(
             config_, frame_->model, nullptr, 100, random_(),
             net::TrustedNetworks({}, [] { return std::vector{*net::parse_network("10.0.0.0/8")}; }),
             now_) {}
-
   void suffer() {
     for (int i = 0; i < 300; ++i) {
       if (random_() % 100 == 0) ++peer_.port;
       step();
     }
   }
-  void heal() {
-    up_.set({});
-    down_.set({});
-  }
-  Duration wait_for_frames(int wanted, Duration timeout) {
-    const Instant begin = now_;
-    const int before = frames_;
-    while (frames_ < before + wanted && now_ - begin < timeout) step();
-    return now_ - begin;
-  }
   [[nodiscard]] std::size_t clients() const { return conversation_.subscribers().size(); }
 
  private:
-  void step() {
+  void step() override {
     now_ += kStep;
     if (now_ - asked_ >= 500ms) {
-      const bool heard = heard_ && now_ - *heard_ < 2s;
-      up_.send(
-          heard ? natnet::message(natnet::Message::kKeepAlive) : natnet::connect({4, 1}, {4, 1}),
-          now_);
+      const bool connected = heard_ && now_ - *heard_ < 2s;
+      up_.send(connected ? natnet::message(natnet::Message::kKeepAlive)
+                         : natnet::connect({4, 1}, {4, 1}),
+               now_);
       asked_ = now_;
     }
     while (const auto datagram = up_.receive(now_)) {
@@ -85,21 +70,15 @@ class NatNetNetwork {
     frames_ += kind == static_cast<std::uint16_t>(natnet::Message::kFrame) ? 1 : 0;
   }
 
-  std::mt19937 random_;
-  FaultyLink up_;
-  FaultyLink down_;
   natnet::NatNetConfig config_;
   std::shared_ptr<SceneFrame> frame_ = make_scene_frame(kNames);
-  Instant now_ = instant_from_ns(1'000'000'000'000);
   natnet::Conversation conversation_;
-  net::Peer peer_{0x0a000007, 40001};
   Instant asked_{};
   std::optional<Instant> heard_;
   std::uint64_t number_{0};
-  int frames_{0};
 };
 
-TEST(NatNetNetwork, AClientThatGoesOnAskingIsServedWhenTheNetworkIsGoodAgain) {
+TEST(NatNetNetwork, ServesARequestingClientOnceTheNetworkWorks) {
   for (std::uint32_t seed = 1; seed <= seeds(1000); ++seed) {
     NatNetNetwork network(seed);
     network.suffer();
@@ -110,15 +89,13 @@ TEST(NatNetNetwork, AClientThatGoesOnAskingIsServedWhenTheNetworkIsGoodAgain) {
   }
 }
 
-constexpr Duration kAutopilotClock = 1234567ms;  ///< Its own minus the server's.
+constexpr Duration kAutopilotClock = 1234567ms;  ///< The autopilot's minus the server's.
 
-TEST(MavlinkNetwork, PosesFlowAndTheClockIsNeverFurtherOffThanItSays) {
+TEST(MavlinkNetwork, SendsPosesAndTheClockErrorStaysWithinItsBound) {
   for (std::uint32_t seed = 1; seed <= seeds(500); ++seed) {
     std::mt19937 random(seed);
-    const LinkFaults up_faults = LinkFaults::drawn(random);
-    const LinkFaults down_faults = LinkFaults::drawn(random);
-    FaultyLink up(random, up_faults);
-    FaultyLink down(random, down_faults);
+    FaultyLink up(random, LinkFaults::drawn(random));
+    FaultyLink down(random, LinkFaults::drawn(random));
     mavlink::VehicleConfig config;
     config.body = "drone";
     mavlink::VehicleLink link(config);
@@ -140,8 +117,7 @@ TEST(MavlinkNetwork, PosesFlowAndTheClockIsNeverFurtherOffThanItSays) {
           const auto asked = mavlink::decode_timesync(*message);
           if (asked.tc1_ns != 0) continue;
           bytes.clear();
-          mavlink::encode_timesync(
-              {1, 1, 0}, {(now + kAutopilotClock).time_since_epoch().count(), asked.ts1_ns}, bytes);
+          mavlink::encode_timesync({1, 1, 0}, {to_ns(now + kAutopilotClock), asked.ts1_ns}, bytes);
           up.send(bytes, now);
         }
       }

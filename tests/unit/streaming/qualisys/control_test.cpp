@@ -1,7 +1,6 @@
 #include "streaming/qualisys/control.hpp"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "fake_operator_api.hpp"
 
@@ -10,6 +9,7 @@ namespace {
 
 using testing::ElementsAre;
 using testing::IsEmpty;
+using State = RecordingStatus::State;
 
 constexpr Control::ClientId kAnna = 1;
 constexpr Control::ClientId kBert = 2;
@@ -27,19 +27,21 @@ class QualisysControl : public testing::Test {
     control_.observe(out);
     return out;
   }
+  void record_and_stop() {
+    EXPECT_EQ(say(kAnna, "start"), "+Starting measurement");
+    EXPECT_THAT(events(), ElementsAre(Event::kCaptureStarted));
+    EXPECT_EQ(say(kAnna, "stop"), "+Stopping measurement");
+  }
   FakeOperatorApi operator_api_;
   Control control_{&operator_api_};
 };
 
-TEST_F(QualisysControl, OnlyTheTokenMakesAMaster) {
+TEST_F(QualisysControl, RequiresAnOperatorApiAndItsToken) {
   EXPECT_EQ(control_.take(kAnna, "anna", "").text, "Wrong or missing password");
   EXPECT_EQ(control_.take(kAnna, "anna", "open").text, "Wrong or missing password");
   EXPECT_FALSE(control_.is_master(kAnna));
   EXPECT_EQ(control_.take(kAnna, "anna", kToken).text, "You are now master");
   EXPECT_TRUE(control_.is_master(kAnna));
-}
-
-TEST_F(QualisysControl, WithoutAnOperatorApiNoClientIsMaster) {
   Control closed(nullptr);
   EXPECT_EQ(closed.take(kAnna, "anna", kToken).text, "Client control disabled in QTM");
   EXPECT_EQ(closed.state(), Event::kConnected);
@@ -48,62 +50,48 @@ TEST_F(QualisysControl, WithoutAnOperatorApiNoClientIsMaster) {
   EXPECT_TRUE(events.empty());
 }
 
-TEST_F(QualisysControl, ThereIsOneMasterAtATime) {
+TEST_F(QualisysControl, HasOneMasterAtATimeUntilItLeaves) {
   anna_is_master();
   EXPECT_EQ(control_.take(kAnna, "anna", "").text, "You are already master");
   EXPECT_EQ(control_.take(kBert, "bert", kToken).text, "anna is already master");
   EXPECT_EQ(control_.release(kBert).text, "You are already a regular client");
   EXPECT_EQ(control_.release(kAnna).text, "You are now a regular client");
   EXPECT_TRUE(control_.take(kBert, "bert", kToken).ok);
-}
-
-TEST_F(QualisysControl, AMasterThatLeavesIsMasterNoMore) {
-  anna_is_master();
-  control_.left(kBert);
-  EXPECT_TRUE(control_.is_master(kAnna));
   control_.left(kAnna);
-  EXPECT_TRUE(control_.take(kBert, "bert", kToken).ok);
+  EXPECT_TRUE(control_.is_master(kBert));
+  control_.left(kBert);
+  EXPECT_TRUE(control_.take(kAnna, "anna", kToken).ok);
 }
 
-TEST_F(QualisysControl, OthersChangeNothing) {
+TEST_F(QualisysControl, RefusesCommandsOfOtherClients) {
   for (const char* command : {"New", "Close", "Start", "Stop", "Save x", "Load x", "Trig",
                               "Calibrate", "Reprocess", "SetQTMEvent x", "LoadProject x"}) {
     EXPECT_EQ(say(kBert, command), "-You must be master to issue this command") << command;
   }
-  EXPECT_FALSE(operator_api_.running);
+  EXPECT_FALSE(operator_api_.under_way);
 }
 
-TEST_F(QualisysControl, ACaptureIsARecordingAndSaveRepliesWithItsName) {
+TEST_F(QualisysControl, RecordsACaptureAndReportsItsNameWhenSaved) {
   anna_is_master();
   EXPECT_EQ(say(kAnna, "new"), "+Already connected");
   EXPECT_EQ(say(kAnna, "stop"), "-No measurement is running");
   EXPECT_EQ(say(kAnna, "save take"), "-No measurement to save");
   EXPECT_EQ(say(kAnna, "close"), "+No connection to close");
   EXPECT_EQ(say(kAnna, "start"), "+Starting measurement");
-  EXPECT_TRUE(operator_api_.running);
+  EXPECT_TRUE(operator_api_.under_way);
   EXPECT_EQ(control_.state(), Event::kCaptureStarted);
   EXPECT_EQ(say(kAnna, "start"), "-Measurement is already running");
   EXPECT_EQ(say(kAnna, "close"), "-Measurement is already running");
   EXPECT_EQ(say(kAnna, "stop"), "+Stopping measurement");
-  EXPECT_FALSE(operator_api_.running);
+  EXPECT_FALSE(operator_api_.under_way);
   EXPECT_EQ(say(kAnna, "save take"), "+Measurement saved as 'take_1'");
   EXPECT_EQ(say(kAnna, "close"), "+Closing file");
   EXPECT_EQ(say(kAnna, "save take"), "-No measurement to save");
 }
 
-TEST_F(QualisysControl, SaysWhyACaptureCannotStart) {
+TEST_F(QualisysControl, DoesNotSaveACaptureThatFailed) {
   anna_is_master();
-  operator_api_.disk_full = true;
-  EXPECT_EQ(say(kAnna, "Start"), "-the disk is full");
-  EXPECT_EQ(say(kAnna, "Start RTFromFile"), "-No file open");
-}
-
-TEST_F(QualisysControl, ACaptureThatFailedIsNotSaved) {
-  using State = RecordingStatus::State;
-  anna_is_master();
-  EXPECT_EQ(say(kAnna, "start"), "+Starting measurement");
-  EXPECT_THAT(events(), ElementsAre(Event::kCaptureStarted));
-  EXPECT_EQ(say(kAnna, "stop"), "+Stopping measurement");
+  record_and_stop();
   operator_api_.known = {{"take_1", State::kFailed, "the disk is full", 10, 2000, 3}};
   EXPECT_THAT(events(), ElementsAre(Event::kCaptureStopped, Event::kConnected));
   EXPECT_EQ(say(kAnna, "save take"), "-Failed to save measurement");
@@ -112,13 +100,10 @@ TEST_F(QualisysControl, ACaptureThatFailedIsNotSaved) {
   EXPECT_EQ(say(kAnna, "stop"), "-No measurement is running");
 }
 
-TEST_F(QualisysControl, ACaptureIsNotSavedBeforeItIsOnTheDisk) {
-  using State = RecordingStatus::State;
+TEST_F(QualisysControl, DoesNotSaveACaptureBeforeItIsOnDisk) {
   anna_is_master();
   operator_api_.stops_as = State::kStopping;
-  EXPECT_EQ(say(kAnna, "start"), "+Starting measurement");
-  EXPECT_THAT(events(), ElementsAre(Event::kCaptureStarted));
-  EXPECT_EQ(say(kAnna, "stop"), "+Stopping measurement");
+  record_and_stop();
   EXPECT_THAT(events(), ElementsAre(Event::kCaptureStopped));
   EXPECT_EQ(say(kAnna, "save take"), "-Failed to save measurement");
   EXPECT_THAT(events(), IsEmpty());
@@ -127,8 +112,11 @@ TEST_F(QualisysControl, ACaptureIsNotSavedBeforeItIsOnTheDisk) {
   EXPECT_EQ(say(kAnna, "save take"), "+Measurement saved as 'take_1'");
 }
 
-TEST_F(QualisysControl, WordsThatAreNotForUsAreRefusedInQtmsWords) {
+TEST_F(QualisysControl, ReportsWhyACommandIsImpossible) {
   anna_is_master();
+  operator_api_.disk_full = true;
+  EXPECT_EQ(say(kAnna, "Start"), "-the disk is full");
+  EXPECT_EQ(say(kAnna, "Start RTFromFile"), "-No file open");
   EXPECT_EQ(say(kAnna, "Load x"), "-Failed to load measurement");
   EXPECT_EQ(say(kAnna, "LoadProject x"), "-Failed to load project");
   EXPECT_EQ(say(kAnna, "Trig"), "-QTM not waiting for trig");
@@ -137,9 +125,9 @@ TEST_F(QualisysControl, WordsThatAreNotForUsAreRefusedInQtmsWords) {
   EXPECT_EQ(say(kAnna, "Dance"), "?");
 }
 
-TEST_F(QualisysControl, SendsEventsToEveryClient) {
+TEST_F(QualisysControl, ReportsRecordingsOfOtherProtocolsOnce) {
   EXPECT_THAT(events(), IsEmpty());
-  operator_api_.running = "by the page";
+  operator_api_.under_way = "by the page";
   EXPECT_THAT(events(), ElementsAre(Event::kCaptureStarted));
   EXPECT_THAT(events(), IsEmpty());
   ASSERT_TRUE(operator_api_.stop_recording());
@@ -148,23 +136,24 @@ TEST_F(QualisysControl, SendsEventsToEveryClient) {
   EXPECT_EQ(control_.state(), Event::kConnected);
 }
 
-TEST_F(QualisysControl, AMastersSettingsSwitchBodies) {
+TEST_F(QualisysControl, SettingsOfTheMasterEnableBodies) {
   const std::vector<BodyTable::Entry> bodies{{7, "arm", true}, {9, "drone", true}};
-  const auto xml = [](const char* name, const char* on) {
-    return "<S><The_6D><Body><Name>" + std::string(name) + "</Name><Enabled>" + on +
-           "</Enabled></Body></The_6D></S>";
+  const auto apply = [&](const std::string& xml) {
+    return control_.apply_settings(kAnna, xml, bodies);
   };
-  EXPECT_FALSE(control_.apply_settings(kAnna, xml("arm", "false"), bodies).ok);
+  const auto switched = [&](const char* name, const char* on) {
+    return apply("<S><The_6D><Body><Name>" + std::string(name) + "</Name><Enabled>" + on +
+                 "</Enabled></Body></The_6D></S>");
+  };
+  EXPECT_FALSE(switched("arm", "false").ok);
   anna_is_master();
-  EXPECT_EQ(control_.apply_settings(kAnna, xml("arm", "false"), bodies).text,
-            "Setting parameters succeeded");
+  EXPECT_EQ(switched("arm", "false").text, "Setting parameters succeeded");
   EXPECT_EQ(operator_api_.enabled, (std::map<int, bool>{{7, false}}));
-  EXPECT_TRUE(control_.apply_settings(kAnna, xml("drone", "true"), bodies).ok);  // it is
+  EXPECT_TRUE(switched("drone", "true").ok);  // it is
   EXPECT_EQ(operator_api_.enabled.size(), 1u);
-  EXPECT_EQ(control_.apply_settings(kAnna, xml("ghost", "true"), bodies).text,
-            "Setting parameters failed");
-  EXPECT_FALSE(control_.apply_settings(kAnna, "<S><General/></S>", bodies).ok);
-  EXPECT_FALSE(control_.apply_settings(kAnna, "<S", bodies).ok);
+  EXPECT_EQ(switched("ghost", "true").text, "Setting parameters failed");
+  EXPECT_FALSE(apply("<S><General/></S>").ok);
+  EXPECT_FALSE(apply("<S").ok);
 }
 
 }  // namespace

@@ -1,10 +1,6 @@
 #include "streaming/qualisys/qualisys.hpp"
 
-#include <arpa/inet.h>
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include <boost/asio/post.hpp>
 #include <chrono>
@@ -12,17 +8,85 @@
 
 #include "base/bytes.hpp"
 #include "fake_operator_api.hpp"
-#include "rt_client.hpp"
+#include "streaming/qualisys/codec.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/hex.hpp"
+#include "support/loopback_socket.hpp"
 #include "support/server_stage.hpp"
 
 namespace fiducap::qualisys {
 namespace {
 
-using testing::Contains;
 using testing::HasSubstr;
-using testing::IsEmpty;
+using Bytes = std::vector<std::byte>;
+
+/// A client on real loopback sockets that reads on request.
+class RtClient final {
+ public:
+  explicit RtClient(int port, std::endian order = std::endian::little)
+      : order_(order), tcp_(connected_socket(static_cast<std::uint16_t>(port))) {}
+  ~RtClient() {
+    ::close(tcp_);
+    if (udp_ >= 0) ::close(udp_);
+  }
+  RtClient(const RtClient&) = delete;
+  RtClient& operator=(const RtClient&) = delete;
+
+  void say(std::string_view command) {
+    Bytes out;
+    encode_text(order_, PacketType::kCommand, command, out);
+    send(out);
+  }
+  void send(std::span<const std::byte> bytes) {
+    closed = ::send(tcp_, bytes.data(), bytes.size(), MSG_NOSIGNAL) < 0 || closed;
+  }
+  /// Opens a UDP socket. @return its port
+  std::uint16_t open_udp() {
+    udp_ = bound_socket(SOCK_DGRAM);
+    return port_of(udp_);
+  }
+  /// Reads all that came; never waits.
+  void pump() {
+    closed = !read_stream(tcp_, in_) || closed;
+    std::size_t used = 0;
+    for (;;) {
+      const auto rest = std::span<const std::byte>(in_).subspan(used);
+      const auto packet = decode_packet(order_, rest);
+      if (!packet || !*packet) break;
+      take(**packet, rest.first((*packet)->size));
+      used += (*packet)->size;
+    }
+    in_.erase(in_.begin(), in_.begin() + static_cast<std::ptrdiff_t>(used));
+    if (udp_ < 0) return;
+    while (auto datagram = read_datagram(udp_)) udp_frames.push_back(std::move(*datagram));
+  }
+  [[nodiscard]] bool heard(const std::string& text) const {
+    return std::find(texts.begin(), texts.end(), text) != texts.end();
+  }
+  [[nodiscard]] std::size_t frames() const { return tcp_frames.size() + udp_frames.size(); }
+
+  std::vector<std::string> texts;
+  std::vector<Event> events;
+  std::vector<Bytes> tcp_frames;
+  std::vector<Bytes> udp_frames;
+  bool closed{false};
+
+ private:
+  void take(const Packet& packet, std::span<const std::byte> whole) {
+    if (packet.type == PacketType::kData) {
+      tcp_frames.emplace_back(whole.begin(), whole.end());
+    } else if (packet.type == PacketType::kEvent) {
+      events.push_back(static_cast<Event>(packet.payload[0]));
+    } else if (packet.type != PacketType::kNoMoreData) {
+      texts.emplace_back(decode_text(packet.payload));
+    }
+  }
+
+  std::endian order_;
+  int tcp_;
+  int udp_{-1};
+  Bytes in_;
+};
 
 class QualisysServer : public ServerStage<RtClient> {
  protected:
@@ -31,23 +95,30 @@ class QualisysServer : public ServerStage<RtClient> {
     io_.restart();
     io_.run();
   }
+  [[nodiscard]] auto make_server() {
+    return start_qualisys_server(io_, config_, &operator_api_, make_scene_frame(names_)->model,
+                                 clock_);
+  }
   void start() {
     config_.base_port = 0;
     config_.discovery_port = discovery_;
-    auto server = start_qualisys_server(io_, config_, &operator_api_,
-                                        make_scene_frame(names_)->model, clock_);
+    auto server = make_server();
     ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
     base_ = server_->base_port();
   }
   void publish() { server_->publish(frame()); }
-  /// Speaks version 1.28 and asks for a stream.
-  void begin(RtClient& client, const std::string& stream) {
+  /// Speaks version 1.28 and requests a stream.
+  void begin(RtClient& client, const std::string& stream = "StreamFrames AllFrames 6D") {
     clients_.push_back(&client);
     client.say("Version 1.28");
     client.say(stream);
     client.say("ByteOrder");
     ASSERT_TRUE(until([&] { return client.texts.size() >= 3; }));
+  }
+  void begin_udp(RtClient& client, const std::string& components) {
+    begin(client,
+          "StreamFrames AllFrames UDP:" + std::to_string(client.open_udp()) + " " + components);
   }
   [[nodiscard]] std::vector<ClientStatus> status() const {
     std::vector<ClientStatus> all;
@@ -64,42 +135,36 @@ class QualisysServer : public ServerStage<RtClient> {
 
 TEST_F(QualisysServer, StreamsByTcpInBothByteOrders) {
   start();
-  RtClient little(base_ + 1);
-  RtClient big(base_ + 2, std::endian::big);
-  begin(little, "StreamFrames AllFrames 6D");
-  begin(big, "StreamFrames AllFrames 6D");
+  RtClient little(base_ + 1), big(base_ + 2, std::endian::big);
+  begin(little);
+  begin(big);
   EXPECT_TRUE(little.heard("QTM RT Interface connected"));
   EXPECT_TRUE(big.heard("Byte order is big endian"));
   publish();
   ASSERT_TRUE(until([&] { return little.frames() == 1 && big.frames() == 1; }));
-  LittleEndianReader a(std::span(little.tcp_frames[0]).subspan(40));
-  BigEndianReader b(std::span(big.tcp_frames[0]).subspan(40));
-  EXPECT_EQ(a.f32(), 1000.0F);
-  EXPECT_EQ(b.f32(), 1000.0F);
+  EXPECT_EQ(LittleEndianReader(std::span(little.tcp_frames[0]).subspan(40)).f32(), 1000.0F);
+  EXPECT_EQ(BigEndianReader(std::span(big.tcp_frames[0]).subspan(40)).f32(), 1000.0F);
 }
 
-TEST_F(QualisysServer, StreamsByUdpToEveryClientThatAsked) {
+TEST_F(QualisysServer, StreamsByUdpToEveryClientThatRequestsIt) {
   start();
-  RtClient a(base_ + 1);
-  RtClient b(base_ + 1);
-  begin(a, "StreamFrames AllFrames UDP:" + std::to_string(a.open_udp()) + " 6DEuler");
-  begin(b, "StreamFrames AllFrames UDP:" + std::to_string(b.open_udp()) + " 6DEuler");
+  RtClient a(base_ + 1), b(base_ + 1);
+  begin_udp(a, "6DEuler");
+  begin_udp(b, "6DEuler");
   for (int i = 0; i < 3; ++i) publish();
   ASSERT_TRUE(until([&] { return a.udp_frames.size() == 3 && b.udp_frames.size() == 3; }));
-  EXPECT_THAT(a.tcp_frames, IsEmpty());
+  EXPECT_THAT(a.tcp_frames, testing::IsEmpty());
   EXPECT_EQ(a.udp_frames, b.udp_frames);
   EXPECT_THAT(status().at(0).peer, HasSubstr("udp"));
   EXPECT_EQ(status().at(0).frames_sent, 3u);
   EXPECT_EQ(status().at(0).frames_dropped, 0u);
 }
 
-TEST_F(QualisysServer, AUdpReceiverThatIsGoneCostsTheOthersNothing) {
+TEST_F(QualisysServer, AClosedUdpPortAffectsNoOtherClient) {
   start();
-  RtClient gone(base_ + 1);
-  RtClient here(base_ + 1);
-  begin(gone,
-        "StreamFrames AllFrames UDP:" + std::to_string(base_) + " 6D");  // TCP's: no UDP there
-  begin(here, "StreamFrames AllFrames UDP:" + std::to_string(here.open_udp()) + " 6D");
+  RtClient gone(base_ + 1), here(base_ + 1);
+  begin(gone, "StreamFrames AllFrames UDP:" + std::to_string(base_) + " 6D");  // a port of TCP
+  begin_udp(here, "6D");
   for (int i = 0; i < 20; ++i) {
     publish();
     step();
@@ -107,7 +172,7 @@ TEST_F(QualisysServer, AUdpReceiverThatIsGoneCostsTheOthersNothing) {
   EXPECT_TRUE(until([&] { return here.udp_frames.size() == 20; }));
 }
 
-TEST_F(QualisysServer, GivesTheCurrentFrameOnceEach) {
+TEST_F(QualisysServer, SendsTheCurrentFrameOnce) {
   start();
   publish();
   RtClient client(base_ + 1);
@@ -116,7 +181,7 @@ TEST_F(QualisysServer, GivesTheCurrentFrameOnceEach) {
   client.say("GetCurrentFrame 6D");
   client.say("QTMVersion");
   ASSERT_TRUE(until([&] { return client.texts.size() == 4; }));
-  EXPECT_EQ(client.frames(), 1);  // no new one yet
+  EXPECT_EQ(client.frames(), 1u);  // no new one yet
   publish();
   EXPECT_TRUE(until([&] { return client.frames() == 2; }));
 }
@@ -124,7 +189,7 @@ TEST_F(QualisysServer, GivesTheCurrentFrameOnceEach) {
 TEST_F(QualisysServer, ReportsChangedBodiesAndKeepsTheirPlaces) {
   start();
   RtClient client(base_ + 1);
-  begin(client, "StreamFrames AllFrames 6D");
+  begin(client);
   publish();
   names_ = {"drone"};
   auto without_arm = frame();
@@ -134,7 +199,7 @@ TEST_F(QualisysServer, ReportsChangedBodiesAndKeepsTheirPlaces) {
   without_arm->model = model;
   server_->publish(without_arm);
   ASSERT_TRUE(until([&] { return client.frames() == 2 && !client.events.empty(); }));
-  EXPECT_THAT(client.events, Contains(Event::kCameraSettingsChanged));
+  EXPECT_THAT(client.events, testing::Contains(Event::kCameraSettingsChanged));
   LittleEndianReader in(std::span(client.tcp_frames[1]).subspan(32));
   EXPECT_EQ(in.u32(), 2u);  // still two: the arm as NaN
   (void)in.u32();
@@ -143,8 +208,7 @@ TEST_F(QualisysServer, ReportsChangedBodiesAndKeepsTheirPlaces) {
 
 TEST_F(QualisysServer, SendsCaptureAndShutdownEventsToEveryClient) {
   start();
-  RtClient master(base_ + 1);
-  RtClient other(base_ + 1);
+  RtClient master(base_ + 1), other(base_ + 1);
   begin(master, "TakeControl open sesame");
   begin(other, "GetParameters 6D");
   master.say("Start");
@@ -156,7 +220,7 @@ TEST_F(QualisysServer, SendsCaptureAndShutdownEventsToEveryClient) {
   EXPECT_EQ(other.events.back(), Event::kShuttingDown);
 }
 
-TEST_F(QualisysServer, AMasterThatLeavesFreesTheControl) {
+TEST_F(QualisysServer, ReleasesTheControlOfAMasterThatLeaves) {
   start();
   auto first = std::make_unique<RtClient>(base_ + 1);
   begin(*first, "TakeControl open sesame");
@@ -170,11 +234,10 @@ TEST_F(QualisysServer, AMasterThatLeavesFreesTheControl) {
   }));
 }
 
-TEST_F(QualisysServer, AClientThatDoesNotReadLosesFramesAndStaysBounded) {
+TEST_F(QualisysServer, DropsFramesOfAClientThatDoesNotRead) {
   names_.assign(200, "body");
   start();
-  RtClient lazy(base_ + 1);
-  RtClient eager(base_ + 1);
+  RtClient lazy(base_ + 1), eager(base_ + 1);
   begin(lazy, "StreamFrames AllFrames All");
   begin(eager, "StreamFrames AllFrames All");
   clients_ = {&eager};
@@ -189,11 +252,10 @@ TEST_F(QualisysServer, AClientThatDoesNotReadLosesFramesAndStaysBounded) {
   EXPECT_EQ(all[1].frames_dropped, 0u);
 }
 
-TEST_F(QualisysServer, GarbageEndsOnlyItsSender) {
+TEST_F(QualisysServer, ClosesOnlyTheClientThatSendsGarbage) {
   start();
-  RtClient good(base_ + 1);
-  RtClient bad(base_ + 1);
-  begin(good, "StreamFrames AllFrames 6D");
+  RtClient good(base_ + 1), bad(base_ + 1);
+  begin(good);
   clients_.push_back(&bad);
   bad.send(from_hex("ffffffffffffffffffffffff"));
   ASSERT_TRUE(until([&] { return bad.closed; }));
@@ -201,10 +263,9 @@ TEST_F(QualisysServer, GarbageEndsOnlyItsSender) {
   EXPECT_TRUE(until([&] { return good.frames() == 1; }));
 }
 
-TEST_F(QualisysServer, WhoSaysNothingIsSentAway) {
+TEST_F(QualisysServer, ClosesSilentClients) {
   start();
-  RtClient silent(base_ + 1);
-  RtClient speaking(base_ + 1);
+  RtClient silent(base_ + 1), speaking(base_ + 1);
   clients_ = {&silent};
   begin(speaking, "StreamFrames Stop");  // no answer, then two
   clock_.advance(std::chrono::seconds(11));
@@ -212,74 +273,54 @@ TEST_F(QualisysServer, WhoSaysNothingIsSentAway) {
   EXPECT_FALSE(speaking.closed);
 }
 
-TEST_F(QualisysServer, HasPlacesForSoManyAndNoMore) {
+TEST_F(QualisysServer, ClosesClientsAboveTheLimit) {
   config_.max_clients = 3;
   config_.max_clients_per_address = 2;
   start();
-  RtClient a(base_ + 1);
-  RtClient b(base_ + 1);
-  RtClient c(base_ + 1);
+  RtClient a(base_ + 1), b(base_ + 1), c(base_ + 1);
   clients_ = {&a, &b, &c};
   EXPECT_TRUE(until([&] { return c.closed && !a.texts.empty() && !b.texts.empty(); }));
 }
 
-TEST_F(QualisysServer, AnswersWhoIsThereButNotAFlood) {
+TEST_F(QualisysServer, AnswersDiscoveryUpToALimit) {
+  const int asker = bound_socket(SOCK_DGRAM);
   // Port 0 would switch it off: take one that the kernel gives.
-  const int probe = ::socket(AF_INET, SOCK_DGRAM, 0);
-  sockaddr_in own{};
-  own.sin_family = AF_INET;
-  own.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t size = sizeof(own);
-  ::bind(probe, reinterpret_cast<const sockaddr*>(&own), size);
-  ::getsockname(probe, reinterpret_cast<sockaddr*>(&own), &size);
+  const int probe = bound_socket(SOCK_DGRAM);
+  discovery_ = port_of(probe);
   ::close(probe);
-  discovery_ = ntohs(own.sin_port);
   start();
   ASSERT_EQ(server_->discovery_port(), discovery_);
   RtClient client(base_ + 1);
   clients_ = {&client};
-  const std::uint16_t reply = client.open_udp();
-  std::vector<std::byte> question = from_hex("0a000000 07000000");
-  question.push_back(static_cast<std::byte>(reply >> 8));
-  question.push_back(static_cast<std::byte>(reply & 0xff));
-  const int asker = ::socket(AF_INET, SOCK_DGRAM, 0);
+  Bytes question = from_hex("0a000000 07000000");
+  BigEndianWriter(question).u16(client.open_udp());
   constexpr std::size_t kAllowed = 64;  // net::AnswerLimiter
-  for (std::size_t i = 0; i < 3 * kAllowed; ++i) {
-    ::sendto(asker, question.data(), question.size(), 0, reinterpret_cast<const sockaddr*>(&own),
-             sizeof(own));
-  }
+  for (std::size_t i = 0; i < 3 * kAllowed; ++i) send_datagram(asker, question, discovery_);
   ASSERT_TRUE(until([&] { return client.udp_frames.size() >= kAllowed; }));
-  for (int i = 0; i < 50; ++i) step();
+  steps(50);
   ::close(asker);
   EXPECT_EQ(client.udp_frames.size(), kAllowed);
-  const auto& answer = client.udp_frames[0];
-  EXPECT_THAT(std::string(decode_text(std::span(answer).subspan(8))),
-              HasSubstr("QTM 2.17 (build 4050)"));
-  BigEndianReader port{std::span<const std::byte>(answer).last(2)};
-  EXPECT_EQ(port.u16(), base_);
+  const std::span<const std::byte> answer = client.udp_frames[0];
+  EXPECT_THAT(std::string(decode_text(answer.subspan(8))), HasSubstr("QTM 2.17 (build 4050)"));
+  EXPECT_EQ(BigEndianReader(answer.last(2)).u16(), base_);
 }
 
-TEST_F(QualisysServer, NamesPortAndRemedyWhenThePortIsInUse) {
+TEST_F(QualisysServer, ReportsPortAndRemedyWhenThePortIsInUse) {
   start();
-  QualisysConfig second = config_;
-  second.base_port = base_;
-  const auto server =
-      start_qualisys_server(io_, second, &operator_api_, make_scene_frame(names_)->model, clock_);
-  ASSERT_FALSE(server);
-  EXPECT_THAT(server.error().text(), HasSubstr(std::to_string(base_)));
-  EXPECT_THAT(server.error().text(), HasSubstr("streaming.qualisys.base_port"));
+  config_.base_port = base_;
+  const auto second = make_server();
+  ASSERT_FALSE(second);
+  EXPECT_THAT(second.error().text(), HasSubstr(std::to_string(base_)));
+  EXPECT_THAT(second.error().text(), HasSubstr("streaming.qualisys.base_port"));
 }
 
 TEST_F(QualisysServer, PublishingAllocatesNothingAfterWarmUp) {
   start();
-  RtClient tcp(base_ + 1);
-  RtClient udp(base_ + 1);
-  RtClient tcp2(base_ + 1);
-  RtClient tcp3(base_ + 1);
-  begin(tcp2, "StreamFrames AllFrames 6D");
+  RtClient tcp(base_ + 1), udp(base_ + 1), tcp2(base_ + 1), tcp3(base_ + 1);
+  begin(tcp2);
   begin(tcp3, "StreamFrames AllFrames 6DEuler");
-  begin(tcp, "StreamFrames AllFrames 6D");
-  begin(udp, "StreamFrames AllFrames UDP:" + std::to_string(udp.open_udp()) + " 6D 6DRes");
+  begin(tcp);
+  begin_udp(udp, "6D 6DRes");
   const auto same = frame();
   // As in the server: from a handler of the io_context, whose memory for operations is recycled.
   int rounds = 0;

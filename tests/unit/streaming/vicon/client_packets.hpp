@@ -8,7 +8,7 @@
 
 namespace fiducap::vicon {
 
-/// What a client sends, byte by byte.
+/// Packets of a client, byte by byte.
 namespace client {
 
 using Bytes = std::vector<std::byte>;
@@ -17,39 +17,31 @@ inline void u32(Bytes& out, std::uint32_t v) {
   for (int i = 0; i < 4; ++i) out.push_back(static_cast<std::byte>(v >> (8 * i)));
 }
 
-inline Bytes packet(std::uint32_t type, const Bytes& payload) {
+inline Bytes words(std::initializer_list<std::uint32_t> values) {
   Bytes out;
-  u32(out, 0x1A2B0001);
-  u32(out, static_cast<std::uint32_t>(8 + payload.size()));
-  u32(out, type);
-  u32(out, static_cast<std::uint32_t>(payload.size()));
+  for (const auto value : values) u32(out, value);
+  return out;
+}
+
+inline Bytes packet(std::uint32_t type, const Bytes& payload) {
+  const auto size = static_cast<std::uint32_t>(payload.size());
+  Bytes out = words({0x1A2B0001, 8 + size, type, size});
   out.insert(out.end(), payload.begin(), payload.end());
   return out;
 }
 
 inline Bytes types(const std::set<std::uint32_t>& wanted) {
-  Bytes payload;
-  u32(payload, static_cast<std::uint32_t>(wanted.size()));
+  Bytes payload = words({static_cast<std::uint32_t>(wanted.size())});
   for (const auto type : wanted) u32(payload, type);
   return packet(100001, payload);
 }
 inline Bytes request_frame(bool streaming) {
   return packet(100002, {static_cast<std::byte>(streaming)});
 }
-inline Bytes request_next(std::uint32_t n) {
-  Bytes payload;
-  u32(payload, n);
-  return packet(100008, payload);
-}
-inline Bytes ping(std::uint32_t id) {
-  Bytes payload;
-  u32(payload, id);
-  u32(payload, 0);
-  return packet(42, payload);
-}
+inline Bytes request_next(std::uint32_t n) { return packet(100008, words({n})); }
+inline Bytes ping(std::uint32_t id) { return packet(42, words({id, 0})); }
 inline Bytes filter(const std::map<std::uint32_t, std::set<std::uint32_t>>& wanted) {
-  Bytes payload;
-  u32(payload, static_cast<std::uint32_t>(wanted.size()));
+  Bytes payload = words({static_cast<std::uint32_t>(wanted.size())});
   for (const auto& [type, ids] : wanted) {
     u32(payload, type);
     u32(payload, static_cast<std::uint32_t>(ids.size()));

@@ -1,17 +1,35 @@
+#include "streaming/vicon/session.hpp"
+
 #include <gmock/gmock.h>
 
 #include <random>
 
 #include "client_packets.hpp"
-#include "streaming/vicon/session.hpp"
+#include "streaming/vicon/vicon.hpp"
 #include "support/hex.hpp"
 
 namespace fiducap::vicon {
 namespace {
 
 using std::chrono::seconds;
+using testing::Field;
 using testing::HasSubstr;
 using testing::IsEmpty;
+
+TEST(ViconConfig, ReportsEveryBrokenRule) {
+  ViconConfig config;
+  EXPECT_TRUE(config.check().empty());
+  EXPECT_EQ(config.port, 801);
+  EXPECT_EQ(config.when_invalid, WhenInvalid::kFlag);
+  config.address = "localhost";
+  config.max_clients = 0;
+  config.max_clients_per_address = 1000;
+  EXPECT_THAT(
+      config.check(),
+      testing::ElementsAre(Field(&ConfigError::path, "streaming.vicon.address"),
+                           Field(&ConfigError::path, "streaming.vicon.max_clients"),
+                           Field(&ConfigError::path, "streaming.vicon.max_clients_per_address")));
+}
 
 class ViconConnectionTest : public testing::Test {
  protected:
@@ -26,6 +44,13 @@ class ViconConnectionTest : public testing::Test {
     const auto result = connection_.receive(bytes, now_, answers_);
     EXPECT_TRUE(result) << result.error().text();
   }
+  /// Takes the frames `first` to `last`, each of which must be wanted.
+  void take(std::uint32_t first, std::uint32_t last) {
+    for (std::uint32_t id = first; id <= last; ++id) {
+      ASSERT_TRUE(connection_.wants(id)) << id;
+      connection_.sent(id, {});
+    }
+  }
 
   Instant now_{instant_from_ns(7)};
   ProfileTable profiles_;
@@ -33,28 +58,25 @@ class ViconConnectionTest : public testing::Test {
   std::vector<std::byte> answers_;
 };
 
-TEST_F(ViconConnectionTest, WantsNothingUntilItsTypesAreKnown) {
+TEST_F(ViconConnectionTest, WantsNothingUntilItIsGreetedAndItsTypesAreKnown) {
   greet();
   receive(client::request_frame(true));
   EXPECT_FALSE(connection_.wants(1));
   receive(client::types(client::kSegments));
-  EXPECT_TRUE(connection_.wants(1)) << "the request that came first is remembered";
-}
-
-TEST_F(ViconConnectionTest, WantsNothingBeforeItWasGreeted) {
-  receive(client::types(client::kSegments));
-  receive(client::request_frame(true));
-  EXPECT_FALSE(connection_.wants(1));
-  greet();
-  EXPECT_TRUE(connection_.wants(1));
+  EXPECT_TRUE(connection_.wants(1)) << "the earlier request is kept";
+  Connection early(profiles_, now_);
+  ASSERT_TRUE(early.receive(client::types(client::kSegments), now_, answers_));
+  ASSERT_TRUE(early.receive(client::request_frame(true), now_, answers_));
+  EXPECT_FALSE(early.wants(1));
+  (void)early.greeting();
+  EXPECT_TRUE(early.wants(1));
 }
 
 TEST_F(ViconConnectionTest, PullWantsOneFrameAndNeverTheSameTwice) {
   open();
   EXPECT_FALSE(connection_.wants(1));
   receive(client::request_frame(false));
-  ASSERT_TRUE(connection_.wants(1));
-  connection_.sent(1, {});
+  take(1, 1);
   EXPECT_FALSE(connection_.wants(2));
   receive(client::request_frame(false));
   EXPECT_FALSE(connection_.wants(1));
@@ -71,30 +93,19 @@ TEST_F(ViconConnectionTest, RepeatedRequestsDoNotAddUp) {
   EXPECT_FALSE(connection_.wants(3));
 }
 
-TEST_F(ViconConnectionTest, PrefetchWantsTheNextNFrames) {
-  open();
-  receive(client::request_next(3));
-  for (std::uint32_t id = 1; id <= 3; ++id) {
-    ASSERT_TRUE(connection_.wants(id));
-    connection_.sent(id, {});
-  }
-  EXPECT_FALSE(connection_.wants(4));
-}
-
-TEST_F(ViconConnectionTest, PushWantsEveryFrameUntilItIsStopped) {
+TEST_F(ViconConnectionTest, PushWantsEveryFrameAndPrefetchTheNextN) {
   open();
   receive(client::request_frame(true));
-  for (std::uint32_t id = 1; id < 50; ++id) {
-    ASSERT_TRUE(connection_.wants(id));
-    connection_.sent(id, {});
-  }
+  take(1, 49);
   receive(client::request_frame(false));
-  ASSERT_TRUE(connection_.wants(50)) << "the request that stops pushing equals a pull";
-  connection_.sent(50, {});
+  take(50, 50);  // the request that stops pushing equals a pull
   EXPECT_FALSE(connection_.wants(51));
+  receive(client::request_next(3));
+  take(51, 53);
+  EXPECT_FALSE(connection_.wants(54));
 }
 
-TEST_F(ViconConnectionTest, StaticsAreWantedOnceAndAgainAfterAChange) {
+TEST_F(ViconConnectionTest, WantsStaticsOnceAndAfterEachChange) {
   open();
   EXPECT_TRUE(connection_.wants_statics(1));
   connection_.sent(1, 1);
@@ -124,7 +135,7 @@ TEST_F(ViconConnectionTest, TypesReplaceEachOtherAndKeepTheFilter) {
   EXPECT_THAT(connection_.profile()->filter, IsEmpty());
 }
 
-TEST_F(ViconConnectionTest, ClientsWithTheSameWishesShareAProfile) {
+TEST_F(ViconConnectionTest, ClientsWithEqualRequestsShareAProfile) {
   open();
   Connection other(profiles_, now_);
   Connection filtering(profiles_, now_);
@@ -135,7 +146,7 @@ TEST_F(ViconConnectionTest, ClientsWithTheSameWishesShareAProfile) {
   EXPECT_NE(connection_.profile(), filtering.profile());
 }
 
-TEST_F(ViconConnectionTest, AnswersPingsWithTheirIdButNotBeforeTheGreeting) {
+TEST_F(ViconConnectionTest, AnswersPingsWithTheirIdAfterTheGreeting) {
   receive(client::ping(5));
   EXPECT_THAT(answers_, IsEmpty());
   greet();
@@ -143,7 +154,7 @@ TEST_F(ViconConnectionTest, AnswersPingsWithTheirIdButNotBeforeTheGreeting) {
   EXPECT_EQ(to_hex(answers_), "01002b1a100000002a000000080000004433221100000000");
 }
 
-TEST_F(ViconConnectionTest, IgnoresWhatItDoesNotKnow) {
+TEST_F(ViconConnectionTest, IgnoresUnknownObjects) {
   open();
   receive(client::packet(35, client::Bytes(40)));      // haptics
   receive(client::packet(100003, {}));                 // keep-alive
@@ -154,7 +165,7 @@ TEST_F(ViconConnectionTest, IgnoresWhatItDoesNotKnow) {
   EXPECT_FALSE(connection_.wants(1));
 }
 
-TEST_F(ViconConnectionTest, TakesSeveralObjectsPerPacketAndPacketsCutAnywhere) {
+TEST_F(ViconConnectionTest, ReadsSeveralObjectsPerPacketAndPacketsCutAnywhere) {
   greet();
   client::Bytes all = from_hex(
       "01002b1a 25000000  a1860100 0c000000 02000000 09000000 a4860100  a2860100 01000000 01");
@@ -166,31 +177,26 @@ TEST_F(ViconConnectionTest, TakesSeveralObjectsPerPacketAndPacketsCutAnywhere) {
   EXPECT_EQ(answers_.size(), 24u);
 }
 
-TEST_F(ViconConnectionTest, EndsOnGarbageAndAbsurdLengths) {
-  EXPECT_FALSE(connection_.receive(from_hex("474554202f"), now_, answers_));  // "GET /"
-  Connection absurd(profiles_, now_);
-  EXPECT_FALSE(absurd.receive(from_hex("01002b1a ffffffff"), now_, answers_));
-  Connection lying(profiles_, now_);
-  EXPECT_FALSE(
-      lying.receive(from_hex("01002b1a 0c000000 a1860100 04000000 ffffff7f"), now_, answers_));
-  Connection overlong(profiles_, now_);
-  EXPECT_FALSE(overlong.receive(from_hex("01002b1a 08000000 a1860100 ffffffff"), now_, answers_));
+TEST_F(ViconConnectionTest, EndsOnGarbageAndInvalidLengths) {
+  for (const char* text :
+       {"474554202f" /* GET / */, "01002b1a ffffffff",
+        "01002b1a 0c000000 a1860100 04000000 ffffff7f", "01002b1a 08000000 a1860100 ffffffff"}) {
+    Connection target(profiles_, now_);
+    EXPECT_FALSE(target.receive(from_hex(text), now_, answers_)) << text;
+  }
 }
 
-TEST_F(ViconConnectionTest, IsOverdueWhenItNeverSaysWhatItWants) {
+TEST_F(ViconConnectionTest, IsOverdueOnlyUntilItsTypesAreKnown) {
   greet();
   EXPECT_FALSE(connection_.overdue(now_ + seconds(10)));
   receive(client::request_frame(true));
   EXPECT_THAT(connection_.overdue(now_ + seconds(11)).value_or(""),
               HasSubstr("did not request data"));
-}
-
-TEST_F(ViconConnectionTest, MayBeSilentForeverOnceItIsOpen) {
-  open();
+  receive(client::types(client::kSegments));
   EXPECT_FALSE(connection_.overdue(now_ + seconds(100'000)));
 }
 
-TEST_F(ViconConnectionTest, IsOverdueWhenAPacketDripsInByteByByte) {
+TEST_F(ViconConnectionTest, IsOverdueWhenAPacketArrivesByteByByte) {
   open();
   const client::Bytes ping = client::ping(9);
   const Instant begin = now_ += seconds(60);
@@ -204,7 +210,7 @@ TEST_F(ViconConnectionTest, IsOverdueWhenAPacketDripsInByteByByte) {
   EXPECT_LE(now_ - begin, seconds(12));
 }
 
-TEST_F(ViconConnectionTest, SaysInWordsWhatItReceives) {
+TEST_F(ViconConnectionTest, SummaryDescribesTheSubscription) {
   greet();
   EXPECT_EQ(connection_.summary(), "silent");
   receive(client::types(client::kSegments));

@@ -31,13 +31,13 @@ void StreamView::take_packet(Bytes in) {
 
 void StreamView::take_frame(const std::vector<std::pair<std::uint32_t, Bytes>>& objects) {
   ++frames;
-  expect(!requested.empty(), "comes before the client said what it wants");
+  expect(!requested.empty(), "comes before the client requested types");
   std::map<std::uint32_t, std::uint32_t> found;
   for (const auto& [type, bytes] : objects) ++found[type];
   expect(objects[0].first == 100004 && found[100004] == 1, "contents are not first and once");
   expect(found[5] == 1, "not one frame number");
   for (const auto& [type, n] : found)
-    expect(requested.contains(type), "type " + std::to_string(type) + " not asked for");
+    expect(requested.contains(type), "type " + std::to_string(type) + " not requested");
   if (requested.contains(26)) expect(found[26] == 1, "no latency");
   take_contents(objects[0].second, found);
   globals.clear();
@@ -91,73 +91,35 @@ void StreamView::forget(std::uint32_t type) {
 }
 
 void StreamView::take_object(std::uint32_t type, Bytes in) {
-  switch (type) {
-    case 1:
-      rate_hz = 135e6 / static_cast<double>(get<std::int64_t>(in));
-      break;
-    case 2:
-      take_subject(in);
-      break;
-    case 5:
-      take_frame_id(get<std::uint32_t>(in));
-      break;
-    case 8:
-    case 9: {
-      const auto subject = only_segment(in);
-      const auto t = many<double, 3>(in);
-      (type == 9 ? globals : locals)[subject] = {t, many<double, 9>(in)};
-      break;
-    }
-    case 23:
-      timecode.assign(reinterpret_cast<const char*>(in.data()), in.size());
-      expect(in.size() == 17, "timecode is not 17 bytes");
-      return;
-    case 26: {
-      latency.clear();
-      for (auto n = get<std::uint32_t>(in); n > 0; --n) {
-        const std::string name = text(in);
-        latency.emplace_back(name, get<double>(in));
-      }
-      break;
-    }
-    case 28: {
-      topologies.insert(only_segment(in));
-      many<double, 12>(in);
-      break;
-    }
-    case 36:
-      hardware_number = get<std::uint32_t>(in);
-      break;
-    case 37:
-      up = get<std::int8_t>(in);
-      break;
-    case 39: {
-      rates.clear();
-      for (auto n = get<std::uint32_t>(in); n > 0; --n) {
-        const std::string name = text(in);
-        rates[name] = get<double>(in);
-      }
-      break;
-    }
-    case 40: {
-      const auto subject = get<std::uint32_t>(in);
-      qualities[subject] = get<double>(in);
-      break;
-    }
-    case 901: {
-      const auto subject = only_segment(in);
-      const auto t = many<float, 3>(in);
-      lights[subject] = {t, many<float, 3>(in)};
-      break;
-    }
-    case 28001: {
-      scales.insert(only_segment(in));
-      many<double, 3>(in);
-      break;
-    }
-    default:
-      return violated("unknown type " + std::to_string(type));
+  static const std::set<std::uint32_t> kKnown{1,  2,  5,  8,  9,  23,  26,
+                                              28, 36, 37, 39, 40, 901, 28001};
+  if (!kKnown.contains(type)) return violated("unknown type " + std::to_string(type));
+  if (type == 1) rate_hz = 135e6 / static_cast<double>(get<std::int64_t>(in));
+  if (type == 2) take_subject(in);
+  if (type == 5) take_frame_id(get<std::uint32_t>(in));
+  if (type == 8 || type == 9) {
+    Pose& pose = (type == 9 ? globals : locals)[only_segment(in)];
+    pose.t = many<double, 3>(in);
+    pose.R = many<double, 9>(in);
   }
+  if (type == 23) timecode = raw(in, 17);
+  if (type == 26) latency = named_values(in);
+  if (type == 28) topologies.insert(only_segment(in));
+  if (type == 28) many<double, 12>(in);
+  if (type == 36) hardware_number = get<std::uint32_t>(in);
+  if (type == 37) up = get<std::int8_t>(in);
+  if (type == 39) rates = named_values(in);
+  if (type == 40) {
+    const auto subject = get<std::uint32_t>(in);
+    qualities[subject] = get<double>(in);
+  }
+  if (type == 901) {
+    LightPose& pose = lights[only_segment(in)];
+    pose.t = many<float, 3>(in);
+    pose.r = many<float, 3>(in);
+  }
+  if (type == 28001) scales.insert(only_segment(in));
+  if (type == 28001) many<double, 3>(in);
   expect(in.empty(), "type " + std::to_string(type) + " is too long");
 }
 

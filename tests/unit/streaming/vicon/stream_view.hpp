@@ -13,11 +13,12 @@
 
 namespace fiducap::vicon {
 
-/// What a client knows of a stream. Shares no code with the server, applies the strictest rules
-/// seen in SDK 1.3 to 1.12 and collects every violation: framing, order, counts, what is kept and
-/// what is forgotten from frame to frame.
+/// A client's state of a stream. Shares no code with the server, applies the strictest rules seen
+/// in SDK 1.3 to 1.12 and collects every violation: framing, order, counts, and the values that are
+/// kept or forgotten from frame to frame.
 class StreamView final {
  public:
+  using NamedValues = std::vector<std::pair<std::string, double>>;
   struct Pose {
     std::array<double, 3> t{};
     std::array<double, 9> R{};
@@ -44,25 +45,20 @@ class StreamView final {
     }
   }
 
-  std::set<std::uint32_t> requested;  ///< By the client; what else comes is a violation.
+  std::set<std::uint32_t> requested;  ///< Other types are a violation.
 
   bool greeted{false};
   std::set<std::uint32_t> offered;
-  int frames{0};
-  int frames_with_statics{0};
-  std::uint32_t frame_id{0};
-  std::uint32_t hardware_number{0};
+  int frames{0}, frames_with_statics{0};
+  std::uint32_t frame_id{0}, hardware_number{0};
   double rate_hz{0};
   int up{-1};
   std::map<std::uint32_t, std::string> names;
-  std::set<std::uint32_t> topologies;
-  std::set<std::uint32_t> scales;
+  std::set<std::uint32_t> topologies, scales;
   std::map<std::uint32_t, double> qualities;
-  std::map<std::uint32_t, Pose> globals;
-  std::map<std::uint32_t, Pose> locals;
+  std::map<std::uint32_t, Pose> globals, locals;
   std::map<std::uint32_t, LightPose> lights;
-  std::vector<std::pair<std::string, double>> latency;
-  std::map<std::string, double> rates;
+  NamedValues latency, rates;
   std::string timecode;  ///< Raw.
   std::vector<std::uint64_t> pongs;
   std::vector<std::string> violations;
@@ -94,8 +90,7 @@ class StreamView final {
     std::memcpy(&value, in.data(), 4);
     return value;
   }
-  std::string text(Bytes& in) {
-    const auto n = get<std::uint32_t>(in);
+  std::string raw(Bytes& in, std::size_t n) {
     if (in.size() < n) {
       violated("a text is too long");
       return {};
@@ -103,6 +98,15 @@ class StreamView final {
     std::string out(reinterpret_cast<const char*>(in.data()), n);
     in = in.subspan(n);
     return out;
+  }
+  std::string text(Bytes& in) { return raw(in, get<std::uint32_t>(in)); }
+  NamedValues named_values(Bytes& in) {
+    NamedValues values(get<std::uint32_t>(in));
+    for (auto& [name, value] : values) {
+      name = text(in);
+      value = get<double>(in);
+    }
+    return values;
   }
   template <typename T, std::size_t N>
   std::array<T, N> many(Bytes& in) {

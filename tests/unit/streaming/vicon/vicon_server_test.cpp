@@ -13,61 +13,50 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Pair;
+using testing::SizeIs;
 
 TEST_F(ViconServerTest, PushesEveryFrame) {
   start();
-  StrictClient client;
-  open(client);
-  client.send(client::request_frame(true));
-  steps(3);
-  for (int i = 1; i <= 20; ++i) {
-    publish();
-    ASSERT_TRUE(until([&] { return client.view.frames == i; }));
-  }
-  EXPECT_EQ(client.view.frames_with_statics, 1);
-  EXPECT_THAT(client.view.names, ElementsAre(Pair(1, "arm"), Pair(2, "drone")));
-  EXPECT_EQ(client.view.globals[1].t[0], 1000.0);
-  EXPECT_EQ(client.view.frame_id, 19u);
-  EXPECT_THAT(client.view.violations, IsEmpty());
+  open_push(client_);
+  for (int i = 1; i <= 20; ++i) publish_to(client_, i);
+  EXPECT_EQ(client_.view.frames_with_statics, 1);
+  EXPECT_THAT(client_.view.names, ElementsAre(Pair(1, "arm"), Pair(2, "drone")));
+  EXPECT_EQ(client_.view.globals[1].t[0], 1000.0);
+  EXPECT_EQ(client_.view.frame_id, 19u);
   EXPECT_EQ(status().at(0).frames_sent, 20u);
 }
 
 TEST_F(ViconServerTest, AnswersAPullWithTheNewestFrameOnceAndThenWithTheNext) {
   start();
-  StrictClient client;
-  open(client);
+  open(client_);
   publish();
   publish();
-  client.send(client::request_frame(false));
-  ASSERT_TRUE(until([&] { return client.view.frames == 1; }));
-  EXPECT_EQ(client.view.hardware_number, 2u) << "the newest";
-  client.send(client::request_frame(false));
+  client_.send(client::request_frame(false));
+  ASSERT_TRUE(until([&] { return client_.view.frames == 1; }));
+  EXPECT_EQ(client_.view.hardware_number, 2u) << "the newest";
+  client_.send(client::request_frame(false));
   steps(20);
-  EXPECT_EQ(client.view.frames, 1) << "never the same one twice";
-  publish();
-  ASSERT_TRUE(until([&] { return client.view.frames == 2; }));
+  EXPECT_EQ(client_.view.frames, 1) << "never the same one twice";
+  publish_to(client_, 2);
   publish();
   steps(20);
-  EXPECT_EQ(client.view.frames, 2) << "nothing unasked";
-  EXPECT_THAT(client.view.violations, IsEmpty());
+  EXPECT_EQ(client_.view.frames, 2) << "nothing without a request";
 }
 
 TEST_F(ViconServerTest, PrefetchGetsTheNextNFrames) {
   start();
-  StrictClient client;
-  open(client);
-  client.send(client::request_next(3));
+  open(client_);
+  client_.send(client::request_next(3));
   steps(3);
   for (int i = 0; i < 6; ++i) {
     publish();
     steps(3);
   }
-  EXPECT_EQ(client.view.frames, 3);
-  EXPECT_EQ(client.view.hardware_number, 3u);
-  EXPECT_THAT(client.view.violations, IsEmpty());
+  EXPECT_EQ(client_.view.frames, 3);
+  EXPECT_EQ(client_.view.hardware_number, 3u);
 }
 
-TEST_F(ViconServerTest, ARequestThatOvertakesTheTypesIsServedOnceTheyAreKnown) {
+TEST_F(ViconServerTest, AnswersARequestBeforeTheTypesOnceTheyAreKnown) {
   start();
   StrictClient client;
   client.connect(port_);
@@ -79,54 +68,42 @@ TEST_F(ViconServerTest, ARequestThatOvertakesTheTypesIsServedOnceTheyAreKnown) {
   EXPECT_EQ(client.view.frames, 0);
   client.want(client::kSegments);
   ASSERT_TRUE(until([&] { return client.view.frames == 1; }));
-  EXPECT_EQ(client.view.globals.size(), 2u);
+  EXPECT_THAT(client.view.globals, SizeIs(2));
   EXPECT_THAT(client.view.violations, IsEmpty());
 }
 
-TEST_F(ViconServerTest, ModesCanBeSwitchedWhileRunning) {
+TEST_F(ViconServerTest, ModesCanBeChangedWhileRunning) {
   start();
-  StrictClient client;
-  open(client);
-  client.send(client::request_frame(true));
+  open_push(client_);
+  publish_to(client_, 1);
+  client_.send(client::request_frame(false));  // stop pushing or pull: the same request
   steps(3);
   publish();
-  ASSERT_TRUE(until([&] { return client.view.frames == 1; }));
-  client.send(client::request_frame(false));  // stop pushing or pull: the same request
+  publish_to(client_, 2);
+  client_.send(client::request_next(1));
   steps(3);
-  publish();
-  publish();
-  ASSERT_TRUE(until([&] { return client.view.frames == 2; }));
-  client.send(client::request_next(1));
-  steps(3);
-  publish();
-  ASSERT_TRUE(until([&] { return client.view.frames == 3; }));
+  publish_to(client_, 3);
   publish();
   steps(10);
-  EXPECT_EQ(client.view.frames, 3);
+  EXPECT_EQ(client_.view.frames, 3);
   EXPECT_THAT(status().at(0).detail, HasSubstr("prefetch"));
 }
 
-TEST_F(ViconServerTest, ClientsOfEveryKindAtOnceSeeTheSameMotion) {
+TEST_F(ViconServerTest, AllKindsOfClientsSeeTheSameMotion) {
   start();
-  StrictClient push;
-  StrictClient pull;
-  StrictClient light;
-  StrictClient filtering;
-  open(push);
+  StrictClient push, pull, light, filtering;
+  open_push(push);
   open(pull);
-  open(light, client::kLight);
-  open(filtering);
+  open_push(light, client::kLight);
+  open_push(filtering);
   filtering.send(client::filter({{8, {2}}, {9, {2}}}));
-  for (auto* client : {&push, &light, &filtering}) client->send(client::request_frame(true));
   steps(5);
   for (int i = 1; i <= 30; ++i) {
     pull.send(client::request_frame(false));
     steps(2);
     publish();
-    ASSERT_TRUE(until([&] {
-      return push.view.frames == i && pull.view.frames == i && light.view.frames == i &&
-             filtering.view.frames == i;
-    }));
+    for (const auto* client : clients_)
+      ASSERT_TRUE(until([&] { return client->view.frames == i; }));
     EXPECT_EQ(push.view.frame_id, pull.view.frame_id);
     EXPECT_EQ(push.view.globals[2].t, pull.view.globals[2].t);
     EXPECT_FLOAT_EQ(light.view.lights[2].t[0], static_cast<float>(push.view.globals[2].t[0]));
@@ -135,93 +112,68 @@ TEST_F(ViconServerTest, ClientsOfEveryKindAtOnceSeeTheSameMotion) {
   for (const auto* client : clients_) EXPECT_THAT(client->view.violations, IsEmpty());
 }
 
-TEST_F(ViconServerTest, SubjectsComeGoAndChangeTheirNamesWhileClientsAreConnected) {
+TEST_F(ViconServerTest, SendsAddedRemovedAndRenamedSubjects) {
   start();
-  StrictClient client;
-  open(client);
-  client.send(client::request_frame(true));
-  steps(3);
-  publish();
-  ASSERT_TRUE(until([&] { return client.view.frames == 1; }));
+  open_push(client_);
+  publish_to(client_, 1);
   const auto publish_model = [&](std::uint64_t generation, std::vector<BodyDescription> bodies) {
     auto later = make_scene_frame(std::vector<std::string>(bodies.size(), "x"), ++number_);
     for (std::size_t i = 0; i < bodies.size(); ++i) later->bodies[i].body_id = bodies[i].id;
-    auto model = std::make_shared<SceneModel>();
-    model->generation = generation;
-    model->bodies = std::move(bodies);
-    later->model = model;
-    const int before = client.view.frames;
-    server_->publish(later);
-    ASSERT_TRUE(until([&] { return client.view.frames == before + 1; }));
+    later->model = std::make_shared<SceneModel>(SceneModel{generation, std::move(bodies)});
+    publish_to(client_, client_.view.frames + 1, later);
   };
   publish_model(2, {{1, "arm"}, {2, "drone"}, {5, "rover"}});
-  EXPECT_EQ(client.view.id_of("rover"), 5u);
-  EXPECT_TRUE(client.view.globals.contains(5));
+  EXPECT_EQ(client_.view.id_of("rover"), 5u);
+  EXPECT_TRUE(client_.view.globals.contains(5));
   publish_model(3, {{1, "left_arm"}, {5, "rover"}});
-  EXPECT_THAT(client.view.names, ElementsAre(Pair(1, "left_arm"), Pair(5, "rover")));
-  EXPECT_FALSE(client.view.globals.contains(2));
-  EXPECT_THAT(client.view.violations, IsEmpty());
+  EXPECT_THAT(client_.view.names, ElementsAre(Pair(1, "left_arm"), Pair(5, "rover")));
+  EXPECT_FALSE(client_.view.globals.contains(2));
 }
 
-TEST_F(ViconServerTest, ALostBodyIsOccludedAndComesBack) {
+TEST_F(ViconServerTest, OccludesALostBodyUntilItIsTrackedAgain) {
   start();
-  StrictClient client;
-  open(client);
-  client.send(client::request_frame(true));
-  steps(3);
+  open_push(client_);
   auto lost = frame();
   lost->bodies[0].valid = false;
-  server_->publish(lost);
-  ASSERT_TRUE(until([&] { return client.view.frames == 1; }));
-  EXPECT_EQ(client.view.names.size(), 2u);
-  EXPECT_FALSE(client.view.globals.contains(1));
-  publish();
-  ASSERT_TRUE(until([&] { return client.view.frames == 2; }));
-  EXPECT_TRUE(client.view.globals.contains(1));
+  publish_to(client_, 1, lost);
+  EXPECT_THAT(client_.view.names, SizeIs(2));
+  EXPECT_FALSE(client_.view.globals.contains(1));
+  publish_to(client_, 2);
+  EXPECT_TRUE(client_.view.globals.contains(1));
 }
 
 TEST_F(ViconServerTest, AnswersPings) {
   start();
-  StrictClient client;
-  open(client);
-  for (std::uint32_t id = 1; id <= 30; ++id) client.send(client::ping(id));
-  ASSERT_TRUE(until([&] { return client.view.pongs.size() == 30; }));
-  EXPECT_EQ(client.view.pongs.back(), 30u);
-  EXPECT_THAT(client.view.violations, IsEmpty());
+  open(client_);
+  for (std::uint32_t id = 1; id <= 30; ++id) client_.send(client::ping(id));
+  ASSERT_TRUE(until([&] { return client_.view.pongs.size() == 30; }));
+  EXPECT_EQ(client_.view.pongs.back(), 30u);
 }
 
-TEST_F(ViconServerTest, NewTypesTakeEffectWithTheNextFrame) {
+TEST_F(ViconServerTest, ChangesTypesWithTheNextFrame) {
   start();
-  StrictClient client;
-  open(client, {1, 2, 5, 26, 37, 100004});
-  client.send(client::request_frame(true));
+  open_push(client_, {1, 2, 5, 26, 37, 100004});
+  publish_to(client_, 1);
+  EXPECT_THAT(client_.view.globals, IsEmpty());
+  client_.want(client::kSegments);
   steps(3);
-  publish();
-  ASSERT_TRUE(until([&] { return client.view.frames == 1; }));
-  EXPECT_THAT(client.view.globals, IsEmpty());
-  client.want(client::kSegments);
-  steps(3);
-  publish();
-  ASSERT_TRUE(until([&] { return client.view.frames == 2; }));
-  EXPECT_EQ(client.view.globals.size(), 2u);
-  EXPECT_EQ(client.view.topologies.size(), 2u);
-  EXPECT_THAT(client.view.violations, IsEmpty());
+  publish_to(client_, 2);
+  EXPECT_THAT(client_.view.globals, SizeIs(2));
+  EXPECT_THAT(client_.view.topologies, SizeIs(2));
 }
 
 TEST_F(ViconServerTest, AFrameToManyClientsAllocatesNothing) {
   start();
   std::array<StrictClient, 5> clients;
   for (auto& client : clients)
-    open(client, &client == &clients[0] ? client::kLight : client::kSegments);
-  for (auto& client : clients) client.send(client::request_frame(true));
+    open_push(client, &client == &clients[0] ? client::kLight : client::kSegments);
   std::vector<std::shared_ptr<SceneFrame>> frames;
   for (int i = 0; i < 300; ++i) frames.push_back(frame());
-  steps(5);
   std::uint64_t allocated = 0;
-  for (int i = 0; i < 300; ++i) {
+  for (std::size_t i = 0; i < 300; ++i) {
     log::flush(std::chrono::seconds(10));  // its thread allocates, too
     const AllocationCounter allocations;
-    server_->publish(frames[static_cast<std::size_t>(i)]);
+    server_->publish(frames[i]);
     io_.restart();
     io_.poll();
     if (i >= 100) allocated += allocations.count();
@@ -244,7 +196,7 @@ TEST_F(ViconServerTest, RestartsOnTheSamePortAtOnce) {
   EXPECT_TRUE(second.view.greeted);
 }
 
-TEST_F(ViconServerTest, NamesPortAndRemedyWhenThePortIsInUse) {
+TEST_F(ViconServerTest, ReportsPortAndRemedyWhenThePortIsInUse) {
   start();
   config_.port = port_;
   const auto second = start_vicon_server(io_, config_, clock_);
@@ -254,12 +206,10 @@ TEST_F(ViconServerTest, NamesPortAndRemedyWhenThePortIsInUse) {
   EXPECT_THAT(second.error().text(), HasSubstr("streaming.vicon.port"));
 }
 
-TEST_F(ViconServerTest, StatusNamesPeerModeAndContent) {
+TEST_F(ViconServerTest, StatusShowsPeerModeAndContent) {
   start();
-  StrictClient client;
-  open(client, client::kLight);
-  client.send(client::request_frame(true));
-  client.send(client::filter({{901, {1}}}));
+  open_push(client_, client::kLight);
+  client_.send(client::filter({{901, {1}}}));
   steps(5);
   clock_.advance(std::chrono::seconds(7));
   const auto all = status();

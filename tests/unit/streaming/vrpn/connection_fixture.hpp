@@ -2,16 +2,27 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
+#include <sstream>
 #include <string>
 #include <vector>
 
 #include "base/bytes.hpp"
-#include "golden.hpp"
 #include "streaming/vrpn/session.hpp"
+#include "support/hex.hpp"
 
 namespace fiducap::vrpn {
 
 using Bytes = std::vector<std::byte>;
+
+/// Bytes of the real library, see tests/golden/vrpn/README.md.
+inline Bytes golden(const std::string& name) {
+  std::ifstream file(std::string(FIDUCAP_SOURCE_DIR) + "/tests/golden/vrpn/" + name + ".hex");
+  EXPECT_TRUE(file) << name;
+  std::ostringstream text;
+  text << file.rdbuf();
+  return from_hex(text.str());
+}
 
 inline constexpr std::int64_t kNow_ns = 1'700'000'000'000'000'000;
 
@@ -41,10 +52,16 @@ inline Bytes empty(std::int32_t sender, Type type) {
   return out;
 }
 
-inline Bytes udp_description(std::int32_t port) {
+/// @param length  as announced, which may be wrong
+inline Bytes raw_message(std::uint32_t length, std::int32_t sender, std::int32_t type,
+                         const Bytes& payload = {}) {
   Bytes out;
-  BigEndianWriter(out).u32(34).u32(0).u32(0).i32(port).i32(-3).u32(0).text("127.0.0.1").zeros(7);
+  BigEndianWriter(out).u32(length).u32(0).u32(0).i32(sender).i32(type).u32(0).bytes(payload);
   return out;
+}
+
+inline Bytes udp_description(std::int32_t port) {
+  return raw_message(34, port, kUdpDescription, from_hex("3132372e302e302e31 00 000000000000"));
 }
 
 /// Cookie, UDP offer, names and types, as libvrpn sends them.
@@ -86,12 +103,21 @@ class VrpnConnectionTest : public testing::Test {
   VrpnConnectionTest() { senders_.update(SceneModel{1, {{1, "drone"}, {2, "arm"}}}); }
 
   Connection make(Origin origin = Origin::kRequested) { return {config_, senders_, origin}; }
-  /// Feeds one piece. @return what the server answers.
+  /// A connection that has received the client's hello.
+  Connection greeted(Origin origin = Origin::kRequested, std::string_view name = "arm") {
+    Connection connection = make(origin);
+    feed(connection, hello(name));
+    return connection;
+  }
+  /// Feeds one piece. @return the answers of the server
   std::vector<Sent> feed(Connection& connection, const Bytes& bytes) {
     Bytes out;
     const auto result = connection.receive(bytes, kNow_ns, out);
     EXPECT_TRUE(result) << result.error().text();
     return split(out);
+  }
+  std::vector<Sent> ping(Connection& connection, std::int32_t sender) {
+    return feed(connection, empty(sender, Type::kPing));
   }
 
   VrpnConfig config_;

@@ -1,4 +1,4 @@
-// What strangers and sloppy clients send.
+// What strangers and faulty clients send.
 #include <gmock/gmock.h>
 
 #include <random>
@@ -9,6 +9,8 @@ namespace fiducap::vrpn {
 namespace {
 
 using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::SizeIs;
 
 TEST_F(VrpnConnectionTest, RefusesAnotherMajorVersion) {
   auto connection = make();
@@ -21,9 +23,13 @@ TEST_F(VrpnConnectionTest, RefusesAnotherMajorVersion) {
   EXPECT_TRUE(out.empty());
 }
 
-TEST_F(VrpnConnectionTest, TakesBytesCutAnywhere) {
+TEST_F(VrpnConnectionTest, AcceptsBytesCutAnywhere) {
   Bytes all = hello();
   all += empty(kClientArm, Type::kPing);
+  auto in_bytes = make();
+  Bytes single;
+  for (const std::byte b : all) ASSERT_TRUE(in_bytes.receive({&b, 1}, kNow_ns, single));
+  EXPECT_THAT(split(single), SizeIs(22));
   all += empty(kClientArm, Type::kRequestToRoom);
   auto whole = make();
   Bytes expected;
@@ -37,15 +43,6 @@ TEST_F(VrpnConnectionTest, TakesBytesCutAnywhere) {
   }
 }
 
-TEST_F(VrpnConnectionTest, TakesSingleBytes) {
-  Bytes all = hello();
-  all += empty(kClientArm, Type::kPing);
-  auto connection = make();
-  Bytes out;
-  for (const std::byte b : all) ASSERT_TRUE(connection.receive({&b, 1}, kNow_ns, out));
-  EXPECT_EQ(split(out).size(), 22u);
-}
-
 TEST_F(VrpnConnectionTest, RefusesUdpToLowPorts) {
   auto connection = make();
   feed(connection, golden("cookie"));
@@ -55,89 +52,66 @@ TEST_F(VrpnConnectionTest, RefusesUdpToLowPorts) {
 }
 
 TEST_F(VrpnConnectionTest, ExplainsAtMostFourUnknownBodies) {
-  auto connection = make();
-  feed(connection, hello());
+  auto connection = greeted();
   std::size_t sent = 0;
   for (int i = 0; i < 100; ++i) {
     feed(connection, description(kSenderDescription, 100 + i, "ghost" + std::to_string(i)));
-    sent += feed(connection, empty(100 + i, Type::kPing)).size();
+    sent += ping(connection, 100 + i).size();
   }
   EXPECT_EQ(sent, 8u);
   EXPECT_LE(connection.take_notes().size(), 16u);
 }
 
 TEST_F(VrpnConnectionTest, NeverRepeatsANameTooLongForClients) {
-  auto connection = make();
-  feed(connection, hello());
+  auto connection = greeted();
   feed(connection, description(kSenderDescription, kClientGhost, std::string(96, 'x')));
-  EXPECT_TRUE(feed(connection, empty(kClientGhost, Type::kPing)).empty());
+  EXPECT_THAT(ping(connection, kClientGhost), IsEmpty());
 }
 
 TEST_F(VrpnConnectionTest, SurvivesADescriptionFlood) {
-  auto connection = make();
-  feed(connection, hello());
+  auto connection = greeted();
   for (std::int32_t id = -50; id < 5000; ++id) {
     feed(connection, description(kSenderDescription, id, "x" + std::to_string(id)));
     feed(connection, description(kTypeDescription, id + 3000, "y"));
   }
-  // Ids outside 0..1999 left no trace: they cannot be used.
   feed(connection, description(kSenderDescription, 2000, "arm"));
-  EXPECT_TRUE(feed(connection, empty(2000, Type::kPing)).empty());
-  // A redefined id counts.
+  EXPECT_THAT(ping(connection, 2000), IsEmpty()) << "only ids 0..1999 can be used";
   feed(connection, description(kSenderDescription, 1999, "arm"));
-  EXPECT_EQ(feed(connection, empty(1999, Type::kPing)).size(), 1u);
+  EXPECT_THAT(ping(connection, 1999), SizeIs(1)) << "a redefined id counts";
 }
 
 TEST_F(VrpnConnectionTest, ATypeIdCanBeRedefined) {
-  auto connection = make();
-  feed(connection, hello());
+  auto connection = greeted();
   feed(connection, description(kTypeDescription, client_type(Type::kPing), "vrpn_Dial update"));
-  EXPECT_TRUE(feed(connection, empty(kClientArm, Type::kPing)).empty());
+  EXPECT_THAT(ping(connection, kClientArm), IsEmpty());
 }
 
 TEST_F(VrpnConnectionTest, IgnoresANameOf64KiB) {
-  auto connection = make();
-  feed(connection, hello());
-  Bytes huge;
-  BigEndianWriter(huge)
-      .u32(24 + 64000)
-      .u32(0)
-      .u32(0)
-      .i32(kClientGhost)
-      .i32(-1)
-      .u32(0)
-      .u32(63996)
-      .zeros(63996);
-  std::fill(huge.begin() + 28, huge.end(), std::byte{'a'});
-  EXPECT_TRUE(feed(connection, huge).empty());
-  EXPECT_TRUE(feed(connection, empty(kClientGhost, Type::kPing)).empty());
-  EXPECT_EQ(feed(connection, empty(kClientArm, Type::kPing)).size(), 1u)
-      << "the conversation goes on";
+  auto connection = greeted();
+  Bytes name = from_hex("0000f9fc");  // 63996
+  name.resize(64000, std::byte{'a'});
+  EXPECT_THAT(feed(connection, raw_message(24 + 64000, kClientGhost, -1, name)), IsEmpty());
+  EXPECT_THAT(ping(connection, kClientGhost), IsEmpty());
+  EXPECT_THAT(ping(connection, kClientArm), SizeIs(1)) << "the conversation continues";
 }
 
-TEST_F(VrpnConnectionTest, ClosesAtALengthOfFourGigabytes) {
-  auto connection = make();
-  feed(connection, hello());
-  Bytes out;
-  const auto result = connection.receive(from_hex("ffffffff"), kNow_ns, out);
-  ASSERT_FALSE(result);
-  EXPECT_THAT(result.error().text(), HasSubstr("4294967295"));
-}
-
-TEST_F(VrpnConnectionTest, ClosesAtGarbageInsteadOfACookie) {
+TEST_F(VrpnConnectionTest, ClosesOnGarbageAndALengthOfFourGigabytes) {
   auto connection = make();
   Bytes out;
   const std::string http = "GET / HTTP/1.1\r\nHost: localhost\r\n";
   EXPECT_FALSE(connection.receive(std::as_bytes(std::span(http)), kNow_ns, out));
   EXPECT_TRUE(out.empty());
+  auto running = greeted();
+  const auto result = running.receive(from_hex("ffffffff"), kNow_ns, out);
+  ASSERT_FALSE(result);
+  EXPECT_THAT(result.error().text(), HasSubstr("4294967295"));
 }
 
 TEST_F(VrpnConnectionTest, SurvivesRandomBytesAfterAValidHello) {
   std::mt19937 random(3);
   std::uniform_int_distribution<int> byte(0, 255);
   for (int round = 0; round < 300; ++round) {
-    auto connection = make();
-    feed(connection, hello());
+    auto connection = greeted();
     Bytes noise(256);
     for (auto& b : noise) b = static_cast<std::byte>(byte(random));
     noise[0] = noise[1] = noise[2] = std::byte{0};
@@ -153,33 +127,21 @@ TEST_F(VrpnConnectionTest, SurvivesRandomBytesAfterAValidHello) {
 }
 
 TEST_F(VrpnConnectionTest, ReadsLengthsThatCountThePadding) {
-  // A small Rust client does so.
-  auto connection = make();
-  feed(connection, hello());
-  Bytes padded;
-  BigEndianWriter(padded)
-      .u32(24 + 16)
-      .u32(0)
-      .u32(0)
-      .i32(kClientGhost)
-      .i32(-1)
-      .u32(0)
-      .u32(6)
-      .text("drone")
-      .zeros(7);
-  feed(connection, padded);
-  const auto sent = feed(connection, empty(kClientGhost, Type::kPing));
+  // As a small Rust client sends them.
+  auto connection = greeted();
+  feed(connection, raw_message(24 + 16, kClientGhost, -1,
+                               from_hex("00000006 64726f6e65 00 000000000000")));  // drone
+  const auto sent = ping(connection, kClientGhost);
   ASSERT_EQ(sent.size(), 1u);
   EXPECT_EQ(sent[0].header.sender, 1);
 }
 
 TEST_F(VrpnConnectionTest, NotesAClientsTextWithoutControlCharacters) {
-  auto connection = make();
-  feed(connection, hello());
+  auto connection = greeted();
   Bytes text;
   encode_text(from_client(kClientArm, client_type(Type::kText)),
               {Severity::kError, 0, "lost\x1b[2J"}, text);
-  EXPECT_TRUE(feed(connection, text).empty());
+  EXPECT_THAT(feed(connection, text), IsEmpty());
   const auto notes = connection.take_notes();
   ASSERT_EQ(notes.size(), 1u);
   EXPECT_EQ(notes[0].text, "sent text: lost.[2J");

@@ -1,15 +1,47 @@
+#include "streaming/vrpn/session.hpp"
+
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "connection_fixture.hpp"
-#include "streaming/vrpn/codec.hpp"
-#include "streaming/vrpn/session.hpp"
 #include "support/scene_builder.hpp"
 
 namespace fiducap::vrpn {
 namespace {
 
 using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Pair;
+using testing::SizeIs;
+
+TEST(VrpnConfig, ReportsEveryBrokenRule) {
+  EXPECT_TRUE(VrpnConfig{}.check().empty());
+  VrpnConfig config;
+  config.address = "localhost";
+  config.max_clients = 0;
+  config.minor_version = 100;
+  config.workspace_box_m = {0, 0, 0, 1, -1, 1};
+  const auto errors = config.check();
+  ASSERT_EQ(errors.size(), 4u);
+  EXPECT_EQ(errors[0].text(),
+            "streaming.vrpn.address = localhost: must be an IPv4 address, e.g. 127.0.0.1 or "
+            "0.0.0.0 for all");
+  EXPECT_EQ(errors[3].value, "[0, 0, 0, 1, -1, 1]");
+}
+
+TEST(VrpnConfig, SensorsBelongToBodiesAndAreLimited) {
+  VrpnConfig config;
+  config.sensors = {{"arm", Pose{}}, {"drone", Pose{}}, {"arm", Pose{}}};
+  EXPECT_TRUE(config.check().empty());
+  EXPECT_EQ(config.sensors_of("arm").size(), 2u);
+  EXPECT_TRUE(config.sensors_of("rover").empty());
+  for (int i = 0; i < 3; ++i) config.sensors.push_back({"arm", Pose{}});
+  config.sensors.push_back({"", Pose{}});
+  config.sensors.push_back({"drone", {Eigen::Quaterniond(2, 0, 0, 0), Eigen::Vector3d::Zero()}});
+  const auto errors = config.check();
+  ASSERT_EQ(errors.size(), 7u);  // five of the arm, one without a body, one that is no attitude
+  EXPECT_EQ(errors.back().path, "streaming.vrpn.sensors.7.X_PS");
+}
 
 SceneModel model(std::uint64_t generation, const std::vector<std::string>& names) {
   SceneModel made{generation, {}};
@@ -18,17 +50,12 @@ SceneModel model(std::uint64_t generation, const std::vector<std::string>& names
   return made;
 }
 
-TEST(VrpnSenderTable, PutsControlFirstAndBodiesBehindItWithoutHoles) {
+TEST(VrpnSenderTable, NeverReusesAnId) {
   SenderTable table;
-  EXPECT_TRUE(table.update(model(1, {"arm", "drone"})).empty());
+  EXPECT_THAT(table.update(model(1, {"arm", "drone"})), IsEmpty());
   EXPECT_THAT(table.names(), ElementsAre("VRPN Control", "arm", "drone"));
   EXPECT_THAT(table.of_bodies(), ElementsAre(1, 2));
   EXPECT_EQ(table.list_bodies(), "arm, drone");
-}
-
-TEST(VrpnSenderTable, NeverGivesAnIdToAnotherName) {
-  SenderTable table;
-  table.update(model(1, {"arm", "drone"}));
   table.update(model(2, {"rover", "drone"}));
   EXPECT_THAT(table.names(), ElementsAre("VRPN Control", "arm", "drone", "rover"));
   EXPECT_THAT(table.of_bodies(), ElementsAre(3, 2));
@@ -38,23 +65,23 @@ TEST(VrpnSenderTable, NeverGivesAnIdToAnotherName) {
   EXPECT_EQ(table.find_body("arm"), 1);
 }
 
-TEST(VrpnSenderTable, ReadsAGenerationOnce) {
+TEST(VrpnSenderTable, ReadsAGenerationOnceAndMatchesNamesExactly) {
   SenderTable table;
-  table.update(model(1, {"arm"}));
+  table.update(model(1, {"Arm"}));
   table.update(model(1, {"other"}));
-  EXPECT_FALSE(table.find_body("other"));
+  for (const char* name : {"other", "arm", "Arm "}) EXPECT_FALSE(table.find_body(name)) << name;
 }
 
-TEST(VrpnSenderTable, ServesNeitherBrokenNorDoubledNames) {
+TEST(VrpnSenderTable, RefusesInvalidAndDuplicateNames) {
   SenderTable table;
-  const auto refused =
-      table.update(model(1, {"arm", "a@b", "arm", std::string(96, 'x'), "VRPN Control"}));
-  EXPECT_THAT(refused, ElementsAre("a@b", "arm", std::string(96, 'x'), "VRPN Control"));
+  const std::string too_long(96, 'x');
+  EXPECT_THAT(table.update(model(1, {"arm", "a@b", "arm", too_long, "VRPN Control"})),
+              ElementsAre("a@b", "arm", too_long, "VRPN Control"));
   EXPECT_THAT(table.of_bodies(), ElementsAre(1, -1, -1, -1, -1));
   EXPECT_FALSE(table.find_body("VRPN Control"));
 }
 
-TEST(VrpnSenderTable, ShowsAnAliasAndKnowsWhoseItIs) {
+TEST(VrpnSenderTable, ShowsAliasesAndFindsTheirBodies) {
   SenderTable table(NameAliases{{"drone", "cf7"}, {"arm", "a@b"}});
   EXPECT_THAT(table.update(model(1, {"arm", "drone"})), ElementsAre("a@b"))
       << "an alias obeys the rules, too";
@@ -63,49 +90,35 @@ TEST(VrpnSenderTable, ShowsAnAliasAndKnowsWhoseItIs) {
   EXPECT_EQ(table.own_name_of(*table.find_body("cf7")), "drone");
 }
 
-TEST(VrpnSenderTable, MatchesNamesByteByByte) {
+TEST(VrpnSenderTable, StopsAtTheLargestIdOfClients) {
   SenderTable table;
-  table.update(model(1, {"Arm"}));
-  EXPECT_FALSE(table.find_body("arm"));
-  EXPECT_FALSE(table.find_body("Arm "));
-}
-
-TEST(VrpnSenderTable, StopsAtTheLastIdThatClientsTake) {
-  SenderTable table;
-  std::vector<std::string> names;
-  for (int i = 0; i < 2100; ++i) names.push_back("b" + std::to_string(i));
-  EXPECT_EQ(table.update(model(1, names)).size(), 101u);  // 2000 ids, one is VRPN Control's
+  EXPECT_THAT(table.update(model(1, numbered_names(2100))), SizeIs(101));  // 0 is VRPN Control
   EXPECT_EQ(table.of_bodies()[1998], 1999);
   EXPECT_EQ(table.of_bodies()[1999], -1);
 }
 
 TEST(VrpnBodyName, IsCheckedWithPathAndRule) {
-  EXPECT_TRUE(check_body_name("bodies[0].name", std::string(95, 'x')).empty());
-  EXPECT_TRUE(check_body_name("bodies[0].name", "Körper 1/a:b").empty());
+  for (const std::string& name : {std::string(95, 'x'), std::string("Körper 1/a:b")})
+    EXPECT_THAT(check_body_name("bodies[0].name", name), IsEmpty()) << name;
   const auto errors = check_body_name("bodies[2].name", "a@\n");
   ASSERT_EQ(errors.size(), 2u);
   EXPECT_EQ(errors[0].path, "bodies[2].name");
-  EXPECT_EQ(check_body_name("x", "").size(), 1u);
-  EXPECT_EQ(check_body_name("x", std::string(96, 'x')).size(), 1u);
-  EXPECT_EQ(check_body_name("x", "VRPN Control").size(), 1u);
+  for (const std::string& name : {std::string(), std::string(96, 'x'), std::string("VRPN Control")})
+    EXPECT_THAT(check_body_name("x", name), SizeIs(1)) << name;
 }
 
 class BodyWatchTest : public testing::Test {
  protected:
-  /// One frame 10 ms after the last. @return the texts, with their sender.
-  std::vector<std::pair<std::int32_t, TextMessage>> observe(bool a_valid, bool b_valid = true) {
+  /// One frame 10 ms after the last. @return sender and severity of each text
+  std::vector<std::pair<std::int32_t, Severity>> observe(bool a_valid) {
     auto frame = make_scene_frame({"a", "b"}, ++number_);
     frame->bodies[0].valid = a_valid;
-    frame->bodies[1].valid = b_valid;
-    bytes_.emplace_back();
-    watch_.observe(*frame, senders_, bytes_.back());
-    std::vector<std::pair<std::int32_t, TextMessage>> texts;
-    for (std::span<const std::byte> rest(bytes_.back()); !rest.empty();) {
-      const auto message = decode_message(rest);
-      EXPECT_TRUE(message);
-      EXPECT_EQ(message->header.type, 15);
-      texts.emplace_back(message->header.sender, *decode_text(message->payload));
-      rest = rest.subspan(message->size);
+    Bytes out;
+    watch_.observe(*frame, senders_, out);
+    std::vector<std::pair<std::int32_t, Severity>> texts;
+    for (const auto& sent : split(out)) {
+      EXPECT_EQ(sent.header.type, 15);
+      texts.emplace_back(sent.header.sender, decode_text(sent.payload)->severity);
     }
     return texts;
   }
@@ -113,32 +126,23 @@ class BodyWatchTest : public testing::Test {
   BodyWatch watch_;
   std::vector<std::int32_t> senders_{1, 2};
   std::uint64_t number_{0};
-  std::vector<std::vector<std::byte>> bytes_;  // texts point into them
 };
 
-TEST_F(BodyWatchTest, WarnsOnceWhenABodyIsLost) {
-  EXPECT_TRUE(observe(true).empty());
-  const auto texts = observe(false);
-  ASSERT_EQ(texts.size(), 1u);
-  EXPECT_EQ(texts[0].first, 1);
-  EXPECT_EQ(texts[0].second.severity, Severity::kWarning);
-  for (int i = 0; i < 500; ++i) EXPECT_TRUE(observe(false).empty());
+TEST_F(BodyWatchTest, WarnsOnceWhenABodyIsLostAndReportsItsRecovery) {
+  EXPECT_THAT(observe(true), IsEmpty());
+  EXPECT_THAT(observe(false), ElementsAre(Pair(1, Severity::kWarning)));
+  for (int i = 0; i < 500; ++i) EXPECT_THAT(observe(false), IsEmpty());
+  EXPECT_THAT(observe(true), ElementsAre(Pair(1, Severity::kNormal)));
 }
 
-TEST_F(BodyWatchTest, SaysWhenItIsBackWithoutWarning) {
+TEST_F(BodyWatchTest, IgnoresBodiesNeverSeenOrNotServed) {
+  for (int i = 0; i < 300; ++i) EXPECT_THAT(observe(false), IsEmpty());
+  senders_ = {-1, 2};
   observe(true);
-  observe(false);
-  number_ += 100;  // a second later
-  const auto texts = observe(true);
-  ASSERT_EQ(texts.size(), 1u);
-  EXPECT_EQ(texts[0].second.severity, Severity::kNormal);
+  EXPECT_THAT(observe(false), IsEmpty());
 }
 
-TEST_F(BodyWatchTest, SaysNothingOfABodyThatWasNeverSeen) {
-  for (int i = 0; i < 300; ++i) EXPECT_TRUE(observe(false).empty());
-}
-
-TEST_F(BodyWatchTest, SaysAtMostOneThingPerSecondAndBody) {
+TEST_F(BodyWatchTest, ReportsAtMostOncePerSecondAndBody) {
   observe(true);
   std::size_t texts = 0;
   for (int i = 0; i < 500; ++i) texts += observe(i % 2 == 0).size();  // 5 s of flicker
@@ -146,20 +150,9 @@ TEST_F(BodyWatchTest, SaysAtMostOneThingPerSecondAndBody) {
   EXPECT_LE(texts, 6u);
 }
 
-TEST_F(BodyWatchTest, IgnoresBodiesThatAreNotServed) {
-  senders_ = {-1, 2};
-  observe(true);
-  EXPECT_TRUE(observe(false).empty());
-}
-
-using testing::HasSubstr;
-
-TEST_F(VrpnConnectionTest, GreetsWithoutWaiting) {
+TEST_F(VrpnConnectionTest, GreetsFirstAndDescribesSendersAndTypesAfterTheCookie) {
   config_.minor_version = 38;
   EXPECT_EQ(make().greeting(), golden("cookie"));
-}
-
-TEST_F(VrpnConnectionTest, DescribesSendersAndTypesInOrderAfterTheCookie) {
   auto connection = make();
   EXPECT_FALSE(connection.open());
   const auto sent = feed(connection, golden("cookie"));
@@ -175,49 +168,42 @@ TEST_F(VrpnConnectionTest, DescribesSendersAndTypesInOrderAfterTheCookie) {
   }
 }
 
-TEST_F(VrpnConnectionTest, NeverAnswersADescription) {
+TEST_F(VrpnConnectionTest, AnswersPingsOfServedBodiesButNoDescription) {
   auto connection = make();
-  const auto sent = feed(connection, hello());
-  EXPECT_EQ(sent.size(), 21u);  // its own, nothing back for the client's
-}
-
-TEST_F(VrpnConnectionTest, AnswersAPingWithItsOwnNumbers) {
-  auto connection = make();
-  feed(connection, hello());
-  const auto sent = feed(connection, empty(kClientArm, Type::kPing));
+  EXPECT_THAT(feed(connection, hello()), SizeIs(21));  // its own, nothing back for the client's
+  const auto sent = ping(connection, kClientArm);
   ASSERT_EQ(sent.size(), 1u);
   EXPECT_EQ(sent[0].header, (Header{kNow_ns, 2, 17, 0}));
   EXPECT_TRUE(sent[0].payload.empty());
+  senders_.update(SceneModel{2, {{1, "drone"}}});
+  for (const auto& message : ping(connection, kClientArm)) EXPECT_NE(message.header.type, 17);
 }
 
 TEST_F(VrpnConnectionTest, AnswersTheRequestsWithIdentityAndTheWorkspace) {
-  auto connection = make();
-  feed(connection, hello());
+  auto connection = greeted();
   Bytes asked = empty(kClientArm, Type::kRequestToRoom);
   asked += empty(kClientArm, Type::kRequestUnitToSensor);
   asked += empty(kClientArm, Type::kRequestWorkspace);
   const auto sent = feed(connection, asked);
-  ASSERT_EQ(sent.size(), 3u);
-  for (const auto& message : sent) EXPECT_EQ(message.header.sender, 2);
   Bytes identity;
-  BigEndianWriter(identity).f64(0).f64(0).f64(0).f64(0).f64(0).f64(0).f64(1);
+  BigEndianWriter(identity).zeros(6 * 8).f64(1);
   Bytes with_sensor;
   BigEndianWriter(with_sensor).i32(0).i32(0).bytes(identity);
   Bytes box;
   BigEndianWriter(box).f64(-10).f64(-10).f64(0).f64(10).f64(10).f64(5);
-  EXPECT_EQ(sent[0].header.type, 7);
-  EXPECT_EQ(sent[0].payload, identity);
-  EXPECT_EQ(sent[1].header.type, 8);
-  EXPECT_EQ(sent[1].payload, with_sensor);
-  EXPECT_EQ(sent[2].header.type, 11);
-  EXPECT_EQ(sent[2].payload, box);
+  const std::pair<int, Bytes> kExpected[] = {{7, identity}, {8, with_sensor}, {11, box}};
+  ASSERT_EQ(sent.size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(sent[i].header.sender, 2);
+    EXPECT_EQ(sent[i].header.type, kExpected[i].first);
+    EXPECT_EQ(sent[i].payload, kExpected[i].second);
+  }
 }
 
 TEST_F(VrpnConnectionTest, TheWorkspaceTurnsWithTheAxes) {
   config_.up = UpAxis::kY;
   config_.workspace_box_m = {-1, -2, 0, 3, 4, 5};
-  auto connection = make();
-  feed(connection, hello());
+  auto connection = greeted();
   const auto sent = feed(connection, empty(kClientArm, Type::kRequestWorkspace));
   Bytes box;
   BigEndianWriter(box).f64(-1).f64(0).f64(-4).f64(3).f64(5).f64(2);
@@ -225,40 +211,27 @@ TEST_F(VrpnConnectionTest, TheWorkspaceTurnsWithTheAxes) {
   EXPECT_EQ(sent[0].payload, box);
 }
 
-TEST_F(VrpnConnectionTest, IgnoresWhatAClientMustNotChange) {
-  auto connection = make();
-  feed(connection, hello());
+TEST_F(VrpnConnectionTest, IgnoresChangesByClients) {
+  auto connection = greeted();
   Bytes asked = empty(kClientArm, Type::kResetOrigin);
-  BigEndianWriter(asked)
-      .u32(32)
-      .u32(0)
-      .u32(0)
-      .i32(kClientArm)
-      .i32(client_type(Type::kSetUpdateRate))
-      .u32(0)
-      .f64(1e9);
-  asked += empty(kClientArm, static_cast<Type>(85));  // vrpn_Button Change: a type that is not ours
-  asked += empty(kClientArm, static_cast<Type>(-900));                 // a type never described
-  asked += empty(7, Type::kPing);                                      // a sender never described
-  BigEndianWriter(asked).u32(24).u32(0).u32(0).i32(3).i32(-4).u32(0);  // log description
-  BigEndianWriter(asked).u32(24).u32(0).u32(0).i32(0).i32(-77).u32(0);
-  EXPECT_TRUE(feed(connection, asked).empty());
+  asked += raw_message(32, kClientArm, client_type(Type::kSetUpdateRate),
+                       from_hex("41cdcd6500000000"));   // 1e9
+  asked += empty(kClientArm, static_cast<Type>(85));    // vrpn_Button Change: not one of ours
+  asked += empty(kClientArm, static_cast<Type>(-900));  // a type never described
+  asked += empty(7, Type::kPing);                       // a sender never described
+  asked += raw_message(24, 3, -4);                      // log description
+  asked += raw_message(24, 0, -77);
+  EXPECT_THAT(feed(connection, asked), IsEmpty());
 }
 
-TEST_F(VrpnConnectionTest, UdpIsForRequestedConnectionsOnly) {
-  auto requested = make(Origin::kRequested);
-  feed(requested, hello());
-  EXPECT_EQ(requested.udp_port(), 46815);
-  auto direct = make(Origin::kDirect);
-  feed(direct, hello());
-  EXPECT_FALSE(direct.udp_port());
+TEST_F(VrpnConnectionTest, UsesUdpForRequestedConnectionsOnly) {
+  EXPECT_EQ(greeted(Origin::kRequested).udp_port(), 46815);
+  EXPECT_FALSE(greeted(Origin::kDirect).udp_port());
   config_.udp_reports = false;
-  auto tcp_only = make(Origin::kRequested);
-  feed(tcp_only, hello());
-  EXPECT_FALSE(tcp_only.udp_port());
+  EXPECT_FALSE(greeted(Origin::kRequested).udp_port());
 }
 
-TEST_F(VrpnConnectionTest, DescribesANewBodyOnce) {
+TEST_F(VrpnConnectionTest, DescribesAnAddedBodyOnce) {
   auto connection = make();
   Bytes out;
   connection.describe_new_senders(kNow_ns, out);
@@ -273,25 +246,15 @@ TEST_F(VrpnConnectionTest, DescribesANewBodyOnce) {
   out.clear();
   connection.describe_new_senders(kNow_ns, out);
   EXPECT_TRUE(out.empty());
-  // The client had named it before it existed.
-  const auto pong = feed(connection, empty(kClientArm, Type::kPing));
+  const auto pong = ping(connection, kClientArm);  // of the name the client used before
   ASSERT_EQ(pong.size(), 1u);
   EXPECT_EQ(pong[0].header.sender, 3);
 }
 
-TEST_F(VrpnConnectionTest, ARetiredBodyIsNotAnswered) {
-  auto connection = make();
-  feed(connection, hello());
-  senders_.update(SceneModel{2, {{1, "drone"}}});
-  for (const auto& message : feed(connection, empty(kClientArm, Type::kPing)))
-    EXPECT_NE(message.header.type, 17);
-}
-
 TEST_F(VrpnConnectionTest, ExplainsAnUnknownBodyOnceAndToThisClientOnly) {
-  auto connection = make();
-  feed(connection, hello());
+  auto connection = greeted();
   feed(connection, description(kSenderDescription, kClientGhost, "ghost"));
-  const auto sent = feed(connection, empty(kClientGhost, Type::kPing));
+  const auto sent = ping(connection, kClientGhost);
   ASSERT_EQ(sent.size(), 2u);
   EXPECT_EQ(sent[0].header.type, -1);
   EXPECT_EQ(sent[0].header.sender, 1999);
@@ -303,7 +266,7 @@ TEST_F(VrpnConnectionTest, ExplainsAnUnknownBodyOnceAndToThisClientOnly) {
   EXPECT_EQ(text->severity, Severity::kWarning);
   EXPECT_THAT(std::string(text->text), HasSubstr("drone, arm"));
   EXPECT_THAT(connection.take_notes().at(0).text, HasSubstr("ghost"));
-  EXPECT_TRUE(feed(connection, empty(kClientGhost, Type::kPing)).empty());
+  EXPECT_THAT(ping(connection, kClientGhost), IsEmpty());
 
   auto other = make();
   for (const auto& message : feed(other, hello())) {

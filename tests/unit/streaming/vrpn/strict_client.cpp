@@ -1,14 +1,10 @@
 #include "strict_client.hpp"
 
-#include <arpa/inet.h>
-#include <fcntl.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-#include <unistd.h>
-
 #include <cerrno>
 #include <cstring>
 #include <stdexcept>
+
+#include "support/loopback_socket.hpp"
 
 namespace fiducap::vrpn {
 
@@ -37,26 +33,14 @@ void put_u32(std::string& out, std::uint32_t v) {
   for (int shift = 24; shift >= 0; shift -= 8) out += static_cast<char>(v >> shift & 0xff);
 }
 
-sockaddr_in loopback(std::uint16_t port) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  address.sin_port = htons(port);
-  return address;
-}
-int bound(int type) {
-  const int fd = ::socket(AF_INET, type | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-  const sockaddr_in any = loopback(0);
-  if (fd < 0 || ::bind(fd, reinterpret_cast<const sockaddr*>(&any), sizeof(any)) != 0) {
-    throw std::runtime_error("strict client cannot bind");
-  }
-  return fd;
-}
-std::uint16_t port_of(int fd) {
-  sockaddr_in address{};
-  socklen_t size = sizeof(address);
-  ::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size);
-  return ntohs(address.sin_port);
+std::string packed(std::int32_t sender, std::int32_t type, const std::string& payload = {}) {
+  std::string out;
+  put_u32(out, static_cast<std::uint32_t>(24 + payload.size()));
+  out += std::string(8, '\0');  // time
+  put_u32(out, static_cast<std::uint32_t>(sender));
+  put_u32(out, static_cast<std::uint32_t>(type));
+  put_u32(out, 0);
+  return out + payload + std::string((8 - payload.size() % 8) % 8, '\0');
 }
 
 }  // namespace
@@ -67,26 +51,15 @@ StrictClient::~StrictClient() {
   }
 }
 
-void StrictClient::connect(std::uint16_t port) {
-  tcp_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  const sockaddr_in server = loopback(port);
-  if (::connect(tcp_, reinterpret_cast<const sockaddr*>(&server), sizeof(server)) != 0) {
-    throw std::runtime_error("strict client cannot connect");
-  }
-  ::fcntl(tcp_, F_SETFL, O_NONBLOCK);
-}
+void StrictClient::connect(std::uint16_t port) { tcp_ = connected_socket(port); }
 
 void StrictClient::request(std::uint16_t port, int times, bool offer_udp) {
   offer_udp_ = offer_udp;
-  listener_ = bound(SOCK_STREAM);
+  listener_ = bound_socket(SOCK_STREAM);
   ::listen(listener_, 8);
-  udp_ = bound(SOCK_DGRAM);
+  udp_ = bound_socket(SOCK_DGRAM);
   const std::string text = "127.0.0.1 " + std::to_string(port_of(listener_)) + '\0';
-  const sockaddr_in server = loopback(port);
-  for (int i = 0; i < times; ++i) {
-    ::sendto(udp_, text.data(), text.size(), 0, reinterpret_cast<const sockaddr*>(&server),
-             sizeof(server));
-  }
+  for (int i = 0; i < times; ++i) send_datagram(udp_, std::as_bytes(std::span(text)), port);
 }
 
 int StrictClient::extra_connections() {
@@ -108,57 +81,28 @@ void StrictClient::pump() {
 
 void StrictClient::say_hello() {
   said_hello_ = true;
-  std::string out("vrpn: ver. 07.33  0\0\xed\0\0\0", 24);
-  if (offer_udp_) {
-    put_u32(out, 34);
-    put_u32(out, 0);
-    put_u32(out, 0);
-    put_u32(out, port_of(udp_));
-    put_u32(out, static_cast<std::uint32_t>(-3));
-    put_u32(out, 0);
-    out += "127.0.0.1";
-    out += std::string(7, '\0');
-  }
-  send_raw({reinterpret_cast<const std::byte*>(out.data()),
-            reinterpret_cast<const std::byte*>(out.data()) + out.size()});
+  send(std::string("vrpn: ver. 07.33  0\0\xed\0\0\0", 24));
+  if (offer_udp_) send(packed(port_of(udp_), -3, std::string("127.0.0.1\0", 10)));
   for (const auto& type : kAskable) {
     own_types_[type] = 1500 - 7 * static_cast<std::int32_t>(own_types_.size());
     describe(-2, own_types_[type], type);
   }
 }
 
-void StrictClient::describe(std::int32_t kind, std::int32_t id, std::string_view name) {
-  std::string out;
-  const std::size_t payload = 4 + name.size() + 1;
-  put_u32(out, static_cast<std::uint32_t>(24 + payload));
-  put_u32(out, 0);
-  put_u32(out, 0);
-  put_u32(out, static_cast<std::uint32_t>(id));
-  put_u32(out, static_cast<std::uint32_t>(kind));
-  put_u32(out, 0);
-  put_u32(out, static_cast<std::uint32_t>(name.size() + 1));
-  out += name;
-  out += std::string(1 + (8 - payload % 8) % 8, '\0');
-  send_raw({reinterpret_cast<const std::byte*>(out.data()),
-            reinterpret_cast<const std::byte*>(out.data()) + out.size()});
+void StrictClient::describe(std::int32_t kind, std::int32_t id, const std::string& name) {
+  std::string payload;
+  put_u32(payload, static_cast<std::uint32_t>(name.size() + 1));
+  send(packed(id, kind, payload + name + '\0'));
 }
 
-void StrictClient::ask(std::string_view body, std::string_view type) {
-  const auto [entry, fresh] = own_senders_.try_emplace(
-      std::string(body), 900 - 3 * static_cast<std::int32_t>(own_senders_.size()));
+void StrictClient::ask(const std::string& body, const std::string& type) {
+  const auto [entry, fresh] =
+      own_senders_.try_emplace(body, 900 - 3 * static_cast<std::int32_t>(own_senders_.size()));
   if (fresh) describe(-1, entry->second, body);
-  std::string out;
-  put_u32(out, 24);
-  put_u32(out, 0);
-  put_u32(out, 0);
-  put_u32(out, static_cast<std::uint32_t>(entry->second));
-  put_u32(out, static_cast<std::uint32_t>(own_types_.at(std::string(type))));
-  put_u32(out, 0);
-  send_raw({reinterpret_cast<const std::byte*>(out.data()),
-            reinterpret_cast<const std::byte*>(out.data()) + out.size()});
+  send(packed(entry->second, own_types_.at(type)));
 }
 
-void StrictClient::send_raw(const std::vector<std::byte>& bytes) {
+void StrictClient::send_raw(std::span<const std::byte> bytes) {
   const auto sent = ::send(tcp_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
   if (sent != static_cast<ssize_t>(bytes.size()) && errno != EPIPE && errno != ECONNRESET) {
     throw std::runtime_error("strict client cannot send");
@@ -166,16 +110,7 @@ void StrictClient::send_raw(const std::vector<std::byte>& bytes) {
 }
 
 void StrictClient::read_tcp() {
-  unsigned char buffer[65536];
-  for (;;) {
-    const auto n = ::recv(tcp_, buffer, sizeof(buffer), 0);
-    if (n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) break;
-    if (n <= 0) {
-      closed_ = true;
-      break;
-    }
-    stream_.bytes.insert(stream_.bytes.end(), buffer, buffer + n);
-  }
+  closed_ = !read_stream(tcp_, stream_.bytes);
   if (!cookie_seen_) {
     if (stream_.bytes.size() < 24) return;
     if (std::memcmp(stream_.bytes.data(), "vrpn: ver. 07.35  0\0\0\0\0\0", 24) != 0)
@@ -187,12 +122,9 @@ void StrictClient::read_tcp() {
 }
 
 void StrictClient::read_udp() {
-  unsigned char buffer[65536];
-  for (;;) {
-    const auto n = ::recv(udp_, buffer, sizeof(buffer), 0);
-    if (n < 0) return;
-    if (n > 1472) violated("datagram of " + std::to_string(n) + " bytes");
-    Stream datagram{{buffer, buffer + n}, udp_sequence_};
+  while (auto bytes = read_datagram<unsigned char>(udp_)) {
+    if (bytes->size() > 1472) violated("datagram of " + std::to_string(bytes->size()) + " bytes");
+    Stream datagram{std::move(*bytes), udp_sequence_};
     parse(datagram, true);
     if (!datagram.bytes.empty()) violated("datagram does not end with a message");
     udp_sequence_ = datagram.sequence;
@@ -241,14 +173,18 @@ void StrictClient::take(const unsigned char* message, std::size_t length, bool u
       wanted != kPayloads.end() && wanted->second != n) {
     return violated(type->second + " with " + std::to_string(n) + " bytes");
   }
-  const double utc_s = get_u32(message + 4) + 1e-6 * get_u32(message + 8);
   if (type->second == "vrpn_Base text_message") {
     if (n < 9 || payload[n - 1] != 0) return violated("text without zero");
     texts.push_back({sender->second, get_u32(payload), reinterpret_cast<const char*>(payload + 8)});
   } else if (type->second == "vrpn_Base pong_message") {
     pongs.push_back(sender->second);
   } else if (type_id >= 4 && type_id <= 6) {
-    take_report(sender->second, type->second, utc_s, payload, n, udp);
+    const int sensor = get_i32(payload);
+    if (sensor < 0 || sensor >= sensors_ || get_i32(payload + 4) != sensor) violated("sensor");
+    const double utc_s = get_u32(message + 4) + 1e-6 * get_u32(message + 8);
+    reports.push_back({sender->second, type->second, sensor, utc_s, {}, udp});
+    for (std::size_t at = 8; at < n; at += 8)
+      reports.back().values.push_back(get_f64(payload + at));
   } else {
     if (udp) violated("answer by UDP");
     ++answers[type->second];
@@ -264,15 +200,6 @@ void StrictClient::learn(std::map<std::int32_t, std::string>& table, std::int32_
   if (id != static_cast<std::int32_t>(table.size()) && id < 1900)
     violated("id out of order: " + name);
   if (!table.emplace(id, name).second) violated("described twice: " + name);
-}
-
-void StrictClient::take_report(const std::string& sender, const std::string& type, double utc_s,
-                               const unsigned char* payload, std::size_t n, bool udp) {
-  const int sensor = get_i32(payload);
-  if (sensor < 0 || sensor >= sensors_ || get_i32(payload + 4) != sensor) violated("sensor");
-  Report report{sender, type, sensor, utc_s, {}, udp};
-  for (std::size_t at = 8; at < n; at += 8) report.values.push_back(get_f64(payload + at));
-  reports.push_back(report);
 }
 
 std::vector<std::string> StrictClient::bodies() const {

@@ -1,19 +1,17 @@
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <span>
 #include <string>
-#include <string_view>
 #include <vector>
 
 namespace fiducap::vrpn {
 
-/// A VRPN client that shares no code with the server and forgives nothing: it checks framing,
-/// padding, sequence numbers, order of descriptions, payload sizes and datagram sizes, and collects
-/// every violation. Plain non-blocking sockets; `pump` moves what can be moved. It numbers senders
-/// and types unlike any server, so that confused ids show.
+/// A VRPN client that shares no code with the server. It collects every violation of framing,
+/// padding, sequence numbers, order of descriptions, payload sizes and datagram sizes. `pump` reads
+/// all that came. It numbers senders and types unlike any server, so that confused ids show.
 class StrictClient final {
  public:
   enum class CookieOrder { kFirst, kAfterServer };
@@ -42,21 +40,22 @@ class StrictClient final {
   void request(std::uint16_t port, int times = 1, bool offer_udp = true);
   void pump();
 
-  void ask(std::string_view body, std::string_view type);  ///< An empty message: ping, requests.
-  void send_raw(const std::vector<std::byte>& bytes);
+  /// Sends an empty message: a ping or request.
+  void ask(const std::string& body, const std::string& type);
+  void send_raw(std::span<const std::byte> bytes);
   void stop_reading() { reading_ = false; }
   void resume_reading() { reading_ = true; }
 
   /// Sensors that a body may have; a report of another is a violation.
   void expect_sensors(int n) { sensors_ = n; }
 
-  [[nodiscard]] bool connected() const { return tcp_ >= 0; }
   [[nodiscard]] bool closed_by_server() const { return closed_; }
   /// All 18 types are described.
   [[nodiscard]] bool ready() const { return types_.size() == 18; }
-  [[nodiscard]] std::vector<std::string> bodies()
-      const;                              ///< Without VRPN Control, as discovery sees them.
-  [[nodiscard]] int extra_connections();  ///< Waiting in the listener's backlog.
+  /// Without VRPN Control, as discovery sees them.
+  [[nodiscard]] std::vector<std::string> bodies() const;
+  /// Waiting in the listener's backlog.
+  [[nodiscard]] int extra_connections();
 
   std::vector<Report> reports;
   std::vector<Text> texts;
@@ -71,33 +70,24 @@ class StrictClient final {
   };
 
   void say_hello();
-  void describe(std::int32_t kind, std::int32_t id, std::string_view name);
+  void describe(std::int32_t kind, std::int32_t id, const std::string& name);
+  void send(const std::string& bytes) { send_raw(std::as_bytes(std::span(bytes))); }
   void read_tcp();
   void read_udp();
   void parse(Stream& stream, bool udp);
   void take(const unsigned char* message, std::size_t length, bool udp);
   void learn(std::map<std::int32_t, std::string>& table, std::int32_t id,
              const unsigned char* payload, std::size_t n);
-  void take_report(const std::string& sender, const std::string& type, double utc_s,
-                   const unsigned char* payload, std::size_t n, bool udp);
   void violated(const std::string& what) { violations.push_back(what); }
 
   CookieOrder order_;
-  int tcp_{-1};
-  int udp_{-1};
-  int listener_{-1};
-  bool offer_udp_{false};
-  bool reading_{true};
+  int tcp_{-1}, udp_{-1}, listener_{-1};
   int sensors_{1};
-  bool closed_{false};
-  bool said_hello_{false};
-  bool cookie_seen_{false};
+  bool offer_udp_{false}, reading_{true}, closed_{false}, said_hello_{false}, cookie_seen_{false};
   Stream stream_;
   std::uint32_t udp_sequence_{0};
-  std::map<std::int32_t, std::string> senders_;
-  std::map<std::int32_t, std::string> types_;
-  std::map<std::string, std::int32_t> own_senders_;
-  std::map<std::string, std::int32_t> own_types_;
+  std::map<std::int32_t, std::string> senders_, types_;
+  std::map<std::string, std::int32_t> own_senders_, own_types_;
 };
 
 }  // namespace fiducap::vrpn

@@ -2,66 +2,94 @@
 
 #include <gmock/gmock.h>
 
-#include "server_fixture.hpp"
+#include <random>
+
+#include "strict_client.hpp"
+#include "support/hex.hpp"
+#include "support/loopback_socket.hpp"
+#include "unit/streaming/server_fixture.hpp"
 
 namespace fiducap::vrpn {
 namespace {
 
+using testing::Each;
 using testing::ElementsAre;
+using testing::Field;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::SizeIs;
 
 constexpr double kRounding = 1e-12;
 
+class VrpnServerTest : public ProtocolServerTest<StrictClient, VrpnConfig> {
+ protected:
+  Expected<std::unique_ptr<Streamer>> make_server(
+      std::shared_ptr<const SceneModel> model) override {
+    return start_vrpn_server(io_, config_, std::move(model), clock_);
+  }
+  void TearDown() override { EXPECT_THAT(client_.violations, IsEmpty()); }
+  /// Connects by TCP and waits for the descriptions.
+  void join(StrictClient& client) {
+    client.connect(port_);
+    wait_until_ready(client);
+  }
+  /// Requests a connection by a datagram and waits for the descriptions.
+  void join_by_request(StrictClient& client, int times = 1, bool offer_udp = true) {
+    client.request(port_, times, offer_udp);
+    wait_until_ready(client);
+  }
+  /// Publishes a frame; each client then has this many reports.
+  void publish_to(std::initializer_list<StrictClient*> clients, std::size_t reports) {
+    publish();
+    for (auto* client : clients)
+      ASSERT_TRUE(until([&] { return client->reports.size() == reports; }));
+  }
+
+  StrictClient client_;  ///< Must find no violation.
+
+ private:
+  void wait_until_ready(StrictClient& client) {
+    clients_.push_back(&client);
+    ASSERT_TRUE(until([&] { return client.ready(); }));
+  }
+};
+
 TEST_F(VrpnServerTest, ServesADirectClientByTcp) {
   start();
-  StrictClient client;
-  client.connect(port_);
-  clients_ = {&client};
-  ASSERT_TRUE(until([&] { return client.ready(); }));
-  EXPECT_THAT(client.bodies(), ElementsAre("arm", "drone"));
-  publish();
-  ASSERT_TRUE(until([&] { return client.reports.size() == 4; }));
-  EXPECT_EQ(client.reports[0].sender, "arm");
-  EXPECT_EQ(client.reports[0].type, "vrpn_Tracker Pos_Quat");
-  EXPECT_EQ(client.reports[1].type, "vrpn_Tracker Velocity");
-  EXPECT_EQ(client.reports[2].sender, "drone");
-  EXPECT_FALSE(client.reports[0].udp);
-  EXPECT_EQ(client.reports[2].values[0], 2.0);
+  join(client_);
+  EXPECT_THAT(client_.bodies(), ElementsAre("arm", "drone"));
+  publish_to({&client_}, 4);
+  EXPECT_EQ(client_.reports[0].sender, "arm");
+  EXPECT_EQ(client_.reports[0].type, "vrpn_Tracker Pos_Quat");
+  EXPECT_EQ(client_.reports[1].type, "vrpn_Tracker Velocity");
+  EXPECT_EQ(client_.reports[2].sender, "drone");
+  EXPECT_FALSE(client_.reports[0].udp);
+  EXPECT_EQ(client_.reports[2].values[0], 2.0);
   // 2023-11-14 22:13:25.010 UTC, the stamp of the frame; doubles hold it to less than a
   // microsecond.
-  EXPECT_NEAR(client.reports[3].utc_s, 1700000005.010, 1e-6);
-  EXPECT_THAT(client.violations, IsEmpty());
+  EXPECT_NEAR(client_.reports[3].utc_s, 1700000005.010, 1e-6);
 }
 
 TEST_F(VrpnServerTest, ServesARequestingClientByUdp) {
   start();
-  StrictClient client;
-  client.request(port_);
-  clients_ = {&client};
-  ASSERT_TRUE(until([&] { return client.ready(); }));
+  join_by_request(client_);
   EXPECT_THAT(status().at(0).peer, HasSubstr(" udp"));
   publish();
-  publish();
-  ASSERT_TRUE(until([&] { return client.reports.size() == 8; }));
-  for (const auto& report : client.reports) EXPECT_TRUE(report.udp);
-  EXPECT_THAT(client.violations, IsEmpty());
+  publish_to({&client_}, 8);
+  EXPECT_THAT(client_.reports, Each(Field(&StrictClient::Report::udp, true)));
   EXPECT_EQ(status().at(0).frames_sent, 2u);
 }
 
-TEST_F(VrpnServerTest, SensorsMoveWithTheirBodyWhateverItIsCalled) {
+TEST_F(VrpnServerTest, SensorsMoveWithTheirBodyAlsoUnderAnAlias) {
   config_.velocity = false;
   config_.aliases = {{"drone", "cf7"}};
   const Pose X_PS{Eigen::Quaterniond(0, 1, 0, 0), {0.1, 0.2, -0.3}};
   config_.sensors = {{"drone", X_PS}};
   start();
-  StrictClient by_tcp;
-  StrictClient by_udp;
-  by_tcp.connect(port_);
-  by_udp.request(port_);
-  clients_ = {&by_tcp, &by_udp};
-  for (auto* client : clients_) client->expect_sensors(2);
-  ASSERT_TRUE(until([&] { return by_tcp.ready() && by_udp.ready(); }));
+  StrictClient by_tcp, by_udp;
+  for (auto* client : {&by_tcp, &by_udp}) client->expect_sensors(2);
+  join(by_tcp);
+  join_by_request(by_udp);
   EXPECT_THAT(by_tcp.bodies(), ElementsAre("arm", "cf7"));
   const auto sent = frame();
   server_->publish(sent);
@@ -84,76 +112,57 @@ TEST_F(VrpnServerTest, SensorsMoveWithTheirBodyWhateverItIsCalled) {
       << "one per sensor";
 }
 
-TEST_F(VrpnServerTest, EverythingByTcpWhenUdpIsOffOrNotOffered) {
+TEST_F(VrpnServerTest, SendsReportsByTcpWhenUdpIsOffOrNotOffered) {
   config_.udp_reports = false;
   start();
-  StrictClient offering;
-  StrictClient not_offering;
-  offering.request(port_);
-  not_offering.request(port_, 1, false);
-  clients_ = {&offering, &not_offering};
-  ASSERT_TRUE(until([&] { return offering.ready() && not_offering.ready(); }));
-  publish();
-  ASSERT_TRUE(
-      until([&] { return offering.reports.size() == 4 && not_offering.reports.size() == 4; }));
-  for (const auto& report : offering.reports) EXPECT_FALSE(report.udp);
+  StrictClient offering, not_offering;
+  join_by_request(offering);
+  join_by_request(not_offering, 1, false);
+  publish_to({&offering, &not_offering}, 4);
+  EXPECT_THAT(offering.reports, Each(Field(&StrictClient::Report::udp, false)));
   EXPECT_THAT(offering.violations, IsEmpty());
 }
 
-TEST_F(VrpnServerTest, BothCookieOrdersWorkInBothModes) {
+TEST_F(VrpnServerTest, AcceptsBothCookieOrdersInBothModes) {
   start();
-  StrictClient a(StrictClient::CookieOrder::kAfterServer);
-  StrictClient b(StrictClient::CookieOrder::kAfterServer);
-  StrictClient c(StrictClient::CookieOrder::kFirst);
-  a.connect(port_);
-  b.request(port_);
-  c.request(port_);
-  clients_ = {&a, &b, &c};
-  ASSERT_TRUE(until([&] { return a.ready() && b.ready() && c.ready(); }));
+  StrictClient a(StrictClient::CookieOrder::kAfterServer),
+      b(StrictClient::CookieOrder::kAfterServer), c(StrictClient::CookieOrder::kFirst);
+  join(a);
+  join_by_request(b);
+  join_by_request(c);
   for (const auto* client : clients_) EXPECT_THAT(client->violations, IsEmpty());
 }
 
 TEST_F(VrpnServerTest, AnswersPingsAndRequests) {
   start();
-  StrictClient client;
-  client.connect(port_);
-  clients_ = {&client};
-  ASSERT_TRUE(until([&] { return client.ready(); }));
-  client.ask("drone", "vrpn_Base ping_message");
-  client.ask("arm", "vrpn_Tracker Request_Tracker_To_Room");
-  client.ask("arm", "vrpn_Tracker Request_Unit_To_Sensor");
-  client.ask("arm", "vrpn_Tracker Request_Tracker_Workspace");
-  ASSERT_TRUE(until([&] { return client.answers.size() == 3; }));
-  EXPECT_THAT(client.pongs, ElementsAre("drone"));
-  EXPECT_THAT(client.violations, IsEmpty());
+  join(client_);
+  client_.ask("drone", "vrpn_Base ping_message");
+  client_.ask("arm", "vrpn_Tracker Request_Tracker_To_Room");
+  client_.ask("arm", "vrpn_Tracker Request_Unit_To_Sensor");
+  client_.ask("arm", "vrpn_Tracker Request_Tracker_Workspace");
+  ASSERT_TRUE(until([&] { return client_.answers.size() == 3; }));
+  EXPECT_THAT(client_.pongs, ElementsAre("drone"));
 }
 
-TEST_F(VrpnServerTest, DescribesANewBodyBeforeItsFirstReport) {
+TEST_F(VrpnServerTest, DescribesAnAddedBodyBeforeItsFirstReport) {
   start({"arm"});
-  StrictClient client;
-  client.connect(port_);
-  clients_ = {&client};
-  ASSERT_TRUE(until([&] { return client.ready(); }));
+  join(client_);
   names_ = {"arm", "rover"};
   auto later = frame();
   auto model = std::make_shared<SceneModel>(*later->model);
   model->generation = 2;
   later->model = model;
   server_->publish(later);
-  ASSERT_TRUE(until([&] { return client.reports.size() == 4; }));
-  EXPECT_THAT(client.bodies(), ElementsAre("arm", "rover"));
-  EXPECT_EQ(client.reports[2].sender, "rover");
-  EXPECT_THAT(client.violations, IsEmpty());
+  ASSERT_TRUE(until([&] { return client_.reports.size() == 4; }));
+  EXPECT_THAT(client_.bodies(), ElementsAre("arm", "rover"));
+  EXPECT_EQ(client_.reports[2].sender, "rover");
 }
 
 TEST_F(VrpnServerTest, ReportsALostBodyToEveryClientAndStopsItsReports) {
   start();
-  StrictClient a;
-  StrictClient b;
-  a.connect(port_);
-  b.request(port_);
-  clients_ = {&a, &b};
-  ASSERT_TRUE(until([&] { return a.ready() && b.ready(); }));
+  StrictClient a, b;
+  join(a);
+  join_by_request(b);
   publish();
   auto lost = frame();
   lost->bodies[0].valid = false;
@@ -170,20 +179,16 @@ TEST_F(VrpnServerTest, ReportsALostBodyToEveryClientAndStopsItsReports) {
 TEST_F(VrpnServerTest, RestartsOnTheSamePortAtOnce) {
   start();
   StrictClient first;
-  first.connect(port_);
-  clients_ = {&first};
-  ASSERT_TRUE(until([&] { return first.ready(); }));
+  join(first);
   server_->stop();
   server_.reset();
   ASSERT_TRUE(until([&] { return first.closed_by_server(); }));
   start();  // port_ is that of the first run
   StrictClient second;
-  second.connect(port_);
-  clients_ = {&second};
-  EXPECT_TRUE(until([&] { return second.ready(); }));
+  join(second);
 }
 
-TEST_F(VrpnServerTest, NamesPortAndRemedyWhenThePortIsInUse) {
+TEST_F(VrpnServerTest, ReportsAPortInUseAndAForeignAddressWithRemedy) {
   start();
   config_.port = port_;
   const auto second = start_vrpn_server(io_, config_, make_scene_frame({})->model, clock_);
@@ -191,24 +196,18 @@ TEST_F(VrpnServerTest, NamesPortAndRemedyWhenThePortIsInUse) {
   EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
   EXPECT_THAT(second.error().text(), HasSubstr("port " + std::to_string(port_) + " is in use"));
   EXPECT_THAT(second.error().text(), HasSubstr("streaming.vrpn.port"));
-}
-
-TEST_F(VrpnServerTest, NamesTheAddressThatThisMachineDoesNotHave) {
   config_.address = "192.0.2.77";  // reserved for documentation
   config_.port = 0;
-  const auto server = start_vrpn_server(io_, config_, make_scene_frame({})->model, clock_);
-  ASSERT_FALSE(server);
-  EXPECT_THAT(server.error().text(), HasSubstr("192.0.2.77"));
-  EXPECT_THAT(server.error().text(), HasSubstr("streaming.vrpn.address"));
+  const auto third = start_vrpn_server(io_, config_, make_scene_frame({})->model, clock_);
+  ASSERT_FALSE(third);
+  EXPECT_THAT(third.error().text(), HasSubstr("192.0.2.77"));
+  EXPECT_THAT(third.error().text(), HasSubstr("streaming.vrpn.address"));
 }
 
-TEST_F(VrpnServerTest, StatusNamesPeerTransportAndContent) {
+TEST_F(VrpnServerTest, StatusShowsPeerTransportAndContent) {
   config_.acceleration = true;
   start();
-  StrictClient client;
-  client.connect(port_);
-  clients_ = {&client};
-  ASSERT_TRUE(until([&] { return client.ready(); }));
+  join(client_);
   clock_.advance(std::chrono::seconds(7));
   const auto all = status();
   ASSERT_EQ(all.size(), 1u);
@@ -217,6 +216,128 @@ TEST_F(VrpnServerTest, StatusNamesPeerTransportAndContent) {
   EXPECT_THAT(all[0].peer, HasSubstr(" tcp"));
   EXPECT_EQ(all[0].detail, "z-up m, velocity on, acceleration on");
   EXPECT_DOUBLE_EQ(all[0].connected_s, 7.0);
+}
+
+// Clients that stall, flood or send garbage must not affect the others.
+
+TEST_F(VrpnServerTest, RepeatedRequestsMakeOneConnection) {
+  start();
+  join_by_request(client_, 5);
+  steps(20);
+  EXPECT_EQ(client_.extra_connections(), 0);
+  EXPECT_THAT(status(), SizeIs(1));
+}
+
+TEST_F(VrpnServerTest, AnUnknownNameNeverReachesAnotherClient) {
+  start();
+  StrictClient asking, other, late;
+  join(asking);
+  join(other);
+  asking.ask("ghost", "vrpn_Base ping_message");
+  ASSERT_TRUE(until([&] { return asking.texts.size() == 1; }));
+  join(late);
+  publish_to({&other}, 4);
+  EXPECT_THAT(asking.texts[0].text, HasSubstr("arm, drone"));
+  EXPECT_THAT(asking.pongs, IsEmpty());
+  EXPECT_THAT(other.bodies(), ElementsAre("arm", "drone"));
+  EXPECT_THAT(late.bodies(), ElementsAre("arm", "drone"));
+  EXPECT_THAT(other.texts, IsEmpty());
+}
+
+TEST_F(VrpnServerTest, DropsFramesOnlyOfAStalledTcpClient) {
+  start(numbered_names(40));
+  StrictClient stalled, reading;
+  join(stalled);
+  join(reading);
+  stalled.stop_reading();
+  // 40 bodies · 184 bytes · 2000 = 15 MB, more than any socket buffer takes.
+  constexpr std::uint64_t kFrames = 2000;
+  for (std::size_t i = 1; i <= kFrames; ++i) publish_to({&reading}, i * 80);
+  EXPECT_THAT(reading.violations, IsEmpty());
+  const auto all = status();
+  ASSERT_EQ(all.size(), 2u);
+  EXPECT_GT(all[0].frames_dropped, 100u);
+  EXPECT_EQ(all[0].frames_sent + all[0].frames_dropped, kFrames);
+  EXPECT_EQ(all[1].frames_dropped, 0u);
+  EXPECT_EQ(all[1].frames_sent, kFrames);
+}
+
+TEST_F(VrpnServerTest, ClosesAClientThatReadsNothingForFiveSeconds) {
+  start(numbered_names(40));
+  join(client_);
+  client_.stop_reading();
+  ASSERT_TRUE(until([&] {
+    publish();
+    return status()[0].frames_dropped > 50;  // the kernel's buffers have stopped growing
+  }));
+  pass(std::chrono::seconds(4));
+  EXPECT_THAT(status(), SizeIs(1));
+  pass(std::chrono::seconds(2));
+  EXPECT_THAT(status(), IsEmpty());
+}
+
+TEST_F(VrpnServerTest, ClosesAClientThatSendsNoCookie) {
+  start();
+  StrictClient silent(StrictClient::CookieOrder::kAfterServer);
+  silent.connect(port_);
+  silent.stop_reading();  // so it never answers
+  clients_ = {&silent};
+  steps(20);
+  pass(std::chrono::seconds(6));
+  StrictClient fine;
+  join(fine);
+  silent.resume_reading();
+  EXPECT_TRUE(until([&] { return silent.closed_by_server(); }));
+}
+
+TEST_F(VrpnServerTest, ClosesOnlyTheClientThatSendsGarbage) {
+  start();
+  StrictClient good, wrong_major(StrictClient::CookieOrder::kAfterServer), absurd;
+  wrong_major.connect(port_);
+  wrong_major.send_raw(from_hex("7672706e3a207665722e2030362e3338 2020 30 0000000000"));
+  clients_ = {&wrong_major};
+  join(good);
+  join(absurd);
+  ASSERT_TRUE(until([&] { return wrong_major.closed_by_server(); }));
+  absurd.send_raw(from_hex("ffffffff 00000000 00000000"));
+  ASSERT_TRUE(until([&] { return absurd.closed_by_server(); }));
+  publish_to({&good}, 4);
+  EXPECT_THAT(status(), SizeIs(1));
+}
+
+TEST_F(VrpnServerTest, SurvivesRandomBytesByTcpAndUdp) {
+  start();
+  StrictClient good;
+  join_by_request(good);
+  std::mt19937 random(11);
+  std::uniform_int_distribution<int> byte(0, 255);
+  const int udp = bound_socket(SOCK_DGRAM);
+  for (int i = 0; i < 40; ++i) {
+    std::vector<std::byte> noise(1 + static_cast<std::size_t>(i) * 37);
+    for (auto& b : noise) b = static_cast<std::byte>(byte(random));
+    send_datagram(udp, noise, port_);
+    StrictClient raw(StrictClient::CookieOrder::kAfterServer);
+    raw.connect(port_);
+    if (i % 2 == 0) raw.send_raw(from_hex("7672706e3a207665722e2030372e3338 2020 30 0000000000"));
+    raw.send_raw(noise);
+    steps(2);
+  }
+  ::close(udp);
+  publish_to({&good}, 4);
+  EXPECT_THAT(good.violations, IsEmpty());
+  ASSERT_TRUE(until([&] { return status().size() == 1; }));
+}
+
+TEST_F(VrpnServerTest, ClosesClientsAboveTheLimit) {
+  config_.max_clients = 2;
+  start();
+  StrictClient a, b, c;
+  join(a);
+  join(b);
+  c.connect(port_);
+  clients_.push_back(&c);
+  ASSERT_TRUE(until([&] { return c.closed_by_server(); }));
+  EXPECT_THAT(status(), SizeIs(2));
 }
 
 }  // namespace

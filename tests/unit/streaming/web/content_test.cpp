@@ -28,7 +28,7 @@ std::string inflated(const std::string& gzip) {
   return out;
 }
 
-TEST(Content, CompressedIsTheSameText) {
+TEST(Content, CompressedTextIsUnchanged) {
   std::string text;
   for (int i = 0; i < 5000; ++i) text += "{\"id\":" + std::to_string(i) + "},";
   for (const Effort effort : {Effort::kQuick, Effort::kBest}) {
@@ -40,7 +40,7 @@ TEST(Content, CompressedIsTheSameText) {
   }
 }
 
-TEST(Content, WhatDoesNotGetShorterStaysPlain) {
+TEST(Content, TextThatDoesNotGetShorterStaysPlain) {
   EXPECT_FALSE(make_content("{}", Effort::kBest).gzip);
   EXPECT_FALSE(make_content("", Effort::kBest).gzip);
   std::mt19937 random(3);
@@ -49,7 +49,7 @@ TEST(Content, WhatDoesNotGetShorterStaysPlain) {
   EXPECT_FALSE(make_content(noise, Effort::kBest).gzip);
 }
 
-TEST(AcceptsGzip, OnlyWhereItIsNamedAndNotRefused) {
+TEST(AcceptsGzip, OnlyWhereListedWithoutZeroQuality) {
   for (const char* header : {"gzip", "GZIP", "deflate, gzip", "gzip;q=0.5", "br;q=0 , gzip ; q=1"})
     EXPECT_TRUE(accepts_gzip(header)) << header;
   for (const char* header : {"", "identity", "gzip;q=0", "gzip; q=0.000", "xgzip", "br, deflate",
@@ -57,7 +57,7 @@ TEST(AcceptsGzip, OnlyWhereItIsNamedAndNotRefused) {
     EXPECT_FALSE(accepts_gzip(header)) << header;
 }
 
-TEST(Prepared, IsMadeOncePerPeriodAndOnlyWhenAskedFor) {
+TEST(Prepared, IsMadeOncePerPeriodOnRequest) {
   Prepared prepared;
   int made = 0;
   const auto make = [&] { return std::to_string(++made); };
@@ -68,32 +68,21 @@ TEST(Prepared, IsMadeOncePerPeriodAndOnlyWhenAskedFor) {
   EXPECT_EQ(*prepared.at(start + 1h, make).plain, "3");
 }
 
-TEST(PageFiles, LinksOutOfTheFolderAreNotFollowed) {
+TEST(PageFiles, ServesKnownKindsOfFilesInTheFolderOnly) {
   const TemporaryPage files;
   std::filesystem::create_symlink(files.outside() / "secret.txt", files.root() / "link.txt");
   std::filesystem::create_directory_symlink(files.outside(), files.root() / "up");
-  const auto page = PageFiles::load(files.root());
-  EXPECT_NE(page.find("/index.html"), nullptr);
-  EXPECT_EQ(page.find("/link.txt"), nullptr);
-  EXPECT_EQ(page.find("/up/secret.txt"), nullptr);
-}
-
-TEST(PageFiles, UnknownKindsOfFilesAreNotServed) {
-  const TemporaryPage files;
   files.write("page/.npmrc", "x");
   files.write("page/tool.sh", "x");
   const auto page = PageFiles::load(files.root());
-  EXPECT_EQ(page.find("/.npmrc"), nullptr);
-  EXPECT_EQ(page.find("/tool.sh"), nullptr);
-}
-
-TEST(PageFiles, FolderWithoutIndexIsNoPage) {
-  const TemporaryPage files;
+  EXPECT_NE(page.find("/index.html"), nullptr);
+  for (const char* target : {"/link.txt", "/up/secret.txt", "/.npmrc", "/tool.sh"})
+    EXPECT_EQ(page.find(target), nullptr) << target;
   std::filesystem::remove(files.root() / "index.html");
   EXPECT_TRUE(PageFiles::load(files.root()).empty());
 }
 
-TEST(PageFiles, EndlesslyLargeFolderIsCut) {
+TEST(PageFiles, LimitsTheNumberOfFiles) {
   const TemporaryPage files;
   for (int i = 0; i < 300; ++i) files.write("page/n" + std::to_string(i) + ".txt", "x");
   int served = 0;
@@ -102,7 +91,7 @@ TEST(PageFiles, EndlesslyLargeFolderIsCut) {
   EXPECT_LE(served, 200);
 }
 
-TEST(PageFiles, EtagFollowsTheContent) {
+TEST(PageFiles, EtagChangesWithTheContent) {
   const TemporaryPage files;
   const std::string before = PageFiles::load(files.root()).find("/index.html")->etag;
   EXPECT_EQ(PageFiles::load(files.root()).find("/")->etag, before);
@@ -110,7 +99,7 @@ TEST(PageFiles, EtagFollowsTheContent) {
   EXPECT_NE(PageFiles::load(files.root()).find("/")->etag, before);
 }
 
-TEST(PageRoot, ConfiguredFolderWinsElseBesideTheProgram) {
+TEST(PageRoot, IsTheConfiguredFolderElseBesideTheProgram) {
   EXPECT_EQ(page_root("/srv/page"), "/srv/page");
   EXPECT_EQ(page_root("").filename(), "web");
 }

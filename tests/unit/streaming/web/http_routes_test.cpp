@@ -1,4 +1,4 @@
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include "streaming/web/http_routes.hpp"
 #include "support/noted_setup.hpp"
@@ -6,6 +6,8 @@
 
 namespace fiducap::web {
 namespace {
+
+using testing::HasSubstr;
 
 class HttpRoutesTest : public testing::Test {
  protected:
@@ -31,9 +33,8 @@ class HttpRoutesTest : public testing::Test {
   Health health_;
 };
 
-TEST_F(HttpRoutesTest, WhoMayWatchCameras) { EXPECT_EQ(*get("/api/v1/views").body(), "views"); }
-
-TEST_F(HttpRoutesTest, VersionsOfTheMapAndHowTheyDiffer) {
+TEST_F(HttpRoutesTest, ServeViewsVersionsAndDifferencesOfMaps) {
+  EXPECT_EQ(*get("/api/v1/views").body(), "views");
   EXPECT_EQ(*get("/api/v1/map/versions").body(), "versions");
   EXPECT_EQ(*get("/api/v1/map/diff/3/7").body(), "3 to 7");
   EXPECT_EQ(get("/api/v1/map/diff/3/7").content_type, "application/json");
@@ -45,21 +46,21 @@ TEST_F(HttpRoutesTest, VersionsOfTheMapAndHowTheyDiffer) {
     EXPECT_EQ(get("/api/v1/map/diff/" + std::string(versions)).status, 400) << versions;
 }
 
-TEST_F(HttpRoutesTest, RootIsTheIndex) {
-  const auto response = get("/?lab=1");
-  EXPECT_EQ(response.status, 200);
-  EXPECT_EQ(response.content_type, "text/html; charset=utf-8");
-  EXPECT_EQ(*response.body(), "<!doctype html><title>page</title>");
-  EXPECT_EQ(response.cache_control, "no-cache");
+TEST_F(HttpRoutesTest, HaveContentTypeAndCachingOfTheirContent) {
+  const auto index = get("/?lab=1");
+  EXPECT_EQ(index.status, 200);
+  EXPECT_EQ(index.content_type, "text/html; charset=utf-8");
+  EXPECT_EQ(*index.body(), "<!doctype html><title>page</title>");
+  EXPECT_EQ(index.cache_control, "no-cache");
+  const auto named_by_content = get("/assets/index-1a2b.js");
+  EXPECT_EQ(named_by_content.content_type, "text/javascript; charset=utf-8");
+  EXPECT_THAT(named_by_content.cache_control, HasSubstr("immutable"));
+  const auto state = get("/api/v1/state");
+  EXPECT_EQ(state.content_type, "application/json");
+  EXPECT_EQ(state.cache_control, "no-store");
 }
 
-TEST_F(HttpRoutesTest, FileNamedByItsContentIsKeptForever) {
-  const auto response = get("/assets/index-1a2b.js");
-  EXPECT_EQ(response.content_type, "text/javascript; charset=utf-8");
-  EXPECT_NE(response.cache_control.find("immutable"), std::string::npos);
-}
-
-TEST_F(HttpRoutesTest, KnownEtagIsAnsweredWithoutTheContent) {
+TEST_F(HttpRoutesTest, OmitTheContentForAKnownEtag) {
   const auto first = get("/");
   const auto again = get("/", "GET", "\"older\", " + first.etag);
   EXPECT_EQ(again.status, 304);
@@ -67,44 +68,32 @@ TEST_F(HttpRoutesTest, KnownEtagIsAnsweredWithoutTheContent) {
   EXPECT_EQ(get("/", "GET", "\"older\"").status, 200);
 }
 
-TEST_F(HttpRoutesTest, NoPathLeadsOutOfThePage) {
+TEST_F(HttpRoutesTest, LeadToFilesOfThePageOnly) {
   for (const char* target :
        {"/../secret.txt", "/..%2fsecret.txt", "/%2e%2e/secret.txt", "/assets/../../secret.txt",
         "/./../secret.txt", "//etc/passwd", "/etc/passwd", "\\..\\secret.txt", "/assets",
-        "/assets/", "", "*", "http://elsewhere/"}) {
+        "/assets/", "", "*", "http://elsewhere/"})
     EXPECT_EQ(get(target).status, 404) << target;
-  }
 }
 
-TEST_F(HttpRoutesTest, OnlyReadingIsPossible) {
-  for (const char* method : {"POST", "PUT", "DELETE", "OPTIONS", "TRACE", "<unknown>"}) {
+TEST_F(HttpRoutesTest, AllowGetAndHeadOnly) {
+  for (const char* method : {"POST", "PUT", "DELETE", "OPTIONS", "TRACE", "<unknown>"})
     EXPECT_EQ(get("/", method).status, 405) << method;
-  }
   EXPECT_EQ(get("/", "HEAD").status, 200);
+  EXPECT_EQ(get("/api/v1/live").status, 426) << "without an upgrade";
 }
 
-TEST_F(HttpRoutesTest, StateIsUncachedJson) {
-  const auto response = get("/api/v1/state");
-  EXPECT_EQ(response.content_type, "application/json");
-  EXPECT_EQ(response.cache_control, "no-store");
-}
-
-TEST_F(HttpRoutesTest, HealthFollowsTheFrames) {
+TEST_F(HttpRoutesTest, HealthDependsOnTheFramesNotOnAlarms) {
+  health_.alarms = {1, 2, 3};
   EXPECT_EQ(get("/healthz").status, 200);
+  EXPECT_EQ(*get("/healthz").body(),
+            "{\"status\":\"ok\",\"alarms\":{\"error\":3,\"warning\":2,\"info\":1}}\n");
   health_.trouble = "frames stopped";
   EXPECT_EQ(get("/healthz").status, 503);
-  EXPECT_NE(get("/healthz").body()->find("frames stopped"), std::string::npos);
+  EXPECT_THAT(*get("/healthz").body(), HasSubstr("frames stopped"));
 }
 
-TEST_F(HttpRoutesTest, HealthCountsAlarmsAndStaysWell) {
-  health_.alarms = {1, 2, 3};
-  const auto response = get("/healthz");
-  EXPECT_EQ(response.status, 200);
-  EXPECT_EQ(*response.body(),
-            "{\"status\":\"ok\",\"alarms\":{\"error\":3,\"warning\":2,\"info\":1}}\n");
-}
-
-TEST_F(HttpRoutesTest, MetricsComeInTheFormatThatIsAskedFor) {
+TEST_F(HttpRoutesTest, ServeMetricsInTheRequestedFormat) {
   EXPECT_EQ(get("/metrics").content_type, "text/plain; version=0.0.4; charset=utf-8");
   const auto open = ask({.method = "GET",
                          .target = "/metrics",
@@ -112,73 +101,56 @@ TEST_F(HttpRoutesTest, MetricsComeInTheFormatThatIsAskedFor) {
   EXPECT_EQ(open.content_type, "application/openmetrics-text; version=1.0.0; charset=utf-8");
 }
 
-TEST_F(HttpRoutesTest, WhoTakesGzipGetsTheCompressedForm) {
+TEST_F(HttpRoutesTest, ServeTheCompressedFormOnRequestWithItsOwnEtag) {
   files_.write("page/index.html", std::string(5000, 'x'));
   page_ = PageFiles::load(files_.root());
-  for (const char* target : {"/", "/api/v1/state"}) {
+  HttpRequest wanted{.method = "GET", .target = "/", .accept_encoding = "gzip, deflate, br"};
+  for (const char* target : {"/api/v1/state", "/"}) {
     const auto plain = get(target);
     EXPECT_FALSE(plain.gzip);
     EXPECT_GE(plain.body()->size(), 5000u);
-    const auto small =
-        ask({.method = "GET", .target = target, .accept_encoding = "gzip, deflate, br"});
-    EXPECT_TRUE(small.gzip) << target;
-    EXPECT_LT(small.body()->size(), 200u);
+    wanted.target = target;
+    EXPECT_TRUE(ask(wanted).gzip) << target;
+    EXPECT_LT(ask(wanted).body()->size(), 200u);
   }
-}
-
-TEST_F(HttpRoutesTest, TheCompressedFormHasATagOfItsOwn) {
-  files_.write("page/index.html", std::string(5000, 'x'));
-  page_ = PageFiles::load(files_.root());
-  const HttpRequest wanted{.method = "GET", .target = "/", .accept_encoding = "gzip"};
   const std::string tag = ask(wanted).etag;
   EXPECT_NE(tag, get("/").etag);
-  HttpRequest again = wanted;
-  again.if_none_match = tag;
-  EXPECT_EQ(ask(again).status, 304);
-  EXPECT_EQ(get("/", "GET", tag).status, 200) << "the plain form was not kept";
+  wanted.if_none_match = tag;
+  EXPECT_EQ(ask(wanted).status, 304);
+  EXPECT_EQ(get("/", "GET", tag).status, 200) << "the plain form";
 }
 
-TEST_F(HttpRoutesTest, LivePathWithoutUpgradeSaysWhatItWants) {
-  EXPECT_EQ(get("/api/v1/live").status, 426);
-}
-
-TEST_F(HttpRoutesTest, MissingBundleGivesAPageThatSaysHowToBuildIt) {
+TEST_F(HttpRoutesTest, NameTheRemedyForAMissingBundle) {
   page_ = PageFiles::load(files_.root() / "nowhere");
   const auto response = get("/");
   EXPECT_EQ(response.status, 503);
   EXPECT_EQ(response.content_type, "text/html; charset=utf-8");
-  EXPECT_NE(response.body()->find("FIDUCAP_WEB=ON"), std::string::npos);
+  EXPECT_THAT(*response.body(), HasSubstr("FIDUCAP_WEB=ON"));
   EXPECT_EQ(get("/api/v1/state").status, 200);
 }
 
-TEST(SameOrigin, HoldsForThePageItselfAndForProgramsWithoutOrigin) {
-  EXPECT_TRUE(same_origin("http://hall:8080", "hall:8080"));
-  EXPECT_TRUE(same_origin("http://HALL:8080", "hall:8080"));
-  EXPECT_TRUE(same_origin("http://hall", "hall:80"));
-  EXPECT_TRUE(same_origin("https://hall", "hall"));
-  EXPECT_TRUE(same_origin("http://[::1]:8080", "[::1]:8080"));
-  EXPECT_TRUE(same_origin("http://[::1]", "[::1]:80"));
-  EXPECT_TRUE(same_origin("", "hall:8080"));
-}
-
-TEST(SameOrigin, FailsForEveryOtherPage) {
+TEST(SameOrigin, HoldsForThePageItselfAndWithoutOrigin) {
+  for (const auto& [origin, host] :
+       std::vector<std::pair<const char*, const char*>>{{"http://hall:8080", "hall:8080"},
+                                                        {"http://HALL:8080", "hall:8080"},
+                                                        {"http://hall", "hall:80"},
+                                                        {"https://hall", "hall"},
+                                                        {"http://[::1]:8080", "[::1]:8080"},
+                                                        {"http://[::1]", "[::1]:80"},
+                                                        {"", "hall:8080"}})
+    EXPECT_TRUE(same_origin(origin, host)) << origin;
   for (const char* origin :
        {"http://elsewhere:8080", "http://hall:8081", "http://hall", "null", "hall:8080", "http://",
-        "file://hall:8080", "http://hall:8080.elsewhere", "http://hall:8080/"}) {
+        "file://hall:8080", "http://hall:8080.elsewhere", "http://hall:8080/"})
     EXPECT_FALSE(same_origin(origin, "hall:8080")) << origin;
-  }
 }
 
-TEST(OurName, AddressesAndOurNamesAreOursWhateverThePort) {
+TEST(OurName, IsAnAddressOrAConfiguredNameAtAnyPort) {
   const std::vector<std::string> names{"Hall", "mocap.example.org"};
   for (const char* host :
        {"", "127.0.0.1", "10.0.0.5:8080", "[::1]:8080", "[fe80::1]", "localhost:8080", "LOCALHOST",
         "hall", "HALL:8080", "hall.local:8080", "mocap.example.org", "mocap.example.org.:80"})
     EXPECT_TRUE(is_our_name(host, names)) << host;
-}
-
-TEST(OurName, ANameThatOnlyPointsHereIsNot) {
-  const std::vector<std::string> names{"hall"};
   for (const char* host :
        {"evil.example", "evil.example:8080", "hall.evil.example", "10.0.0.5.evil",
         "localhost.evil.example:80", "xhall", ":8080", "[evil.example]", "[evil.example]:8080",
@@ -197,7 +169,7 @@ class SetupRoutesTest : public testing::Test {
   NotedSetup setup_;
 };
 
-TEST_F(SetupRoutesTest, ShowsStateAndPicture) {
+TEST_F(SetupRoutesTest, ServeStateAndPicture) {
   EXPECT_EQ(*ask("GET", "/api/v1/setup").body(), "{}");
   EXPECT_EQ(ask("GET", "/api/v1/setup/picture").status, 404);
   setup_.shown = std::make_shared<const std::string>("jpeg");
@@ -205,7 +177,7 @@ TEST_F(SetupRoutesTest, ShowsStateAndPicture) {
   EXPECT_EQ(ask("GET", "/api/v1/setup/else").status, 404);
 }
 
-TEST_F(SetupRoutesTest, ServesTheSheetThatIsAskedForOrSaysWhyNot) {
+TEST_F(SetupRoutesTest, ServeTheRequestedSheetOrTheReasonOfARefusal) {
   const auto sheet = ask("GET", "/api/v1/setup/sheet?family=tag36h11&paper=a4");
   EXPECT_EQ(sheet.content_type, "application/pdf");
   EXPECT_EQ(*sheet.body(), "%PDF of tag36h11");
@@ -216,7 +188,7 @@ TEST_F(SetupRoutesTest, ServesTheSheetThatIsAskedForOrSaysWhyNot) {
   EXPECT_EQ(ask("GET", "/api/v1/setup/sheet?paper=a4", NotedSetup::kSecret, false).status, 403);
 }
 
-TEST_F(SetupRoutesTest, TakesCommandsWithTheirValues) {
+TEST_F(SetupRoutesTest, AcceptCommandsWithTheirValues) {
   EXPECT_EQ(ask("POST", "/api/v1/setup/imu?source=type:+line%0Adevice:%20/dev/tty&part=").status,
             202);
   EXPECT_EQ(setup_.said, "imu");
@@ -226,7 +198,7 @@ TEST_F(SetupRoutesTest, TakesCommandsWithTheirValues) {
   EXPECT_EQ(ask("POST", "/api/v1/setup/next").status, 503);
 }
 
-TEST_F(SetupRoutesTest, ServesThisMachineOnly) {
+TEST_F(SetupRoutesTest, ServeThisMachineOnly) {
   EXPECT_EQ(ask("GET", "/api/v1/setup", NotedSetup::kSecret, false).status, 403);
   EXPECT_EQ(ask("POST", "/api/v1/setup/next", NotedSetup::kSecret, false).status, 403);
   EXPECT_EQ(setup_.asked, 0);
@@ -234,7 +206,7 @@ TEST_F(SetupRoutesTest, ServesThisMachineOnly) {
   EXPECT_EQ(ask("PUT", "/api/v1/setup").status, 405);
 }
 
-TEST_F(SetupRoutesTest, NoRouteIsReachedWithoutTheSecret) {
+TEST_F(SetupRoutesTest, RequireTheSecret) {
   const std::string longer = std::string(NotedSetup::kSecret) + "0";
   ASSERT_GE(setup_routes().size(), 4u);
   for (const SetupRoute& route : setup_routes()) {
@@ -244,7 +216,7 @@ TEST_F(SetupRoutesTest, NoRouteIsReachedWithoutTheSecret) {
                                          NotedSetup::kSecret.substr(1), std::string_view(longer)}) {
       const auto refused = ask(route.method, target, wrong);
       EXPECT_EQ(refused.status, 403) << target << " " << wrong;
-      EXPECT_NE(refused.body()->find("fiducapd --setup printed"), std::string::npos);
+      EXPECT_THAT(*refused.body(), HasSubstr("fiducapd --setup printed"));
     }
     EXPECT_EQ(setup_.asked, 0) << target;
     (void)ask(route.method, target + "?paper=a4");
@@ -252,7 +224,7 @@ TEST_F(SetupRoutesTest, NoRouteIsReachedWithoutTheSecret) {
   }
 }
 
-TEST_F(SetupRoutesTest, RefusesWhatIsNoQuery) {
+TEST_F(SetupRoutesTest, RefuseInvalidQueries) {
   for (const char* query : {"?a", "?a=%4", "?a=%zz", "?a=%00", "?a=b&&"})
     EXPECT_EQ(ask("POST", std::string("/api/v1/setup/next") + query).status, 400) << query;
   std::string many = "/api/v1/setup/next?";

@@ -12,7 +12,12 @@
 
 namespace fiducap::web {
 
-/// Runs the server until `done`, at most five seconds. @return whether it came true.
+/// Headers of a request for a WebSocket.
+inline const std::string kUpgrade =
+    "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
+
+/// Runs the server until `done`, at most five seconds. @return whether it is done
 inline bool run_until(boost::asio::io_context& io, const std::function<bool()>& done) {
   using namespace std::chrono_literals;
   const auto deadline = std::chrono::steady_clock::now() + 5s;
@@ -24,7 +29,7 @@ inline bool run_until(boost::asio::io_context& io, const std::function<bool()>& 
   return true;
 }
 
-/// A peer of the server under test, byte by byte: it can also do what a browser never would.
+/// A client of the server under test that sends any bytes.
 class LoopbackClient final {
  public:
   /// @param from  of 127.0.0.0/8: each is an address of its own
@@ -40,7 +45,7 @@ class LoopbackClient final {
     socket_.non_blocking(true);
   }
 
-  /// Errors do not matter: the server may have closed already.
+  /// Ignores errors: the server may have closed already.
   void send(const std::string& bytes) {
     boost::system::error_code ignored;
     socket_.non_blocking(false);
@@ -51,10 +56,7 @@ class LoopbackClient final {
     send("GET " + target + " HTTP/1.1\r\nHost: hall:8080\r\n" + headers + "\r\n");
   }
   void upgrade(const std::string& headers = "", const std::string& target = "/api/v1/live") {
-    get(target,
-        "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
-        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n" +
-            headers);
+    get(target, kUpgrade + headers);
   }
 
   /// A binary WebSocket message. The mask is zero.
@@ -70,7 +72,7 @@ class LoopbackClient final {
     send(frame + std::string(4, '\0') + message);
   }
 
-  /// Reads what is there; @return everything read and not yet taken.
+  /// Reads all that has arrived. @return all bytes that were not taken yet
   std::string& received() {
     boost::system::error_code error;
     while (!error) {
@@ -91,47 +93,39 @@ class LoopbackClient final {
   bool wait_for_close() {
     return run_until(io_, [&] { return closed(); });
   }
-  /// Leaves the answer's header behind. @pre the upgrade was accepted
+  /// Removes the header of the answer. @return the upgrade was accepted
   bool wait_for_upgrade() {
     if (!wait_for("\r\n\r\n") || received_.rfind("HTTP/1.1 101", 0) != 0) return false;
     received_.erase(0, received_.find("\r\n\r\n") + 4);
     return true;
   }
-  /// The text of the next WebSocket message, nullopt after five seconds. Pings are passed over.
+  /// The text of the next WebSocket message that is no ping, nullopt after five seconds.
   std::optional<std::string> next_message() {
-    std::optional<Message> message;
-    run_until(io_, [&] {
-      do {
-        message = take_message();
-      } while (message && message->is_control);
-      return message.has_value();
-    });
-    return message ? std::optional(message->text) : std::nullopt;
+    std::optional<std::string> text;
+    run_until(io_, [&] { return (text = take_message()).has_value(); });
+    return text;
   }
 
  private:
-  struct Message {
-    bool is_control{};
-    std::string text;
-  };
   // RFC 6455 5.2; the server's messages are single unmasked frames.
-  std::optional<Message> take_message() {
-    const std::string& in = received();
-    if (in.size() < 2) return std::nullopt;
-    const auto byte = [&](std::size_t i) {
-      return static_cast<std::uint64_t>(static_cast<unsigned char>(in[i]));
-    };
-    const std::size_t extra = byte(1) == 127 ? 8 : byte(1) == 126 ? 2 : 0;
-    if (in.size() < 2 + extra) return std::nullopt;
-    std::uint64_t length = extra == 0 ? byte(1) : 0;
-    for (std::size_t i = 0; i < extra; ++i) length = length << 8 | byte(2 + i);
-    if (in.size() < 2 + extra + length) return std::nullopt;
-    const Message message{(byte(0) & kControlBit) != 0, in.substr(2 + extra, length)};
-    received_.erase(0, 2 + extra + length);
-    return message;
+  std::optional<std::string> take_message() {
+    for (;;) {
+      const std::string& in = received();
+      if (in.size() < 2) return std::nullopt;
+      const auto byte = [&](std::size_t i) {
+        return static_cast<std::uint64_t>(static_cast<unsigned char>(in[i]));
+      };
+      const std::size_t extra = byte(1) == 127 ? 8 : byte(1) == 126 ? 2 : 0;
+      if (in.size() < 2 + extra) return std::nullopt;
+      std::uint64_t length = extra == 0 ? byte(1) : 0;
+      for (std::size_t i = 0; i < extra; ++i) length = length << 8 | byte(2 + i);
+      if (in.size() < 2 + extra + length) return std::nullopt;
+      const bool is_control = (byte(0) & 0x08) != 0;
+      std::string text = in.substr(2 + extra, length);
+      received_.erase(0, 2 + extra + length);
+      if (!is_control) return text;
+    }
   }
-
-  static constexpr std::uint64_t kControlBit = 0x08;
 
   boost::asio::io_context& io_;
   boost::asio::ip::tcp::socket socket_;

@@ -1,6 +1,6 @@
 #include "streaming/web/metrics.hpp"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <set>
 #include <sstream>
@@ -9,6 +9,9 @@
 
 namespace fiducap::web {
 namespace {
+
+using testing::HasSubstr;
+using testing::Not;
 
 class MetricsTest : public testing::Test {
  protected:
@@ -23,8 +26,8 @@ class MetricsTest : public testing::Test {
                            .process = {4096, 12}},
                           format);
   }
-  [[nodiscard]] bool has(const std::string& line) const {
-    return text().find("\n" + line + "\n") != std::string::npos;
+  void expect_lines(std::initializer_list<std::string> lines) const {
+    for (const auto& line : lines) EXPECT_THAT(text(), HasSubstr("\n" + line + "\n"));
   }
 
   std::shared_ptr<SceneFrame> frame_ = make_scene_frame({"anymal", "drone"}, 9);
@@ -33,43 +36,38 @@ class MetricsTest : public testing::Test {
 };
 
 TEST_F(MetricsTest, HaveServerProtocolsEventsAndProcess) {
-  for (const char* line :
-       {"fiducap_build_info{version=\"0.1.0\"} 1", "fiducap_healthy 1",
-        "fiducap_frames_published_total 9", "fiducap_protocol_clients{protocol=\"vrpn\"} 2",
-        "fiducap_protocol_frames_sent_total{protocol=\"vrpn\"} 900",
-        "fiducap_protocol_frames_dropped_total{protocol=\"vrpn\"} 3",
-        "fiducap_events_total{severity=\"info\"} 7", "fiducap_events_total{severity=\"error\"} 1",
-        "fiducap_process_resident_bytes 4096", "fiducap_process_open_fds 12"})
-    EXPECT_TRUE(has(line)) << line << "\n" << text();
+  expect_lines(
+      {R"(fiducap_build_info{version="0.1.0"} 1)", "fiducap_healthy 1",
+       "fiducap_frames_published_total 9", R"(fiducap_protocol_clients{protocol="vrpn"} 2)",
+       R"(fiducap_protocol_frames_sent_total{protocol="vrpn"} 900)",
+       R"(fiducap_protocol_frames_dropped_total{protocol="vrpn"} 3)",
+       R"(fiducap_events_total{severity="info"} 7)", R"(fiducap_events_total{severity="error"} 1)",
+       "fiducap_process_resident_bytes 4096", "fiducap_process_open_fds 12"});
 }
 
 TEST_F(MetricsTest, HaveEachBodyByName) {
   frame_->bodies[1].images_dropped = 4;
-  for (const char* line : {"fiducap_body_valid{body=\"drone\"} 1",
-                           "fiducap_body_state{body=\"drone\",state=\"tracking\"} 1",
-                           "fiducap_body_state{body=\"drone\",state=\"lost\"} 0",
-                           "fiducap_body_age_seconds{body=\"drone\"} 0.02",
-                           "fiducap_body_position_sigma_meters{body=\"anymal\"} 0.01",
-                           "fiducap_body_image_rate_hertz{body=\"drone\"} 20",
-                           "fiducap_body_images_dropped_total{body=\"drone\"} 4"})
-    EXPECT_TRUE(has(line)) << line << "\n" << text();
+  expect_lines({R"(fiducap_body_valid{body="drone"} 1)",
+                R"(fiducap_body_state{body="drone",state="tracking"} 1)",
+                R"(fiducap_body_state{body="drone",state="lost"} 0)",
+                R"(fiducap_body_age_seconds{body="drone"} 0.02)",
+                R"(fiducap_body_position_sigma_meters{body="anymal"} 0.01)",
+                R"(fiducap_body_image_rate_hertz{body="drone"} 20)",
+                R"(fiducap_body_images_dropped_total{body="drone"} 4)"});
 }
 
-TEST_F(MetricsTest, OfABodyThatWasNeverPlacedThereIsNoSigma) {
+TEST_F(MetricsTest, BodyThatWasNeverPlacedHasNoSigma) {
   frame_->bodies[0] = BodyPose{.body_id = 1};
-  EXPECT_EQ(text().find("sigma_meters{body=\"anymal\"}"), std::string::npos);
-  EXPECT_NE(text().find("sigma_meters{body=\"drone\"}"), std::string::npos);
-  EXPECT_TRUE(has("fiducap_body_valid{body=\"anymal\"} 0"));
+  EXPECT_THAT(text(), Not(HasSubstr(R"(sigma_meters{body="anymal"})")));
+  EXPECT_THAT(text(), HasSubstr(R"(sigma_meters{body="drone"})"));
+  expect_lines({R"(fiducap_body_valid{body="anymal"} 0)"});
 }
 
-TEST_F(MetricsTest, AlarmsAreThereWhileTheyHold) {
-  alarms_ = {{.severity = Severity::kError, .subject = "drone", .kind = "lost", .text = "why"}};
-  EXPECT_TRUE(has("fiducap_alarm{subject=\"drone\",kind=\"lost\",severity=\"error\"} 1"));
-}
-
-TEST_F(MetricsTest, LabelsAreEscaped) {
-  alarms_ = {{.subject = "a\"} 5\nfake 1 \\", .kind = "x", .text = "why"}};
-  EXPECT_TRUE(has(R"(fiducap_alarm{subject="a\"} 5\nfake 1 \\",kind="x",severity="info"} 1)"));
+TEST_F(MetricsTest, AlarmsHaveEscapedLabels) {
+  alarms_ = {{.severity = Severity::kError, .subject = "drone", .kind = "lost", .text = "why"},
+             {.subject = "a\"} 5\nfake 1 \\", .kind = "x", .text = "why"}};
+  expect_lines({R"(fiducap_alarm{subject="drone",kind="lost",severity="error"} 1)",
+                R"(fiducap_alarm{subject="a\"} 5\nfake 1 \\",kind="x",severity="info"} 1)"});
 }
 
 /// Every sample belongs to the family before it, families come once, no sample comes twice.
@@ -98,7 +96,7 @@ void expect_well_formed(const std::string& text, bool open_metrics) {
   EXPECT_GT(families.size(), 10u);
 }
 
-TEST_F(MetricsTest, BothFormatsAreWellFormed) {
+TEST_F(MetricsTest, AreWellFormedInBothFormats) {
   alarms_ = {{.subject = "drone", .kind = "lost", .text = "why"},
              {.subject = "map", .kind = "store", .text = "why"}};
   expect_well_formed(text(MetricsFormat::kPrometheus), false);
@@ -106,10 +104,10 @@ TEST_F(MetricsTest, BothFormatsAreWellFormed) {
   EXPECT_TRUE(text(MetricsFormat::kOpenMetrics).ends_with("\n# EOF\n"));
 }
 
-TEST_F(MetricsTest, WithoutAFrameThereAreNoBodies) {
+TEST_F(MetricsTest, HaveNoBodiesWithoutAFrame) {
   const std::string none = encode_metrics({.protocols = protocols_}, MetricsFormat::kPrometheus);
-  EXPECT_NE(none.find("\nfiducap_frames_published_total 0\n"), std::string::npos);
-  EXPECT_EQ(none.find("body=\""), std::string::npos);
+  EXPECT_THAT(none, HasSubstr("\nfiducap_frames_published_total 0\n"));
+  EXPECT_THAT(none, Not(HasSubstr("body=\"")));
 }
 
 TEST(ProcessUse, IsThatOfThisProcess) {
@@ -118,25 +116,23 @@ TEST(ProcessUse, IsThatOfThisProcess) {
   EXPECT_GE(use.open_fds, 3u);
 }
 
-TEST(ClientTally, SumsNeverFallWhenClientsLeave) {
+TEST(ClientTally, SumsNeverDecreaseWhenClientsLeave) {
   ClientTally tally;
+  const auto expect = [&](std::vector<ClientStatus> clients, std::uint64_t sent) {
+    tally.note(clients);
+    const Traffic vrpn = tally.traffic().at("vrpn");
+    EXPECT_EQ(vrpn.clients, clients.size());
+    EXPECT_EQ(vrpn.sent, sent);
+    EXPECT_EQ(vrpn.dropped, 2u);
+  };
   const ClientStatus first{"vrpn", "10.0.0.1:5 tcp", "", 100, 2, 1};
-  const ClientStatus second{"vrpn", "10.0.0.2:5 tcp", "", 50, 0, 1};
-  tally.note(std::vector<ClientStatus>{first, second});
-  EXPECT_EQ(tally.traffic().at("vrpn").sent, 150u);
-  EXPECT_EQ(tally.traffic().at("vrpn").clients, 2u);
-  ClientStatus later = second;
-  later.frames_sent = 80;
-  tally.note(std::vector<ClientStatus>{later});
-  EXPECT_EQ(tally.traffic().at("vrpn").sent, 180u);
-  EXPECT_EQ(tally.traffic().at("vrpn").dropped, 2u);
-  EXPECT_EQ(tally.traffic().at("vrpn").clients, 1u);
-  later.frames_sent = 5;  // another client with the same port
-  tally.note(std::vector<ClientStatus>{later});
-  EXPECT_EQ(tally.traffic().at("vrpn").sent, 185u);
-  tally.note({});
-  EXPECT_EQ(tally.traffic().at("vrpn").clients, 0u);
-  EXPECT_EQ(tally.traffic().at("vrpn").sent, 185u);
+  ClientStatus second{"vrpn", "10.0.0.2:5 tcp", "", 50, 0, 1};
+  expect({first, second}, 150);
+  second.frames_sent = 80;
+  expect({second}, 180);
+  second.frames_sent = 5;  // another client with the same port
+  expect({second}, 185);
+  expect({}, 185);
 }
 
 }  // namespace

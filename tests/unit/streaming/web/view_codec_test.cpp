@@ -3,14 +3,15 @@
 #include <gtest/gtest.h>
 
 #include <limits>
-#include <nlohmann/json.hpp>
+
+#include "expect_members.hpp"
 
 namespace fiducap::web {
 namespace {
 
 using Json = nlohmann::json;
 
-TEST(ViewCodec, ReadsWishes) {
+TEST(ViewCodec, DecodesRequests) {
   const auto requests = parse_view_requests("1/0/640/10/1 2/3/320/2/0");
   ASSERT_TRUE(requests.has_value());
   EXPECT_EQ(*requests,
@@ -18,7 +19,7 @@ TEST(ViewCodec, ReadsWishes) {
   EXPECT_TRUE(parse_view_requests("")->empty());
 }
 
-TEST(ViewCodec, ReadsNothingElse) {
+TEST(ViewCodec, RefusesInvalidRequests) {
   for (const char* text :
        {" ", "1", "1/0", "1/0/640/10", "1/0/640/10/", "1/0/640/10/2", "1/0/640/10/-1",
         "-1/0/640/10/0", "1/0/79/10/0", "1/0/4097/10/0", "1/0/640/0/0", "1/0/640/11/0",
@@ -31,7 +32,7 @@ TEST(ViewCodec, ReadsNothingElse) {
   }
 }
 
-TEST(ViewCodec, TakesNoMoreWishesThanAScreenHasPlaceFor) {
+TEST(ViewCodec, LimitsTheNumberOfCameras) {
   std::string text = "1/0/640/10/0";
   for (std::size_t i = 1; i < kMostViewRequests; ++i) text += " 1/0/640/10/0";
   EXPECT_EQ(parse_view_requests(text)->size(), kMostViewRequests);
@@ -40,14 +41,11 @@ TEST(ViewCodec, TakesNoMoreWishesThanAScreenHasPlaceFor) {
   EXPECT_EQ(more.error().what, "expected at most 16 cameras at once");
 }
 
-TEST(ViewCodec, ListsCamerasAndWhoMaySeeThem) {
+TEST(ViewCodec, ListHasCamerasAndAccess) {
   const std::vector<CameraViews::Camera> cameras{{7, 1, 752, 480, 20}};
-  const Json list =
-      Json::parse(encode_view_list({ViewAccess::Kind::kDenied, "it is off"}, cameras));
-  EXPECT_EQ(list["access"], "denied");
-  EXPECT_EQ(list["why"], "it is off");
-  EXPECT_EQ(list["cameras"],
-            Json::parse(R"([{"body":7,"camera":1,"width":752,"height":480,"rate_hz":20}])"));
+  expect_members(Json::parse(encode_view_list({ViewAccess::Kind::kDenied, "it is off"}, cameras)),
+                 R"({"access": "denied", "why": "it is off",
+          "cameras": [{"body": 7, "camera": 1, "width": 752, "height": 480, "rate_hz": 20}]})");
 }
 
 class ViewMessageTest : public testing::Test {
@@ -77,23 +75,17 @@ class ViewMessageTest : public testing::Test {
   ViewPicture picture_;
 };
 
-TEST_F(ViewMessageTest, HasTheHeadersLengthTheHeaderAndThePicture) {
+TEST_F(ViewMessageTest, IsHeaderLengthHeaderAndPicture) {
   const std::vector<std::uint8_t> jpeg{0xff, 0xd8, 0x00};
   const std::string message = encode_view(view_, picture_, jpeg);
   EXPECT_EQ(message.substr(message.size() - 3), std::string("\xff\xd8\0", 3));
   const Json json = header(message);
-  EXPECT_EQ(json["body"], 3);
-  EXPECT_EQ(json["camera"], 1);
-  EXPECT_EQ(json["utc_ms"], 1'790'000'000'123);
-  EXPECT_EQ(json["rate_hz"], 20.0);
-  EXPECT_TRUE(json["exposure"].is_null()) << "there are no pixels";
-  EXPECT_TRUE(json["speed_px_s"].is_null()) << "unknown";
-  const Json tag = json["outlines"][0];
-  EXPECT_EQ(tag["kind"], "rejected");
-  EXPECT_EQ(tag["why"], "gate");
-  EXPECT_EQ(tag["margin"], 61.3);
-  EXPECT_TRUE(tag["fit_px"].is_null());
-  EXPECT_EQ(tag["px"], Json::parse("[0.13,5,1.13,5,2.13,5,3.13,5]"));
+  // Without pixels there is no exposure; the speed is unknown.
+  expect_members(json, R"({"body": 3, "camera": 1, "utc_ms": 1790000000123, "rate_hz": 20,
+                           "exposure": null, "speed_px_s": null})");
+  expect_members(json["outlines"][0],
+                 R"({"kind": "rejected", "why": "gate", "margin": 61.3, "fit_px": null,
+                     "px": [0.13, 5, 1.13, 5, 2.13, 5, 3.13, 5]})");
 }
 
 TEST_F(ViewMessageTest, HasExposureAndCandidates) {
@@ -111,13 +103,11 @@ TEST_F(ViewMessageTest, HasExposureAndCandidates) {
   EXPECT_EQ(json["exposure"]["histogram"][63], 9);
   EXPECT_TRUE(json["candidates"]);
   ASSERT_EQ(json["outlines"].size(), 3u);
-  EXPECT_EQ(json["outlines"][0]["kind"], "candidate");
-  EXPECT_EQ(json["outlines"][0]["id"], 5);
-  EXPECT_EQ(json["outlines"][0]["why"], "low_margin");
+  expect_members(json["outlines"][0], R"({"kind": "candidate", "id": 5, "why": "low_margin"})");
   EXPECT_TRUE(json["outlines"][1]["id"].is_null());
 }
 
-TEST_F(ViewMessageTest, ANumberThatIsNoneIsNull) {
+TEST_F(ViewMessageTest, NumberThatIsNotFiniteIsNull) {
   view_.outlines[0].corners_px[2].x() = std::numeric_limits<double>::infinity();
   EXPECT_TRUE(header(encode_view(view_, picture_, {}))["outlines"][0]["px"][4].is_null());
 }

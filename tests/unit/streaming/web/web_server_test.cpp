@@ -1,50 +1,28 @@
 #include "streaming/web/web.hpp"
 
-#include <gtest/gtest.h>
-
-#include <boost/asio/io_context.hpp>
+#include <deque>
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "loopback_client.hpp"
 #include "streaming/net/limits.hpp"
-#include "support/fake_clock.hpp"
 #include "support/scene_builder.hpp"
-#include "temporary_page.hpp"
+#include "web_server_fixture.hpp"
 
 namespace fiducap::web {
 namespace {
 
 using namespace std::chrono_literals;
 using Json = nlohmann::json;
-using testing::Test;
+using testing::HasSubstr;
+using testing::Not;
+using testing::StartsWith;
 
-class WebServerTest : public Test {
+class WebServerTest : public WebServerFixture {
  protected:
-  WebServerTest() { start(); }
-
-  void start() {
-    server_.reset();
-    config_.port = 0;
-    config_.root = files_.root().string();
-    config_.hosts = {"hall"};
-    WebSources sources;
-    sources.version = "0.1.0";
-    sources.clients = [this] {
-      std::vector<ClientStatus> all;
-      if (server_) server_->append_clients(all);
-      return all;
-    };
-    auto started = start_web_server(io_, config_, sources, std::make_shared<SceneModel>(), clock_);
-    ASSERT_TRUE(started.has_value()) << started.error().text();
-    server_ = std::move(*started);
-  }
-  LoopbackClient client() { return {io_, server_->port()}; }
-  std::string get(const std::string& target) {
-    auto peer = client();
-    peer.get(target, "Connection: close\r\n");
-    EXPECT_TRUE(peer.wait_for_close());
-    return peer.received();
+  WebServerTest() {
+    sources_.version = "0.1.0";
+    sources_.clients = [this] { return server_ ? clients() : std::vector<ClientStatus>{}; };
+    start();
   }
   void publish(std::size_t bodies = 3) {
     auto frame = make_scene_frame(std::vector<std::string>(bodies, "body"), ++number_);
@@ -52,36 +30,38 @@ class WebServerTest : public Test {
     frame->published_at = clock_.now();
     server_->publish(frame);
   }
-  std::vector<ClientStatus> clients() {
-    std::vector<ClientStatus> all;
-    server_->append_clients(all);
-    return all;
+  /// An open page that the server lists.
+  LoopbackClient page(int receive_buffer = 0) {
+    const auto before = clients().size();
+    auto opened = upgraded("", "127.0.0.1", receive_buffer);
+    EXPECT_TRUE(run_until(io_, [&] { return clients().size() == before + 1; }));
+    return opened;
   }
-  void expect_alive() { EXPECT_EQ(get("/").rfind("HTTP/1.1 200", 0), 0); }
+  /// The answer to a request after which the server closes the connection.
+  static std::string last_answer(LoopbackClient peer) {
+    EXPECT_TRUE(peer.wait_for_close());
+    return peer.received();
+  }
+  std::string answer(const std::string& request) {
+    auto peer = client();
+    peer.send(request);
+    return last_answer(std::move(peer));
+  }
+  void expect_alive() { EXPECT_THAT(get("/"), StartsWith("HTTP/1.1 200")); }
 
-  boost::asio::io_context io_;
-  FakeClock clock_{instant_from_ns(1'000'000'000)};
-  TemporaryPage files_;
-  WebConfig config_;
-  std::unique_ptr<Streamer> server_;
   std::uint64_t number_{0};
 };
 
 TEST_F(WebServerTest, ServesThePageWithItsSecurityPolicy) {
-  const std::string answer = get("/");
-  EXPECT_EQ(answer.rfind("HTTP/1.1 200 OK\r\n", 0), 0) << answer;
-  EXPECT_NE(answer.find("Content-Security-Policy: default-src 'none'"), std::string::npos);
-  EXPECT_NE(answer.find("X-Content-Type-Options: nosniff"), std::string::npos);
-  EXPECT_NE(answer.find("Content-Length: 34\r\n"), std::string::npos);
-  EXPECT_NE(answer.find("\r\n\r\n<!doctype html>"), std::string::npos);
-}
-
-TEST_F(WebServerTest, HeadReturnsTheLengthWithoutABody) {
-  auto peer = client();
-  peer.send("HEAD / HTTP/1.1\r\nHost: hall\r\nConnection: close\r\n\r\n");
-  ASSERT_TRUE(peer.wait_for_close());
-  EXPECT_NE(peer.received().find("Content-Length: 34\r\n"), std::string::npos);
-  EXPECT_EQ(peer.received().find("<!doctype"), std::string::npos);
+  const std::string page = get("/");
+  EXPECT_THAT(page, StartsWith("HTTP/1.1 200 OK\r\n"));
+  EXPECT_THAT(page, HasSubstr("Content-Security-Policy: default-src 'none'"));
+  EXPECT_THAT(page, HasSubstr("X-Content-Type-Options: nosniff"));
+  EXPECT_THAT(page, HasSubstr("Content-Length: 34\r\n"));
+  EXPECT_THAT(page, HasSubstr("\r\n\r\n<!doctype html>"));
+  const std::string head = answer("HEAD / HTTP/1.1\r\nHost: hall\r\nConnection: close\r\n\r\n");
+  EXPECT_THAT(head, HasSubstr("Content-Length: 34\r\n"));
+  EXPECT_THAT(head, Not(HasSubstr("<!doctype")));
 }
 
 TEST_F(WebServerTest, AnswersManyRequestsOnOneConnection) {
@@ -93,46 +73,32 @@ TEST_F(WebServerTest, AnswersManyRequestsOnOneConnection) {
   }
 }
 
-TEST_F(WebServerTest, ANameThatOnlyResolvesToThisMachineGetsNothing) {
+TEST_F(WebServerTest, RefusesForeignHostNames) {
   for (const std::string target : {"/", "/api/v1/state", "/healthz", "/api/v1/live"}) {
-    auto peer = client();
-    peer.send("GET " + target +
-              " HTTP/1.1\r\nHost: evil.example:8080\r\nOrigin: http://evil.example:8080\r\n"
-              "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
-              "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n");
-    ASSERT_TRUE(peer.wait_for_close()) << target;
-    EXPECT_EQ(peer.received().rfind("HTTP/1.1 421", 0), 0) << peer.received();
-    EXPECT_NE(peer.received().find("streaming.web.hosts"), std::string::npos);
+    const std::string refused =
+        answer("GET " + target +
+               " HTTP/1.1\r\nHost: evil.example:8080\r\nOrigin: http://evil.example:8080\r\n" +
+               kUpgrade + "\r\n");
+    EXPECT_THAT(refused, StartsWith("HTTP/1.1 421")) << target;
+    EXPECT_THAT(refused, HasSubstr("streaming.web.hosts"));
   }
 }
 
-TEST_F(WebServerTest, UnknownPathIs404) { EXPECT_EQ(get("/nothing").rfind("HTTP/1.1 404", 0), 0); }
-
-TEST_F(WebServerTest, TraversalReachesNothing) {
+TEST_F(WebServerTest, RefusesInvalidRequestsByTheirStatus) {
+  EXPECT_THAT(get("/nothing"), StartsWith("HTTP/1.1 404"));
   for (const char* target :
        {"/../secret.txt", "/assets/../../secret.txt", "/..%2fsecret.txt", "/etc/passwd"}) {
-    const std::string answer = get(target);
-    EXPECT_EQ(answer.find("outside of the page"), std::string::npos) << target;
-    EXPECT_EQ(answer.rfind("HTTP/1.1 4", 0), 0) << target;
+    EXPECT_THAT(get(target), StartsWith("HTTP/1.1 4")) << target;
+    EXPECT_THAT(get(target), Not(HasSubstr("outside of the page"))) << target;
   }
-}
-
-TEST_F(WebServerTest, OversizeHeaderIsRefusedByName) {
-  auto peer = client();
-  peer.get("/", "X-Long: " + std::string(100'000, 'a') + "\r\n");
-  ASSERT_TRUE(peer.wait_for_close());
-  EXPECT_EQ(peer.received().rfind("HTTP/1.1 431", 0), 0);
+  EXPECT_THAT(get("/", "X-Long: " + std::string(100'000, 'a') + "\r\n"),
+              StartsWith("HTTP/1.1 431"));
+  EXPECT_THAT(answer("POST / HTTP/1.1\r\nHost: hall\r\nContent-Length: 9\r\n\r\n123456789"),
+              StartsWith("HTTP/1.1 413"));
   expect_alive();
 }
 
-TEST_F(WebServerTest, BodyIsRefused) {
-  auto peer = client();
-  peer.send("POST / HTTP/1.1\r\nHost: hall\r\nContent-Length: 9\r\n\r\n123456789");
-  ASSERT_TRUE(peer.wait_for_close());
-  EXPECT_EQ(peer.received().rfind("HTTP/1.1 413", 0), 0);
-}
-
-TEST_F(WebServerTest, GarbageDoesNoHarm) {
+TEST_F(WebServerTest, StaysAliveAfterRandomBytes) {
   std::mt19937 random(7);
   for (int i = 0; i < 100; ++i) {
     auto peer = client();
@@ -146,32 +112,27 @@ TEST_F(WebServerTest, GarbageDoesNoHarm) {
   expect_alive();
 }
 
-TEST_F(WebServerTest, StateIsJson) {
+TEST_F(WebServerTest, ServesHealthStateAndMetrics) {
+  EXPECT_THAT(get("/healthz"), StartsWith("HTTP/1.1 503"));
   publish();
-  const std::string answer = get("/api/v1/state");
-  const auto state = Json::parse(answer.substr(answer.find("\r\n\r\n") + 4));
-  EXPECT_EQ(state["hello"]["version"], "0.1.0");
-  EXPECT_EQ(state["frame"]["bodies"].size(), 3);
+  EXPECT_THAT(get("/healthz"), StartsWith("HTTP/1.1 200"));
+  const std::string state = get("/api/v1/state");
+  const auto json = Json::parse(state.substr(state.find("\r\n\r\n") + 4));
+  EXPECT_EQ(json["hello"]["version"], "0.1.0");
+  EXPECT_EQ(json["frame"]["bodies"].size(), 3);
+  EXPECT_THAT(get("/metrics"), HasSubstr("\nfiducap_frames_published_total 1\n"));
 }
 
-TEST_F(WebServerTest, StateIsCompressedForWhoTakesThat) {
+TEST_F(WebServerTest, CompressesTheStateOnRequest) {
   publish(30);
-  auto peer = client();
-  peer.get("/api/v1/state", "Accept-Encoding: gzip\r\nConnection: close\r\n");
-  ASSERT_TRUE(peer.wait_for_close());
-  const std::string& answer = peer.received();
-  EXPECT_NE(answer.find("Content-Encoding: gzip\r\n"), std::string::npos) << answer.substr(0, 500);
-  EXPECT_NE(answer.find("Vary: Accept-Encoding\r\n"), std::string::npos);
-  EXPECT_EQ(answer.substr(answer.find("\r\n\r\n") + 4, 2), "\x1f\x8b");
-  EXPECT_LT(answer.size() * 3, get("/api/v1/state").size());
+  const std::string zipped = get("/api/v1/state", "Accept-Encoding: gzip\r\n");
+  EXPECT_THAT(zipped, HasSubstr("Content-Encoding: gzip\r\n"));
+  EXPECT_THAT(zipped, HasSubstr("Vary: Accept-Encoding\r\n"));
+  EXPECT_EQ(zipped.substr(zipped.find("\r\n\r\n") + 4, 2), "\x1f\x8b");
+  EXPECT_LT(zipped.size() * 3, get("/api/v1/state").size());
 }
 
-TEST_F(WebServerTest, MetricsAreServed) {
-  publish();
-  EXPECT_NE(get("/metrics").find("\nfiducap_frames_published_total 1\n"), std::string::npos);
-}
-
-TEST_F(WebServerTest, TooFrequentRequestsGet429AndAreReadNoFurther) {
+TEST_F(WebServerTest, TooFrequentRequestsGet429AndExcludeNoOtherAddress) {
   publish();
   auto flood = client();
   const std::string request = "GET /healthz HTTP/1.1\r\nHost: hall\r\n\r\n";
@@ -179,122 +140,74 @@ TEST_F(WebServerTest, TooFrequentRequestsGet429AndAreReadNoFurther) {
   for (int i = 0; i < 1000; ++i) all += request;
   flood.send(all);
   ASSERT_TRUE(flood.wait_for("HTTP/1.1 429"));
-  EXPECT_NE(flood.received().find("Retry-After: 1\r\n"), std::string::npos);
-  const auto count = [&](const std::string& word) {
+  EXPECT_THAT(flood.received(), HasSubstr("Retry-After: 1\r\n"));
+  const auto count = [&](const std::string& status) {
     int found = 0;
-    for (auto at = flood.received().find(word); at != std::string::npos;
-         at = flood.received().find(word, at + 1))
+    for (auto at = flood.received().find(status); at != std::string::npos;
+         at = flood.received().find(status, at + 1))
       ++found;
     return found;
   };
   EXPECT_EQ(count("HTTP/1.1 200"), static_cast<int>(net::RequestLimiter::kBurst));
   io_.restart();
   io_.run_for(1ms);
-  EXPECT_EQ(count("HTTP/1.1 429"), 1);
+  EXPECT_EQ(count("HTTP/1.1 429"), 1) << "the others are not read";
+  auto other = client("127.0.0.2");
+  other.get("/", "Connection: close\r\n");
+  EXPECT_THAT(last_answer(std::move(other)), StartsWith("HTTP/1.1 200"));
   auto late = client();
   late.send(request);
   clock_.advance(2s);
-  ASSERT_TRUE(late.wait_for("HTTP/1.1 200")) << "a connection of the same address waits its turn";
+  ASSERT_TRUE(late.wait_for("HTTP/1.1 200")) << "another connection of this address";
 }
 
-TEST_F(WebServerTest, AFloodOfOneAddressLeavesTheOthersTheirRequests) {
-  auto flood = client();
-  for (int i = 0; i < 200; ++i) flood.send("GET / HTTP/1.1\r\nHost: hall\r\n\r\n");
-  ASSERT_TRUE(flood.wait_for("HTTP/1.1 429"));
-  LoopbackClient other(io_, server_->port(), 0, "127.0.0.2");
-  other.get("/", "Connection: close\r\n");
-  ASSERT_TRUE(other.wait_for_close());
-  EXPECT_EQ(other.received().rfind("HTTP/1.1 200", 0), 0);
-}
-
-TEST_F(WebServerTest, OneAddressDoesNotKeepAllLivePagesFromOthers) {
+TEST_F(WebServerTest, AddressWithAllPagesYieldsOneToAnother) {
   config_.max_clients = 3;
   start();
-  std::vector<std::unique_ptr<LoopbackClient>> greedy;
-  for (std::size_t i = 0; i < 3; ++i) {
-    greedy.push_back(std::make_unique<LoopbackClient>(io_, server_->port()));
-    greedy.back()->upgrade();
-    ASSERT_TRUE(greedy.back()->wait_for_upgrade());
-    ASSERT_TRUE(run_until(io_, [&] { return clients().size() == i + 1; }));
-  }
-  LoopbackClient other(io_, server_->port(), 0, "127.0.0.2");
-  other.upgrade();
-  ASSERT_TRUE(other.wait_for_upgrade()) << other.received();
-  EXPECT_TRUE(greedy.back()->wait_for_close());
-  EXPECT_FALSE(greedy.front()->closed());
+  std::vector<LoopbackClient> greedy;
+  for (std::size_t i = 0; i < 3; ++i) greedy.push_back(page());
+  const auto other = upgraded("", "127.0.0.2");
+  EXPECT_TRUE(greedy.back().wait_for_close());
+  EXPECT_FALSE(greedy.front().closed());
   EXPECT_EQ(clients().size(), 3u);
 }
 
-TEST_F(WebServerTest, HealthIsBadUntilFramesFlow) {
-  EXPECT_EQ(get("/healthz").rfind("HTTP/1.1 503", 0), 0);
+TEST_F(WebServerTest, LiveSocketSendsHelloMapAndFrames) {
   publish();
-  EXPECT_EQ(get("/healthz").rfind("HTTP/1.1 200", 0), 0);
-}
-
-TEST_F(WebServerTest, LiveSocketSpeaksHelloMapAndFrames) {
-  publish();
-  auto page = client();
-  page.upgrade("Origin: http://hall:8080\r\n");
-  ASSERT_TRUE(page.wait_for_upgrade()) << page.received();
+  auto page = upgraded("Origin: http://hall:8080\r\n");
   for (const char* expected : {"hello", "map", "frame", "clients"}) {
     const auto message = page.next_message();
     ASSERT_TRUE(message.has_value()) << expected;
     EXPECT_EQ(Json::parse(*message)["type"], expected);
   }
-  ASSERT_TRUE(page.next_message().has_value());  // the log, which began with the server's own line
+  ASSERT_TRUE(page.next_message().has_value());  // the log with the server's first line
   publish();
   EXPECT_EQ(Json::parse(*page.next_message())["number"], 2);
   ASSERT_EQ(clients().size(), 1);
   EXPECT_EQ(clients()[0].frames_sent, 2);
 }
 
-TEST_F(WebServerTest, LiveSocketIsRefusedToAForeignPage) {
-  auto page = client();
-  page.upgrade("Origin: http://elsewhere\r\n");
-  ASSERT_TRUE(page.wait_for_close());
-  EXPECT_EQ(page.received().rfind("HTTP/1.1 403", 0), 0);
-  EXPECT_TRUE(clients().empty());
-}
-
-TEST_F(WebServerTest, OnePageAboveTheLimitGets503) {
+TEST_F(WebServerTest, RefusesPagesOfOtherOriginsAndAboveTheLimit) {
   config_.max_clients = 1;
   start();
-  auto first = client();
-  first.upgrade();
-  ASSERT_TRUE(first.wait_for_upgrade());
-  ASSERT_TRUE(run_until(io_, [&] { return clients().size() == 1; }));
-  auto second = client();
-  second.upgrade();
-  ASSERT_TRUE(second.wait_for_close());
-  EXPECT_EQ(second.received().rfind("HTTP/1.1 503", 0), 0);
+  EXPECT_THAT(last_answer(upgrading("Origin: http://elsewhere\r\n")), StartsWith("HTTP/1.1 403"));
+  EXPECT_TRUE(clients().empty());
+  const auto first = page();
+  EXPECT_THAT(last_answer(upgrading()), StartsWith("HTTP/1.1 503"));
 }
 
-TEST_F(WebServerTest, PageThatLeavesMakesRoom) {
-  {
-    auto page = client();
-    page.upgrade();
-    ASSERT_TRUE(page.wait_for_upgrade());
-    ASSERT_TRUE(run_until(io_, [&] { return clients().size() == 1; }));
-  }
+TEST_F(WebServerTest, RemovesPagesThatLeaveOrSend) {
+  { const auto leaves = page(); }
   EXPECT_TRUE(run_until(io_, [&] { return clients().empty(); }));
-}
-
-TEST_F(WebServerTest, PageThatTalksIsClosed) {
-  auto page = client();
-  page.upgrade();
-  ASSERT_TRUE(page.wait_for_upgrade());
-  page.send(std::string("\x81\x82\x01\x02\x03\x04hi", 8));  // a masked text of two bytes
-  EXPECT_TRUE(page.wait_for_close());
+  auto sends = upgraded();
+  sends.send(std::string("\x81\x82\x01\x02\x03\x04hi", 8));  // a masked text of two bytes
+  EXPECT_TRUE(sends.wait_for_close());
   EXPECT_TRUE(clients().empty());
 }
 
-TEST_F(WebServerTest, ASlowReaderLosesFramesThenItsConnectionWithoutEffectOnOthers) {
-  LoopbackClient slow(io_, server_->port(), 4096);
-  slow.upgrade();
-  ASSERT_TRUE(run_until(io_, [&] { return clients().size() == 1; }));
-  auto quick = client();
-  quick.upgrade();
-  ASSERT_TRUE(quick.wait_for_upgrade());
+TEST_F(WebServerTest, SlowReaderLosesFramesThenItsConnection) {
+  const auto slow = page(4096);
+  auto quick = upgraded();
   // 300 bodies are about 100 kB a frame: a hundred of them fill any buffer on the way.
   for (int i = 0; i < 100 && clients()[0].frames_dropped == 0; ++i) {
     publish(300);
@@ -306,54 +219,49 @@ TEST_F(WebServerTest, ASlowReaderLosesFramesThenItsConnectionWithoutEffectOnOthe
   }
   ASSERT_EQ(clients().size(), 2);
   EXPECT_GT(clients()[0].frames_dropped, 0);
-  EXPECT_EQ(clients()[1].frames_dropped, 0);
+  EXPECT_EQ(clients()[1].frames_dropped, 0) << "the other page";
   clock_.advance(6s);
   publish(1);
   EXPECT_EQ(clients().size(), 1);
 }
 
-TEST_F(WebServerTest, SilentConnectionsAreBoundedAndThePageStaysReachable) {
+TEST_F(WebServerTest, LimitsSilentConnectionsAndStaysReachable) {
   config_.max_clients = 1;
   start();
-  std::vector<std::unique_ptr<LoopbackClient>> silent;
-  for (int i = 0; i < 80; ++i)
-    silent.push_back(std::make_unique<LoopbackClient>(io_, server_->port()));
-  EXPECT_TRUE(run_until(io_, [&] { return silent.back()->closed(); }))
+  std::deque<LoopbackClient> silent;
+  for (int i = 0; i < 80; ++i) silent.push_back(client());
+  EXPECT_TRUE(run_until(io_, [&] { return silent.back().closed(); }))
       << "connection 80 of at most 65 stays open";
-  EXPECT_FALSE(silent.front()->closed());
-  silent.erase(silent.begin(), silent.begin() + 40);
+  EXPECT_FALSE(silent.front().closed());
+  for (int i = 0; i < 40; ++i) silent.pop_front();
   io_.restart();
   io_.run_for(1ms);
   expect_alive();
 }
 
-TEST_F(WebServerTest, PortInUseIsAnErrorWithARemedy) {
+TEST_F(WebServerTest, StartErrorsNamePortAndKey) {
+  const auto start_again = [this] {
+    return start_web_server(io_, config_, {}, std::make_shared<SceneModel>(), clock_);
+  };
   config_.port = server_->port();
-  const auto second = start_web_server(io_, config_, {}, std::make_shared<SceneModel>(), clock_);
-  ASSERT_FALSE(second.has_value());
-  EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
-  EXPECT_NE(second.error().text().find("streaming.web.port"), std::string::npos);
-  EXPECT_NE(second.error().text().find(std::to_string(config_.port)), std::string::npos);
-}
-
-TEST_F(WebServerTest, AddressThatIsNoneIsAnError) {
+  const auto in_use = start_again();
+  ASSERT_FALSE(in_use.has_value());
+  EXPECT_EQ(in_use.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(in_use.error().text(), HasSubstr("streaming.web.port"));
+  EXPECT_THAT(in_use.error().text(), HasSubstr(std::to_string(config_.port)));
   config_.address = "the hall";
-  EXPECT_FALSE(
-      start_web_server(io_, config_, {}, std::make_shared<SceneModel>(), clock_).has_value());
+  EXPECT_FALSE(start_again().has_value());
 }
 
-TEST_F(WebServerTest, StopEndsEveryConnectionAndTheLoop) {
-  auto page = client();
-  page.upgrade();
-  ASSERT_TRUE(page.wait_for_upgrade());
+TEST_F(WebServerTest, StopEndsAllConnectionsAndTheLoop) {
+  auto live = page();
   auto idle = client();
-  ASSERT_TRUE(run_until(io_, [&] { return clients().size() == 1; }));
   server_->stop();
-  EXPECT_TRUE(page.wait_for_close());
+  EXPECT_TRUE(live.wait_for_close());
   EXPECT_TRUE(idle.wait_for_close());
   io_.restart();
   io_.run_for(1s);
-  EXPECT_TRUE(io_.stopped()) << "something still waits";
+  EXPECT_TRUE(io_.stopped()) << "a handler still waits";
 }
 
 }  // namespace

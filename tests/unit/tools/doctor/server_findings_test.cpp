@@ -1,7 +1,6 @@
-#include "tools/doctor/doctor.hpp"
-
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
+
+#include "tools/doctor/doctor.hpp"
 
 namespace fiducap {
 namespace {
@@ -23,51 +22,64 @@ auto has(Grade grade, const char* text, const char* remedy = "") {
                         Field(&Finding::remedy, HasSubstr(remedy))));
 }
 
-/// A server in order: two bodies on four cores, a token, a store.
-struct Sound {
-  Sound() {
-    config.bodies.resize(2);
-    facts.token.length = 24;
-    config.map.store = "hall.map";
-    facts.machine = {4, "performance", 99, 8 << 20, 8 << 20, true, "active"};
-    facts.servers = {{4711, true}};
-    facts.store = StoreFacts{
+/// A server without faults: two bodies on four cores, a token, a store.
+class ServerFindings : public testing::Test {
+ protected:
+  ServerFindings() {
+    config_.bodies.resize(2);
+    facts_.token.length = 24;
+    config_.map.store = "hall.map";
+    facts_.machine = {4, "performance", 99, 8 << 20, 8 << 20, true, "active"};
+    facts_.servers = {{4711, true}};
+    facts_.store = StoreFacts{
         "hall.map", true, true, "process 4711", "", {}, {"/var", true, std::uint64_t{500} << 30}};
-    facts.recordings = {"recordings", true, std::uint64_t{500} << 30};
+    facts_.recordings = {"recordings", true, std::uint64_t{500} << 30};
   }
   [[nodiscard]] Findings all(const std::vector<NetworkInterface>& interfaces = kLab) const {
     Findings all;
     for (const Findings& part :
-         {exposure_findings(config, facts, interfaces), machine_findings(config, facts),
-          disk_findings(config, facts), port_findings(config, facts), alarm_findings(facts)})
+         {exposure_findings(config_, facts_, interfaces), machine_findings(config_, facts_),
+          disk_findings(config_, facts_), port_findings(config_, facts_), alarm_findings(facts_)})
       all.insert(all.end(), part.begin(), part.end());
     return all;
   }
-  ServerConfig config;
-  ServerFacts facts;
+  void expect(Grade grade, const char* text, const char* remedy = "") const {
+    EXPECT_THAT(all(), has(grade, text, remedy));
+  }
+  void expect_none(Grade grade, const char* text) const {
+    EXPECT_THAT(all(), Not(has(grade, text)));
+  }
+  auto& natnet() { return enabled(config_.streaming.natnet); }
+  auto& vrpn() { return enabled(config_.streaming.vrpn); }
+  auto& machine() { return facts_.machine; }
+
+  ServerConfig config_;
+  ServerFacts facts_;
+
+ private:
+  template <typename Protocol>
+  static Protocol& enabled(Protocol& protocol) {
+    protocol.enabled = true;
+    return protocol;
+  }
 };
 
-TEST(ServerFindings, NothingIsWrongWithASoundServer) {
-  const auto all = Sound().all();
-  EXPECT_FALSE(all.empty());
-  for (const Finding& one : all) EXPECT_EQ(one.grade, Grade::kOk) << one.text;
+TEST_F(ServerFindings, AreAllOkForAGoodServer) {
+  EXPECT_THAT(all(), AllOf(Not(IsEmpty()), Each(Field(&Finding::grade, Grade::kOk))));
 }
 
-TEST(ServerFindings, WhateverIsWrongHasARemedy) {
-  Sound lab;
-  lab.facts.token.length = 0;
-  lab.config.streaming.natnet.enabled = true;
-  lab.config.streaming.natnet.remote_control = RemoteControl::kAll;
-  lab.config.streaming.dds.enabled = true;
-  lab.config.dds.interface = "";
-  lab.config.bodies.resize(9);
-  lab.facts.machine = {1, "powersave", 0, 1, 1, false, "failed"};
-  lab.facts.servers = {{1, false}};
-  lab.facts.store =
-      StoreFacts{"m", true, false, "process 2", "", {"version 3: bad"}, {"/", true, 5}};
-  lab.facts.recordings = {"r", false, 5};
+TEST_F(ServerFindings, HaveARemedyForEveryFault) {
+  facts_.token.length = 0;
+  natnet().remote_control = RemoteControl::kAll;
+  config_.streaming.dds.enabled = true;
+  config_.dds.interface = "";
+  config_.bodies.resize(9);
+  machine() = {1, "powersave", 0, 1, 1, false, "failed"};
+  facts_.servers = {{1, false}};
+  facts_.store = StoreFacts{"m", true, false, "process 2", "", {"version 3: bad"}, {"/", true, 5}};
+  facts_.recordings = {"r", false, 5};
   int wrong = 0;
-  for (const Finding& one : lab.all()) {
+  for (const Finding& one : all()) {
     if (one.grade == Grade::kOk) continue;
     ++wrong;
     EXPECT_FALSE(one.remedy.empty()) << one.text;
@@ -75,187 +87,147 @@ TEST(ServerFindings, WhateverIsWrongHasARemedy) {
   EXPECT_GT(wrong, 12);
 }
 
-TEST(ServerFindings, SaysWhenAnImuBelongsToTheFirstSender) {
-  Sound lab;
-  auto& imu = lab.config.bodies[1].imu_source.emplace();
-  lab.config.bodies[1].name = "drone";
+TEST_F(ServerFindings, ReportAnImuWithoutAPeer) {
+  auto& imu = config_.bodies[1].imu_source.emplace();
+  config_.bodies[1].name = "drone";
   imu.line.port = 5005;
   constexpr const char* kFirst = "the IMU of drone on UDP port 5005 belongs to the first sender";
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, kFirst, "imu_source.peer"));
+  expect(Grade::kWarning, kFirst, "imu_source.peer");
   imu.line.address = "127.0.0.1";
-  EXPECT_THAT(lab.all(), Not(has(Grade::kWarning, kFirst)));
+  expect_none(Grade::kWarning, kFirst);
   imu.type = ImuSourceType::kMavlink;
   imu.mavlink.link.port = 5005;
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, kFirst));
+  expect(Grade::kWarning, kFirst);
   imu.mavlink.link.peer = "10.0.0.9";
-  EXPECT_THAT(lab.all(), Not(has(Grade::kWarning, kFirst)));
+  expect_none(Grade::kWarning, kFirst);
 }
 
-TEST(ServerFindings, SaysWhoMayListen) {
-  Sound lab;
-  lab.config.streaming.natnet.enabled = true;
-  lab.config.streaming.natnet.address = "0.0.0.0";
-  lab.config.streaming.natnet.networks = {"10.1.0.0/16"};
-  lab.config.streaming.vrpn.enabled = true;
-  lab.config.streaming.vrpn.address = "10.0.0.5";
-  const auto all = lab.all();
-  EXPECT_THAT(all, has(Grade::kOk, "attached to, 10.1.0.0/16"));
-  EXPECT_THAT(all, has(Grade::kOk, "vrpn on 10.0.0.5 is open to all machines that reach the port"));
-  lab.config.streaming.vrpn.address = "127.0.0.1";
-  EXPECT_THAT(lab.all(), has(Grade::kOk, "vrpn is for this machine only"));
-  lab.config.streaming.web.enabled = true;
-  lab.config.streaming.web.address = "0.0.0.0";
-  EXPECT_THAT(lab.all(), has(Grade::kOk, "web on 0.0.0.0 is open to all machines"));
+TEST_F(ServerFindings, ListTheAddressesOfEachProtocol) {
+  natnet().address = "0.0.0.0";
+  natnet().networks = {"10.1.0.0/16"};
+  vrpn().address = "10.0.0.5";
+  expect(Grade::kOk, "attached to, 10.1.0.0/16");
+  expect(Grade::kOk, "vrpn on 10.0.0.5 is open to all machines that reach the port");
+  vrpn().address = "127.0.0.1";
+  expect(Grade::kOk, "vrpn is for this machine only");
+  config_.streaming.web.enabled = true;
+  config_.streaming.web.address = "0.0.0.0";
+  expect(Grade::kOk, "web on 0.0.0.0 is open to all machines");
 }
 
-TEST(ServerFindings, AnAddressOfTheInternetIsAWarning) {
-  Sound lab;
-  lab.config.streaming.vrpn.enabled = true;
-  lab.config.streaming.vrpn.address = "0.0.0.0";
+TEST_F(ServerFindings, WarnOfExposure) {
   auto interfaces = kLab;
   interfaces.push_back({"wan", "93.184.216.34", true, false, true});
-  EXPECT_THAT(lab.all(interfaces),
+  vrpn().address = "0.0.0.0";
+  EXPECT_THAT(all(interfaces),
               has(Grade::kWarning, "93.184.216.34 (wan)", "streaming.vrpn.address"));
-  lab.config.streaming.vrpn.address = "10.0.0.5";
-  EXPECT_THAT(lab.all(interfaces), Not(has(Grade::kWarning, "vrpn")));
+  vrpn().address = "10.0.0.5";
+  EXPECT_THAT(all(interfaces), Not(has(Grade::kWarning, "vrpn")));
+  natnet().remote_control = RemoteControl::kLoopback;
+  expect(Grade::kWarning, "natnet clients of this machine may", "remote_control: off");
+  natnet().networks = {"0.0.0.0/0"};
+  expect(Grade::kFault, "natnet trusts 0.0.0.0/0", "streaming.natnet.networks");
+  config_.streaming.dds.enabled = true;
+  expect_none(Grade::kWarning, "dds");
+  config_.dds.interface = "eth0";
+  expect(Grade::kWarning, "dds on eth0", "dds.interface");
+  facts_.token.length = 8;
+  expect(Grade::kWarning, "has 8 characters", "openssl");
+  facts_.token.length = 0;
+  expect(Grade::kWarning, "no operator's token", "openssl");
+  facts_.token.unreadable = "token: Permission denied";
+  expect(Grade::kWarning, "Permission denied", "run doctor as");
 }
 
-TEST(ServerFindings, TrustInTheWholeInternetIsAFault) {
-  Sound lab;
-  lab.config.streaming.natnet.enabled = true;
-  lab.config.streaming.natnet.networks = {"0.0.0.0/0"};
-  EXPECT_THAT(lab.all(),
-              has(Grade::kFault, "natnet trusts 0.0.0.0/0", "streaming.natnet.networks"));
+TEST_F(ServerFindings, WarnOfASlowMachine) {
+  machine().cores = 1;
+  machine().governor = "powersave";
+  expect(Grade::kWarning, "2 bodies on 1 cores");
+  expect(Grade::kWarning, "powersave", "performance");
+  machine().receive_buffer_most = machine().send_buffer_most = 212'992;
+  machine().clock_synchronised = false;
+  expect(Grade::kWarning, "rmem_max is 212992", "sysctl");
+  expect(Grade::kWarning, "wmem_max is 212992", "sysctl");
+  expect(Grade::kWarning, "not synchronised", "chrony");
+  facts_.servers.front().realtime = false;
+  expect(Grade::kWarning, "process 4711", "LimitRTPRIO");
+  facts_.servers.clear();
+  machine().realtime_most = 0;
+  expect(Grade::kWarning, "started from here", "limits.d");
+  machine().realtime_most = 10;
+  expect_none(Grade::kWarning, "priority");
 }
 
-TEST(ServerFindings, RemoteControlWithoutAPasswordIsAWarning) {
-  Sound lab;
-  lab.config.streaming.natnet.enabled = true;
-  lab.config.streaming.natnet.remote_control = RemoteControl::kLoopback;
-  EXPECT_THAT(lab.all(),
-              has(Grade::kWarning, "natnet clients of this machine may", "remote_control: off"));
+TEST_F(ServerFindings, IgnoreUnknownFacts) {
+  machine() = {};
+  machine().cores = 4;
+  EXPECT_THAT(machine_findings(config_, facts_), Each(Field(&Finding::grade, Grade::kOk)));
 }
 
-TEST(ServerFindings, DdsBeyondThisMachineIsAWarning) {
-  Sound lab;
-  lab.config.streaming.dds.enabled = true;
-  EXPECT_THAT(lab.all(), Not(has(Grade::kWarning, "dds")));
-  lab.config.dds.interface = "eth0";
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "dds on eth0", "dds.interface"));
+TEST_F(ServerFindings, ReportTheUnit) {
+  machine().unit = "failed";
+  expect(Grade::kFault, "has failed", "journalctl");
+  machine().unit = "inactive";
+  expect(Grade::kWarning, "outside of its unit");
+  facts_.servers.clear();
+  expect(Grade::kWarning, "is inactive", "systemctl enable");
 }
 
-TEST(ServerFindings, TheToken) {
-  Sound lab;
-  lab.facts.token.length = 8;
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "has 8 characters", "openssl"));
-  lab.facts.token.length = 0;
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "no operator's token", "openssl"));
-  lab.facts.token.unreadable = "token: Permission denied";
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "Permission denied", "run doctor as"));
-}
-
-TEST(ServerFindings, TheProcessor) {
-  Sound lab;
-  lab.facts.machine.cores = 1;
-  lab.facts.machine.governor = "powersave";
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "2 bodies on 1 cores"));
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "powersave", "performance"));
-}
-
-TEST(ServerFindings, RealTimePriority) {
-  Sound lab;
-  lab.facts.servers.front().realtime = false;
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "process 4711", "LimitRTPRIO"));
-  lab.facts.servers.clear();
-  lab.facts.machine.realtime_most = 0;
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "started from here", "limits.d"));
-  lab.facts.machine.realtime_most = 10;
-  EXPECT_THAT(lab.all(), Not(has(Grade::kWarning, "priority")));
-}
-
-TEST(ServerFindings, BuffersAndClock) {
-  Sound lab;
-  lab.facts.machine.receive_buffer_most = 212'992;
-  lab.facts.machine.send_buffer_most = 212'992;
-  lab.facts.machine.clock_synchronised = false;
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "rmem_max is 212992", "sysctl"));
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "wmem_max is 212992", "sysctl"));
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "not synchronised", "chrony"));
-  lab.facts.machine = {};
-  lab.facts.machine.cores = 4;
-  for (const Finding& one : machine_findings(lab.config, lab.facts))
-    EXPECT_EQ(one.grade, Grade::kOk) << "what the machine does not say: " << one.text;
-}
-
-TEST(ServerFindings, TheUnit) {
-  Sound lab;
-  lab.facts.machine.unit = "failed";
-  EXPECT_THAT(lab.all(), has(Grade::kFault, "has failed", "journalctl"));
-  lab.facts.machine.unit = "inactive";
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "outside of its unit"));
-  lab.facts.servers.clear();
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "is inactive", "systemctl enable"));
-}
-
-TEST(ServerFindings, TheStore) {
-  Sound lab;
-  StoreFacts& store = *lab.facts.store;
+TEST_F(ServerFindings, ReportTheStore) {
+  StoreFacts& store = *facts_.store;
   store.damage = {"version 7: is damaged"};
-  EXPECT_THAT(lab.all(), has(Grade::kFault, "version 7", "fiducap map repair --store hall.map"));
+  expect(Grade::kFault, "version 7", "fiducap map repair --store hall.map");
   store.damage.clear();
   store.unreadable = "is no database";
-  EXPECT_THAT(lab.all(), has(Grade::kFault, "is no database", "fiducap map repair"));
+  expect(Grade::kFault, "is no database", "fiducap map repair");
   store.unreadable.clear();
   store.writable = false;
-  EXPECT_THAT(lab.all(), has(Grade::kFault, "cannot be written", "map.store"));
+  expect(Grade::kFault, "cannot be written", "map.store");
   store.writable = true;
   store.folder.free_bytes = 300'000'000;
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "300 MB left", "make room"));
+  expect(Grade::kWarning, "300 MB left", "make room");
   store.folder.free_bytes = 3'000'000;
-  EXPECT_THAT(lab.all(), has(Grade::kFault, "3 MB left", "make room"));
-  lab.facts.servers.clear();
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "held by process 4711", "end that one"));
-  lab.facts.store.reset();
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "is lost when the server ends", "map.store"));
+  expect(Grade::kFault, "3 MB left", "make room");
+  facts_.servers.clear();
+  expect(Grade::kWarning, "held by process 4711", "end that one");
+  facts_.store.reset();
+  config_.map.store.clear();
+  expect(Grade::kWarning, "is lost when the server ends", "map.store");
 }
 
-TEST(ServerFindings, RoomForRecordingsIsSaidInMinutes) {
-  Sound lab;
-  lab.config.bodies.resize(1);
-  lab.config.bodies[0].cameras.resize(1);
-  CameraMount& mount = lab.config.bodies[0].cameras[0].mount;
+TEST_F(ServerFindings, GiveTheDiskSpaceForRecordingsInMinutes) {
+  config_.bodies.resize(1);
+  config_.bodies[0].cameras.resize(1);
+  CameraMount& mount = config_.bodies[0].cameras[0].mount;
   mount.model.width = 1000;
   mount.model.height = 1000;
   mount.rate_hz = 100;
-  EXPECT_DOUBLE_EQ(recording_rate(lab.config), 200 * 150.0 + 100 * 1500.0);
-  lab.config.recorder.images = true;
-  EXPECT_DOUBLE_EQ(recording_rate(lab.config), 200 * 150.0 + 100 * 500'000.0);
-  lab.facts.recordings.free_bytes = 30'018'000'000;  // ten minutes
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "about 10 min", "recorder.folder"));
-  lab.facts.recordings.writable = false;
-  EXPECT_THAT(lab.all(), has(Grade::kFault, "cannot be written", "recorder.folder"));
+  EXPECT_DOUBLE_EQ(recording_rate(config_), 200 * 150.0 + 100 * 1500.0);
+  config_.recorder.images = true;
+  EXPECT_DOUBLE_EQ(recording_rate(config_), 200 * 150.0 + 100 * 500'000.0);
+  facts_.recordings.free_bytes = 30'018'000'000;  // ten minutes
+  expect(Grade::kWarning, "about 10 min", "recorder.folder");
+  facts_.recordings.writable = false;
+  expect(Grade::kFault, "cannot be written", "recorder.folder");
 }
 
-TEST(ServerFindings, APortThatAnotherProgramHas) {
-  Sound lab;
-  lab.config.streaming.vrpn.enabled = true;
-  const auto port = static_cast<std::uint16_t>(lab.config.streaming.vrpn.port);
-  lab.facts.listening = {{Transport::kTcp, "0.0.0.0", port, 1, "fiducapd (process 4711)"}};
-  EXPECT_THAT(port_findings(lab.config, lab.facts), IsEmpty());
-  lab.facts.listening.front().owner = "vrpn_server (process 812)";
-  EXPECT_THAT(lab.all(), has(Grade::kFault, "taken by vrpn_server (process 812)", "another port"));
-  lab.facts.listening.front().owner.clear();
-  EXPECT_THAT(port_findings(lab.config, lab.facts), IsEmpty()) << "nobody knows whose it is";
+TEST_F(ServerFindings, ReportAPortOfAnotherProgram) {
+  const auto port = static_cast<std::uint16_t>(vrpn().port);
+  facts_.listening = {{Transport::kTcp, "0.0.0.0", port, 1, "fiducapd (process 4711)"}};
+  EXPECT_THAT(port_findings(config_, facts_), IsEmpty());
+  facts_.listening.front().owner = "vrpn_server (process 812)";
+  expect(Grade::kFault, "taken by vrpn_server (process 812)", "another port");
+  facts_.listening.front().owner.clear();
+  EXPECT_THAT(port_findings(config_, facts_), IsEmpty()) << "the owner is not known";
 }
 
-TEST(ServerFindings, AlarmsOfTheServer) {
-  Sound lab;
-  lab.facts.alarms = {{"map", "error", "the map is not stored", "make room"},
-                      {"drone", "warning", "coasts", "show it a tag"},
-                      {"clock", "info", "was set", ""}};
-  EXPECT_THAT(lab.all(), has(Grade::kFault, "map: the map is not stored", "make room"));
-  EXPECT_THAT(lab.all(), has(Grade::kWarning, "drone: coasts", "show it a tag"));
-  EXPECT_THAT(lab.all(), has(Grade::kOk, "clock: was set"));
+TEST_F(ServerFindings, ReportAlarms) {
+  facts_.alarms = {{"map", "error", "the map is not stored", "make room"},
+                   {"drone", "warning", "coasts", "show it a tag"},
+                   {"clock", "info", "was set", ""}};
+  expect(Grade::kFault, "map: the map is not stored", "make room");
+  expect(Grade::kWarning, "drone: coasts", "show it a tag");
+  expect(Grade::kOk, "clock: was set");
 }
 
 }  // namespace

@@ -1,8 +1,0 @@
-// Marker maps of the ArUco library.
-#include "fuzz/foreign_map.hpp"
-
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace fiducap;
-  fuzz::require_round_trip(MapFormat::kAruco, {reinterpret_cast<const char*>(data), size});
-  return 0;
-}

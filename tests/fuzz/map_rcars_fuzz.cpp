@@ -1,8 +1,0 @@
-// Workspaces of RCARS.
-#include "fuzz/foreign_map.hpp"
-
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace fiducap;
-  fuzz::require_round_trip(MapFormat::kRcars, {reinterpret_cast<const char*>(data), size});
-  return 0;
-}

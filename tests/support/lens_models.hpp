@@ -1,0 +1,26 @@
+#pragma once
+
+#include <tuple>
+
+#include "capture/lens/camera_model.hpp"
+
+namespace fiducap {
+
+inline CameraModel radial_tangential(CameraModel pinhole, const std::array<double, 5>& k) {
+  pinhole.distortion = Distortion::kRadialTangential;
+  pinhole.coefficients = k;
+  return pinhole;
+}
+
+inline CameraModel equidistant(CameraModel pinhole, const std::array<double, 5>& k) {
+  pinhole.distortion = Distortion::kEquidistant;
+  pinhole.coefficients = k;
+  return pinhole;
+}
+
+/// For comparisons.
+inline auto parts_of(const CameraModel& c) {
+  return std::tuple(c.width, c.height, c.fu, c.fv, c.cu, c.cv, c.distortion, c.coefficients);
+}
+
+}  // namespace fiducap
