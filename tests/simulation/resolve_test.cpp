@@ -125,7 +125,7 @@ const WrongOdometry kWrongOdometry[] = {
                 pose.at - start < std::chrono::seconds(15);
        });
      }},
-    {"turned_5_degrees_on_the_body", "camera 0 sits",
+    {"turned_5_degrees_on_the_body", "from its configured pose",
      [](Odometry& odometry, Instant) {
        const Pose X_BB{exp_so3({0.05, 0.06, 0.04}), Eigen::Vector3d::Zero()};
        for (StampedPose& pose : odometry.poses) pose.X_WB = pose.X_WB * X_BB;
