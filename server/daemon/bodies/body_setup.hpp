@@ -58,8 +58,8 @@ struct SensorPart {
 /// Replaces a source that could not be opened: gives only this error.
 [[nodiscard]] std::unique_ptr<SensorSource> failed_source(Error error);
 
-/// Reads calibration files and the metadata of a recording. What cannot be read keeps the values
-/// of the configuration, and `faults` gets an Error with the file and its fault.
+/// Reads calibration files and the metadata of a recording. A value that cannot be read
+/// stays as configured, and `faults` gets an Error with the file and its fault.
 [[nodiscard]] BodySetup read_body_setup(const BodyConfig& body, const simulation::RoomConfig& room,
                                         const SiteConfig& site, std::vector<Error>& faults);
 /// The same. @return the first fault

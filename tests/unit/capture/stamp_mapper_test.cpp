@@ -74,12 +74,14 @@ struct DriftingSender {
 constexpr Duration kPlaced = 100us;
 
 TEST(StampMapper, PlacesStampsByTheQuickestMessages) {
-  DriftingSender sender{0, 0.003, 1ms, std::mt19937(3)};
+  DriftingSender sender{0, 0.003};
   StampMapper mapper(false);
   for (int i = 0; i < 2000; ++i) {
     const Duration error = sender.place(mapper, sender.next());
     if (i < 200) continue;
-    EXPECT_GE(error, 0ms);    // the least delay is unknown
+    // The line touches the quickest messages of past seconds, which scatter by 15 us; extended to
+    // the present it may pass below the least delay by as much.
+    EXPECT_GE(error, -15us);
     EXPECT_LE(error, 200us);  // of two hundred, one comes close to it
   }
 }

@@ -124,6 +124,23 @@ TEST_F(BodyPipelineTest, ReportsAnImuInAnotherUnitOnce) {
   EXPECT_EQ(count(BodyEvent::Kind::kImuUnusable), 1);
 }
 
+TEST_F(BodyPipelineTest, ReportsOnceThatImagesAreFarTooLate) {
+  BodyPipeline pipeline(setup_);
+  const auto run_late = [&](int from_ms, int to_ms, int late_ms) {
+    for (int t = from_ms; t < to_ms; t += 5) {
+      push(pipeline, imu_at(t));
+      if (t % 50 == 0) push(pipeline, frame_at(t - late_ms));
+    }
+  };
+  run(pipeline, 0, 2000);
+  run_late(2000, 12'000, 1500);
+  EXPECT_EQ(count(BodyEvent::Kind::kTurnsDisagree), 1);
+  run_late(12'000, 20'000, 0);
+  EXPECT_EQ(count(BodyEvent::Kind::kTurnsDisagree), 1);
+  run_late(20'000, 30'000, 1500);
+  EXPECT_EQ(count(BodyEvent::Kind::kTurnsDisagree), 2) << "another fault of the same kind";
+}
+
 TEST_F(BodyPipelineTest, ReportsOnceThatTheMotionIsLost) {
   BodyPipeline pipeline(setup_);
   run(pipeline, 0, 2000);

@@ -230,8 +230,9 @@ class PropertiesTest : public CommandWordsTest {
 };
 
 TEST_F(PropertiesTest, OfTheServer) {
-  expect_values({{",FrameRate", "120"},
-                 {"Master Rate", "120"},
+  server_.rate_hz = 240;
+  expect_values({{",FrameRate", "240"},
+                 {"Master Rate", "240"},
                  {",Up Axis", "Y Axis"},
                  {",bitstream", "3.1"},
                  {",Colour", "none"}});
