@@ -13,6 +13,10 @@
 
 namespace fiducap {
 
+[[nodiscard]] inline std::string_view text_of_bytes(std::span<const std::byte> bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
 /// Reads numbers from untrusted bytes. Never reads past the end: after the first short read all
 /// reads return zero, and `check()` reports the number of bytes requested and left.
 template <std::endian Order>

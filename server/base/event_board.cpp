@@ -30,17 +30,6 @@ std::vector<Event> copies_of(std::span<const std::shared_ptr<const Event>> event
 
 std::string_view name_of(Severity severity) { return log::name_of(level_of(severity)); }
 
-std::string Event::sentence() const {
-  const bool ends = !text.empty() && (text.back() == '.' || text.back() == '?');
-  return subject + ": " + text + (remedy.empty() ? "" : (ends ? " " : ". ") + remedy);
-}
-
-std::span<const std::shared_ptr<const Event>> EventSnapshot::after(std::uint64_t number) const {
-  const auto first =
-      std::ranges::find_if(happened, [&](const auto& event) { return event->number > number; });
-  return {first, happened.end()};
-}
-
 /// Makes and publishes one change, then logs it without the lock.
 template <typename Work>
 void EventBoard::change(Work&& work) {
@@ -62,7 +51,12 @@ void EventBoard::report(Event event) {
 void EventBoard::begin(Event event) {
   change([&] {
     const auto known = standing_.find(Order::View{event.subject, event.kind});
-    if (known == standing_.end()) return start(std::move(event));
+    if (known == standing_.end()) {
+      if (!has_room_for(event.severity)) return report_overflow();
+      Key key{event.subject, event.kind};
+      standing_.emplace(std::move(key), keep(std::move(event)));
+      return;
+    }
     const Event& held = *known->second;
     if (event.severity > held.severity) {
       known->second = keep(std::move(event));
@@ -83,17 +77,6 @@ void EventBoard::end(std::string_view subject, std::string_view kind, std::strin
     if (standing_.size() < kOverflowEnds)
       finish(kOverflow.first, kOverflow.second, "all conditions are listed again");
   });
-}
-
-void EventBoard::set(bool holds, Event event, std::string_view text_when_over) {
-  if (holds) return begin(std::move(event));
-  end(event.subject, event.kind, text_when_over);
-}
-
-void EventBoard::start(Event event) {
-  if (!has_room_for(event.severity)) return report_overflow();
-  Key key{event.subject, event.kind};
-  standing_.emplace(std::move(key), keep(std::move(event)));
 }
 
 /// The last place is reserved for the overflow. An error displaces a condition of lower severity.
@@ -144,11 +127,6 @@ void EventBoard::rename(std::string_view subject, std::string_view name) {
   });
 }
 
-void EventBoard::apply_name(Event& event) const {
-  const auto name = names_.find(event.subject);
-  if (name != names_.end()) event.subject = name->second;
-}
-
 EventBoard::Shared EventBoard::keep(Event event) {
   apply_name(event);
   event.number = newest_ + 1;
@@ -175,11 +153,6 @@ void EventBoard::publish() {
   snapshot_.swap(old);
   revision_ = snapshot_->revision;
   has_changed_ = false;
-}
-
-std::shared_ptr<const EventSnapshot> EventBoard::snapshot() const {
-  const std::lock_guard lock(publishing_);
-  return snapshot_;
 }
 
 void EventBoard::refresh(std::shared_ptr<const EventSnapshot>& snapshot) const {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -32,7 +33,10 @@ struct Event {
   bool over{};           ///< A condition of this subject and kind ended here.
 
   /// `drone: lost, … – do this`
-  [[nodiscard]] std::string sentence() const;
+  [[nodiscard]] std::string sentence() const {
+    const bool ends = !text.empty() && (text.back() == '.' || text.back() == '?');
+    return subject + ": " + text + (remedy.empty() ? "" : (ends ? " " : ". ") + remedy);
+  }
 };
 
 /// Contents of the board at one moment; immutable.
@@ -44,50 +48,51 @@ struct EventSnapshot {
   std::array<std::uint64_t, 3> counts{};  ///< Events since the start, by severity.
 
   /// Those of `happened` after `number`.
-  [[nodiscard]] std::span<const std::shared_ptr<const Event>> after(std::uint64_t number) const;
+  [[nodiscard]] std::span<const std::shared_ptr<const Event>> after(std::uint64_t number) const {
+    const auto first =
+        std::ranges::find_if(happened, [&](const auto& event) { return event->number > number; });
+    return {first, happened.end()};
+  }
 };
 
-/// Events and lasting conditions of the whole server: logged once, kept for the page, the SDK, ROS
-/// and the metrics.
+/// Events and lasting conditions of the server: logged once, kept for all kinds of clients.
 ///
-/// An event is reported; a condition begins and ends, and repeated calls change nothing.
-/// Thread-safe. Writers wait for each other; readers get immutable snapshots and never wait for a
-/// writer. Do not write per frame, except for calls that change nothing (`end` of a condition that
-/// does not hold costs one look-up).
+/// An event is reported; a condition begins and ends; repeated calls change nothing. Thread-safe:
+/// readers get immutable snapshots and never wait for a writer. Not for each frame.
 class EventBoard final {
  public:
   static constexpr std::size_t kKept = 256;  ///< Newest events.
-  /// Conditions at once. The last place is for `server crowded`, which reports that there are more;
-  /// errors displace lower severities.
+  /// Conditions at once. The last place is for `server crowded`; errors displace lower severities.
   static constexpr std::size_t kStanding = 256;
 
   /// @param utc_ns  wall clock, nanoseconds since 1970
   explicit EventBoard(std::function<std::int64_t()> utc_ns) : utc_ns_(std::move(utc_ns)) {}
 
-  /// Adds an event.
   void report(Event event);
   /// The condition holds: an event, unless it held before. A higher severity is another event; any
   /// other change replaces text, remedy and severity only.
   void begin(Event event);
   /// The condition no longer holds: an event with severity info, if it held before.
   void end(std::string_view subject, std::string_view kind, std::string_view text);
-  /// `begin` if `holds`, else `end`.
-  void set(bool holds, Event event, std::string_view text_when_over);
+  void set(bool holds, Event event, std::string_view text_when_over) {
+    if (holds) return begin(std::move(event));
+    end(event.subject, event.kind, text_when_over);
+  }
 
   /// Shows `subject` as `name`, also in conditions that hold. Writers keep using `subject`.
   void rename(std::string_view subject, std::string_view name);
 
-  /// Conditions that hold, by subject and kind.
   [[nodiscard]] std::vector<Event> standing() const;
   /// The newest events after `number`, oldest first.
   [[nodiscard]] std::vector<Event> after(std::uint64_t number) const;
-  /// Number of events since the start, by severity.
   [[nodiscard]] std::array<std::uint64_t, 3> counts() const { return snapshot()->counts; }
   /// Counts every change of `standing` and `after`.
   [[nodiscard]] std::uint64_t revision() const { return revision_; }
-  [[nodiscard]] std::shared_ptr<const EventSnapshot> snapshot() const;
-  /// Replaces `snapshot` by the newest one, without ever waiting: while another thread swaps the
-  /// newest, `snapshot` stays as it is until the next call.
+  [[nodiscard]] std::shared_ptr<const EventSnapshot> snapshot() const {
+    const std::lock_guard lock(publishing_);
+    return snapshot_;
+  }
+  /// Replaces `snapshot` by the newest one, at the next call if another thread swaps that just now.
   void refresh(std::shared_ptr<const EventSnapshot>& snapshot) const;
 
  private:
@@ -101,8 +106,10 @@ class EventBoard final {
   template <typename Work>
   void change(Work&& work);
   Shared keep(Event event);
-  void apply_name(Event& event) const;
-  void start(Event event);
+  void apply_name(Event& event) const {
+    const auto name = names_.find(event.subject);
+    if (name != names_.end()) event.subject = name->second;
+  }
   [[nodiscard]] bool has_room_for(Severity severity);
   void report_overflow();
   void finish(std::string_view subject, std::string_view kind, std::string_view text);

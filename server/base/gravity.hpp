@@ -8,9 +8,10 @@ namespace fiducap {
 /// Default magnitude of gravity, m/s², and its sigma: at sea level it is 9.780 to 9.832.
 inline constexpr double kUsualGravity_m_s2 = 9.81;
 inline constexpr double kUsualGravitySigma_m_s2 = 0.02;
-/// Sigma of a configured value, or of one by latitude and height: what is below the ground changes
-/// gravity by less nearly everywhere.
+/// Sigma of a configured value, or of one by latitude and height (the ground changes it by less).
 inline constexpr double kGivenGravitySigma_m_s2 = 5e-4;
+
+inline constexpr double kStandardGravity_m_s2 = 9.80665;
 
 /// Gravity by latitude and height above sea level: Somigliana's formula with the constants of
 /// GRS80, and the free-air correction to second order (H. Moritz, Geodetic Reference System 1980).

@@ -11,11 +11,9 @@
 /// Passing objects between threads without allocation or waiting.
 namespace fiducap {
 
-/// Shared objects that return to the pool when their last owner releases them, and keep the
-/// capacity of their vectors.
+/// Shared objects that return to the pool when released, and keep the capacity of their vectors.
 ///
-/// After warm-up `acquire` allocates nothing: the object and the control block of its shared_ptr
-/// are reused. Thread-safe. Objects may outlive the pool.
+/// After warm-up `acquire` allocates nothing. Thread-safe. Objects may outlive the pool.
 template <typename T>
 class ObjectPool final {
  public:
@@ -93,11 +91,9 @@ class ObjectPool final {
   std::shared_ptr<Storage> storage_{std::make_shared<Storage>()};
 };
 
-/// Passes the newest value from one thread to another without a lock. A value that is not fetched
-/// in time is replaced.
+/// Passes the newest value from one thread to another without a lock; older ones are replaced.
 ///
-/// Triple buffer: writer and reader have a slot each and swap it with the third one. Values keep
-/// their memory, and only the writer destroys them.
+/// Triple buffer: slots are swapped. Values keep their memory; only the writer destroys them.
 template <typename T>
 class NewestValue final {
  public:

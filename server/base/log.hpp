@@ -11,7 +11,6 @@ namespace fiducap::log {
 
 enum class Level { kDebug, kInfo, kWarning, kError };
 
-/// One line of the log, as the page shows it.
 struct Line {
   std::uint64_t number{};  ///< Counts up from 1 for the life of the process.
   std::int64_t utc_ms{};   ///< Wall clock, milliseconds since 1970.
@@ -21,9 +20,8 @@ struct Line {
 };
 
 /// Writes a line to stderr and to the list for the page. Thread-safe, never waits for the terminal,
-/// never throws. For rare events only, not per sample or frame. Control characters are escaped.
-/// Lines that a module writes too often (about one subject), or that the terminal does not accept,
-/// are dropped; their count is logged.
+/// never throws. For rare events only. Control characters are escaped. Lines that come too often
+/// (of a module about one subject), or that the terminal does not accept, are counted and dropped.
 void write(Level level, std::string_view module, std::string_view text,
            std::string_view subject = {}) noexcept;
 inline void debug(std::string_view module, std::string_view text) {
@@ -51,10 +49,8 @@ bool flush(std::chrono::milliseconds limit);
 
 [[nodiscard]] std::string_view name_of(Level level);
 
-/// Runs `work`. An exception ends here: it is logged and costs no more than the session, datagram
-/// or round that `work` is.
-/// @param whose  called only after a failure, returns the subject of the log line, e.g. a peer;
-///               empty: nothing is logged
+/// Runs `work`, a session, datagram or round. An exception ends here: it is logged.
+/// @param whose  returns the subject of the log line, e.g. a peer; empty: nothing is logged
 /// @return false: `work` has thrown
 template <typename Whose, typename Work>
 bool guarded(std::string_view module, Whose&& whose, Work&& work) noexcept {

@@ -16,7 +16,6 @@
 /// Bounds of the log: lines per time, and lines that wait. No threads, no clock.
 namespace fiducap::log {
 
-/// Module that writes a line, and its subject.
 struct LineSource {
   std::string module;
   std::string subject{};
@@ -65,8 +64,7 @@ class LineLimiter final {
   std::map<std::pair<LineSource, Level>, Window> windows_;
 };
 
-/// Bounded queue of lines for the terminal. When it is full the newest line is dropped: the first
-/// lines of a failure show its cause.
+/// Bounded queue of lines for the terminal; drops the newest: the first ones show the cause.
 class LineQueue final {
  public:
   static constexpr std::size_t kMost = 1000;

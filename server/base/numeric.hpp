@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <numbers>
+#include <span>
 #include <vector>
 
 #include "base/time.hpp"
@@ -24,6 +25,22 @@ inline constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
   const std::size_t above = std::min(below + 1, values.size() - 1);
   const double part = place - static_cast<double>(below);
   return (1 - part) * values[below] + part * values[above];
+}
+
+/// The n-th smallest value, counted from 0. Reorders them. @pre n < values.size()
+[[nodiscard]] inline double nth_smallest(std::span<double> values, std::size_t n) {
+  const auto nth = values.begin() + static_cast<std::ptrdiff_t>(n);
+  std::ranges::nth_element(values, nth);
+  return *nth;
+}
+
+/// At most `most` of them, evenly chosen.
+template <typename T>
+[[nodiscard]] std::vector<T> thinned(const std::vector<T>& all, std::size_t most) {
+  if (all.size() <= most) return all;
+  std::vector<T> some;
+  for (std::size_t i = 0; i < most; ++i) some.push_back(all[i * all.size() / most]);
+  return some;
 }
 
 /// Quantiles of a stream of durations in 6 kB: bins grow by 3 %, from 1 µs to about half an hour.
@@ -54,8 +71,7 @@ class DurationHistogram final {
   std::uint64_t count_{0};
 };
 
-/// Minimum of the parabola through three values that are one step apart: steps from the middle
-/// value, clamped to [-1, 1]; 0 when the parabola has a maximum.
+/// Minimum of the parabola through three values: steps from the middle one, in [-1, 1]; 0: none.
 [[nodiscard]] inline double minimum_of_parabola(double before, double middle, double after) {
   const double curvature = before - 2 * middle + after;
   return curvature > 0 ? std::clamp(0.5 * (before - after) / curvature, -1.0, 1.0) : 0.0;

@@ -46,4 +46,8 @@ double angle_between(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) {
   return log_so3(a.conjugate() * b).norm();
 }
 
+Eigen::Quaterniond rotation_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return Eigen::Quaterniond::FromTwoVectors(a, b);
+}
+
 }  // namespace fiducap

@@ -28,7 +28,6 @@ struct Pose {
   return X_AB.q * p_B + X_AB.p;
 }
 
-/// Pose of a body at one instant.
 struct StampedPose {
   Instant at{};
   Pose X_WB;
@@ -43,14 +42,17 @@ struct StampedPose {
 /// Rotation vector of a unit quaternion, angle in [0, π].
 [[nodiscard]] Eigen::Vector3d log_so3(const Eigen::Quaterniond& q);
 
-/// Left Jacobian: exp(φ + δ) ≈ exp(J_l(φ) δ) exp(φ). Barfoot, State Estimation for Robotics,
-/// eq. 7.77.
+/// Left Jacobian: exp(φ + δ) ≈ exp(J_l(φ) δ) exp(φ). Barfoot, State Estimation, eq. 7.77.
 [[nodiscard]] Eigen::Matrix3d left_jacobian_so3(const Eigen::Vector3d& rotation_vector);
 
 /// Right Jacobian: exp(φ + δ) ≈ exp(φ) exp(J_r(φ) δ).
 [[nodiscard]] inline Eigen::Matrix3d right_jacobian_so3(const Eigen::Vector3d& rotation_vector) {
   return left_jacobian_so3(-rotation_vector);
 }
+
+/// The shortest rotation that takes the direction of a to that of b.
+[[nodiscard]] Eigen::Quaterniond rotation_between(const Eigen::Vector3d& a,
+                                                  const Eigen::Vector3d& b);
 
 /// Angle between two attitudes, rad, in [0, π].
 [[nodiscard]] double angle_between(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b);

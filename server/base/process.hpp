@@ -10,7 +10,6 @@
 /// Resources of this process and its threads, as the kernel accounts for them.
 namespace fiducap {
 
-/// CPU time that the calling thread has used.
 [[nodiscard]] Duration thread_cpu_time();
 
 /// A thread of this process, for other threads, while it lives.

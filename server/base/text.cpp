@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <charconv>
 #include <cstddef>
 #include <cstdio>
 #include <vector>
@@ -20,10 +19,6 @@ constexpr char32_t kLastCharacter = 0x10ffff;
 
 unsigned byte_at(std::string_view text, std::size_t i) {
   return static_cast<unsigned char>(text[i]);
-}
-
-bool is_shortest(char32_t c, std::size_t bytes) {
-  return c >= (bytes == 4 ? 0x10000U : bytes == 3 ? 0x800U : 0x80U);
 }
 
 // Longer texts are not compared: the distance costs the product of the lengths.
@@ -109,7 +104,8 @@ std::optional<char32_t> take_character(std::string_view& text) {
     c = (c << 6U) | (next & 0x3fU);
   }
   const bool surrogate = c >= 0xd800 && c <= 0xdfff;
-  if (!is_shortest(c, bytes) || surrogate || c > kLastCharacter) return std::nullopt;
+  const bool overlong = c < (bytes == 4 ? 0x10000U : bytes == 3 ? 0x800U : 0x80U);
+  if (overlong || surrogate || c > kLastCharacter) return std::nullopt;
   text = from.substr(bytes);
   return c;
 }
@@ -137,8 +133,7 @@ std::string did_you_mean(std::string_view written, std::span<const std::string> 
 }
 
 std::string must_be_one_of(std::span<const std::string> known, std::string_view written) {
-  std::string rule = "must be one of ";
-  for (const std::string& word : known) rule += (&word == &known.front() ? "" : ", ") + word;
+  const std::string rule = "must be one of " + comma_list(known);
   const std::string meant = did_you_mean(written, known);
   return meant.empty() ? rule : rule + "; " + meant;
 }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <charconv>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -12,18 +14,31 @@ namespace fiducap {
 /// The shortest text that reads back as the same number.
 [[nodiscard]] std::string shortest(double value);
 
-/// Escapes control characters and DEL as `\x1b`, so that text from outside can neither move the
-/// cursor nor fake a second line. UTF-8 is preserved.
+/// The whole text as a number. @return false for any other text
+template <typename Number>
+[[nodiscard]] bool parse_number(std::string_view text, Number& out) {
+  const char* end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, out);
+  return error == std::errc() && stop == end;
+}
+
+/// `a, b, c`. @param to_text  of one item
+template <typename Range, typename ToText = std::identity>
+[[nodiscard]] std::string comma_list(const Range& range, ToText to_text = {}) {
+  std::string all;
+  for (const auto& item : range) all.append(all.empty() ? "" : ", ").append(to_text(item));
+  return all;
+}
+
+/// Escapes control characters and DEL as `\x1b`: text must not move the cursor. UTF-8 stays.
 [[nodiscard]] std::string escape_controls(std::string_view text);
 
-/// Removes the first UTF-8 character of a text. Strict, as RFC 3629: no overlong form, no
-/// surrogate.
+/// Removes the first UTF-8 character. Strict, as RFC 3629: no overlong form, no surrogate.
 /// @return nullopt when the text does not begin with a character; then its first byte is removed
 /// @pre !text.empty()
 [[nodiscard]] std::optional<char32_t> take_character(std::string_view& text);
 
-/// The known word with the smallest edit distance (letters replaced, missing, added or swapped with
-/// a neighbour). Case is ignored; `-`, `_` and blanks are equal.
+/// The known word with the smallest edit distance; case is ignored; `-`, `_` and blanks are equal.
 /// @return nullopt when none is near
 [[nodiscard]] std::optional<std::string> closest_word(std::string_view written,
                                                       std::span<const std::string> known);

@@ -10,8 +10,7 @@ namespace fiducap {
 
 inline constexpr std::size_t kMaxTextFileBytes = std::size_t{256} << 20;
 
-/// Replaces a file atomically: writes `content` beside `path`, then renames. Makes missing folders.
-/// Neither follows links nor reuses files that others have put beside `path`.
+/// Replaces a file atomically: writes `content` beside `path` (no links), renames. Makes folders.
 /// @param mode  of the file, less the umask
 [[nodiscard]] Expected<void> write_whole_file(const std::string& path, std::string_view content,
                                               unsigned mode = 0666);

@@ -37,7 +37,18 @@ class AliasCheck final : public YAML::EventHandler {
   }
   void OnSequenceEnd() override { close(); }
   void OnMapEnd() override { close(); }
-  void OnAlias(const YAML::Mark& mark, YAML::anchor_t anchor) override;
+  void OnAlias(const YAML::Mark& mark, YAML::anchor_t anchor) override {
+    begin_entry("?");
+    const auto found = anchored_.find(anchor);
+    if (found == anchored_.end())
+      return set_fault(mark, "an alias", "repeats the list or section that contains it");
+    repeated_ += found->second.values;
+    if (repeated_ > kMostRepeated)
+      return set_fault(mark, "an alias", "aliases repeat more than 10000 values");
+    if (open_.size() + found->second.levels > kDeepest)
+      return set_fault(mark, "an alias", "is deeper than 100 levels");
+    add(found->second);
+  }
 
  private:
   struct Size {
@@ -53,86 +64,60 @@ class AliasCheck final : public YAML::EventHandler {
     Size size{};
   };
 
-  void open(const YAML::Mark& mark, bool is_map, YAML::anchor_t anchor);
-  void close();
-  void add_value(const std::string& value, YAML::anchor_t anchor);
-  void begin_entry(const std::string& value);
-  void add(const Size& size);
-  void set_fault(const YAML::Mark& mark, const std::string& value, const std::string& rule);
-  [[nodiscard]] std::string path() const;
+  void open(const YAML::Mark& mark, bool is_map, YAML::anchor_t anchor) {
+    begin_entry("?");
+    open_.push_back({is_map, anchor});
+    if (open_.size() > kDeepest) set_fault(mark, "", "is deeper than 100 levels");
+  }
+
+  void close() {
+    const Open done = std::move(open_.back());
+    open_.pop_back();
+    if (done.anchor != YAML::NullAnchor) anchored_[done.anchor] = done.size;
+    add(done.size);
+  }
+
+  void add_value(const std::string& value, YAML::anchor_t anchor) {
+    begin_entry(value);
+    if (anchor != YAML::NullAnchor) anchored_[anchor] = {};
+    add({});
+  }
+
+  /// Entries of a map alternate between key and value.
+  void begin_entry(const std::string& value) {
+    if (open_.empty()) return;
+    Open& around = open_.back();
+    if (around.is_map && around.entries % 2 == 0) around.key = value;
+    ++around.entries;
+  }
+
+  void add(const Size& size) {
+    if (open_.empty()) return;
+    Size& around = open_.back().size;
+    around.values += size.values;
+    around.levels = std::max(around.levels, size.levels + 1);
+  }
+
+  void set_fault(const YAML::Mark& mark, const std::string& value, const std::string& rule) {
+    if (!fault_) fault_ = YamlFault{mark.line + 1, path(), value, rule};
+  }
+
+  [[nodiscard]] std::string path() const {
+    std::string path;
+    for (const Open& level : open_) {
+      const std::string step = level.is_map         ? level.key
+                               : level.entries == 0 ? ""
+                                                    : std::to_string(level.entries - 1);
+      if (!step.empty()) path += (path.empty() ? "" : ".") + step;
+    }
+    return path;
+  }
 
   std::vector<Open> open_;
   std::map<YAML::anchor_t, Size> anchored_;
   std::size_t repeated_{0};
   std::optional<YamlFault> fault_;
 };
-
-void AliasCheck::open(const YAML::Mark& mark, bool is_map, YAML::anchor_t anchor) {
-  begin_entry("?");
-  open_.push_back({is_map, anchor});
-  if (open_.size() > kDeepest) set_fault(mark, "", "is deeper than 100 levels");
-}
-
-void AliasCheck::close() {
-  const Open done = std::move(open_.back());
-  open_.pop_back();
-  if (done.anchor != YAML::NullAnchor) anchored_[done.anchor] = done.size;
-  add(done.size);
-}
-
-void AliasCheck::add_value(const std::string& value, YAML::anchor_t anchor) {
-  begin_entry(value);
-  if (anchor != YAML::NullAnchor) anchored_[anchor] = {};
-  add({});
-}
-
-void AliasCheck::OnAlias(const YAML::Mark& mark, YAML::anchor_t anchor) {
-  begin_entry("?");
-  const auto found = anchored_.find(anchor);
-  if (found == anchored_.end())
-    return set_fault(mark, "an alias", "repeats the list or section that contains it");
-  repeated_ += found->second.values;
-  if (repeated_ > kMostRepeated)
-    return set_fault(mark, "an alias", "aliases repeat more than 10000 values");
-  if (open_.size() + found->second.levels > kDeepest)
-    return set_fault(mark, "an alias", "is deeper than 100 levels");
-  add(found->second);
-}
-
-/// Entries of a map alternate between key and value.
-void AliasCheck::begin_entry(const std::string& value) {
-  if (open_.empty()) return;
-  Open& around = open_.back();
-  if (around.is_map && around.entries % 2 == 0) around.key = value;
-  ++around.entries;
-}
-
-void AliasCheck::add(const Size& size) {
-  if (open_.empty()) return;
-  Size& around = open_.back().size;
-  around.values += size.values;
-  around.levels = std::max(around.levels, size.levels + 1);
-}
-
-void AliasCheck::set_fault(const YAML::Mark& mark, const std::string& value,
-                           const std::string& rule) {
-  if (!fault_) fault_ = YamlFault{mark.line + 1, path(), value, rule};
-}
-
-std::string AliasCheck::path() const {
-  std::string path;
-  for (const Open& level : open_) {
-    const std::string step = level.is_map         ? level.key
-                             : level.entries == 0 ? ""
-                                                  : std::to_string(level.entries - 1);
-    if (!step.empty()) path += (path.empty() ? "" : ".") + step;
-  }
-  return path;
-}
-
-YamlFault not_yaml(const YAML::Exception& broken) {
-  return {broken.mark.is_null() ? 0 : broken.mark.line + 1, "", "", "is not YAML: " + broken.msg};
-}
 
 /// Not quoted: yaml-cpp marks quoted scalars with the tag "!".
 bool is_plain(const YAML::Node& node) { return node.IsScalar() && node.Tag() != "!"; }
@@ -148,18 +133,6 @@ Broken read_plain(const YAML::Node& node, T& out, const char* rule) {
   if (failure != std::errc{} || end != text.data() + text.size()) return rule;
   out = value;
   return std::nullopt;
-}
-
-/// `[a, b]`, with the given brackets.
-template <typename Range, typename ToText>
-std::string joined(char open, const Range& range, char close, ToText to_text) {
-  std::string text(1, open);
-  for (const auto& item : range) {
-    if (text.size() > 1) text += ", ";
-    text += to_text(item);
-  }
-  text += close;
-  return text;
 }
 
 template <typename Value>
@@ -186,17 +159,7 @@ Broken read_map(const YAML::Node& node, const char* rule, std::map<Key, Value>& 
   return std::nullopt;
 }
 
-template <typename Key, typename Value>
-std::string text_of_map(const std::map<Key, Value>& value) {
-  return joined('{', value, '}',
-                [](const auto& v) { return text_of(v.first) + ": " + text_of(v.second); });
-}
-
 }  // namespace
-
-std::string YamlFault::text() const {
-  return path + (value.empty() ? "" : " = " + value) + (path.empty() ? "" : ": ") + rule;
-}
 
 tl::expected<YAML::Node, YamlFault> load_yaml(const std::string& text) {
   try {
@@ -214,7 +177,8 @@ tl::expected<YAML::Node, YamlFault> load_yaml(const std::string& text) {
                         " documents; only the first would be read: remove the line ---"});
     return documents.empty() ? YAML::Node() : documents.front();
   } catch (const YAML::Exception& broken) {
-    return tl::unexpected(not_yaml(broken));
+    const int line = broken.mark.is_null() ? 0 : broken.mark.line + 1;
+    return tl::unexpected(YamlFault{line, "", "", "is not YAML: " + broken.msg});
   }
 }
 
@@ -300,9 +264,6 @@ Broken read_value(const YAML::Node& node, std::map<std::string, std::string>& ou
 }
 
 std::string text_of(bool value) { return value ? "true" : "false"; }
-std::string text_of(int value) { return std::to_string(value); }
-std::string text_of(std::uint16_t value) { return std::to_string(value); }
-std::string text_of(std::uint64_t value) { return std::to_string(value); }
 std::string text_of(double value) { return shortest(value); }
 
 std::string text_of(const std::string& value) {
@@ -312,7 +273,7 @@ std::string text_of(const std::string& value) {
 }
 
 std::string text_of_numbers(std::span<const double> values) {
-  return joined('[', values, ']', [](double v) { return text_of(v); });
+  return '[' + comma_list(values, shortest) + ']';
 }
 
 std::string text_of(const Eigen::Vector3d& value) { return text_of_numbers({value.data(), 3}); }
@@ -321,16 +282,5 @@ std::string text_of(const Pose& value) {
   const std::array<double, 4> q{value.q.w(), value.q.x(), value.q.y(), value.q.z()};
   return "{p: " + text_of(value.p) + ", q_wxyz: " + text_of(q) + "}";
 }
-
-std::string text_of(const std::vector<int>& value) {
-  return joined('[', value, ']', [](int v) { return text_of(v); });
-}
-
-std::string text_of(const std::vector<std::string>& value) {
-  return joined('[', value, ']', [](const std::string& v) { return text_of(v); });
-}
-
-std::string text_of(const std::map<int, double>& value) { return text_of_map(value); }
-std::string text_of(const std::map<std::string, std::string>& value) { return text_of_map(value); }
 
 }  // namespace fiducap

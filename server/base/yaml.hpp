@@ -1,12 +1,12 @@
 #pragma once
 
 #include <array>
+#include <concepts>
 #include <cstdint>
 #include <map>
 #include <optional>
 #include <span>
 #include <string>
-#include <string_view>
 #include <tl/expected.hpp>
 #include <vector>
 
@@ -27,11 +27,12 @@ struct YamlFault {
   std::string value;  ///< The text there; may be empty.
   std::string rule;   ///< e.g. `is deeper than 100 levels`
 
-  [[nodiscard]] std::string text() const;
+  [[nodiscard]] std::string text() const {
+    return path + (value.empty() ? "" : " = " + value) + (path.empty() ? "" : ": ") + rule;
+  }
 };
 
-/// Parses an untrusted text with one document. Aliases (`*name`) may neither contain themselves nor
-/// expand to more than 10000 values or 100 levels.
+/// Parses an untrusted text. Aliases may not expand to more than 10000 values or 100 levels.
 [[nodiscard]] tl::expected<YAML::Node, YamlFault> load_yaml(const std::string& text);
 
 /// nullopt: the value was read; else the rule that the text breaks.
@@ -53,18 +54,21 @@ using Broken = std::optional<std::string>;
 [[nodiscard]] Broken read_numbers(const YAML::Node& node, std::span<double> out);
 
 [[nodiscard]] std::string text_of(bool value);
-[[nodiscard]] std::string text_of(int value);
-[[nodiscard]] std::string text_of(std::uint16_t value);
-[[nodiscard]] std::string text_of(std::uint64_t value);
+[[nodiscard]] std::string text_of(std::integral auto value) { return std::to_string(value); }
 [[nodiscard]] std::string text_of(double value);
 [[nodiscard]] std::string text_of(const std::string& value);
 [[nodiscard]] std::string text_of(const Pose& value);
 [[nodiscard]] std::string text_of(const Eigen::Vector3d& value);
-[[nodiscard]] std::string text_of(const std::vector<int>& value);
-[[nodiscard]] std::string text_of(const std::vector<std::string>& value);
-[[nodiscard]] std::string text_of(const std::map<int, double>& value);
-[[nodiscard]] std::string text_of(const std::map<std::string, std::string>& value);
 [[nodiscard]] std::string text_of_numbers(std::span<const double> values);
+template <typename T>
+[[nodiscard]] std::string text_of(const std::vector<T>& values) {
+  return '[' + comma_list(values, [](const T& value) { return text_of(value); }) + ']';
+}
+template <typename Key, typename T>
+[[nodiscard]] std::string text_of(const std::map<Key, T>& values) {
+  const auto entry = [](const auto& v) { return text_of(v.first) + ": " + text_of(v.second); };
+  return '{' + comma_list(values, entry) + '}';
+}
 
 template <std::size_t N>
 [[nodiscard]] Broken read_value(const YAML::Node& node, std::array<double, N>& out) {

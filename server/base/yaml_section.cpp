@@ -44,12 +44,6 @@ Expected<Pose> pose_of_matrix(const std::vector<double>& m) {
 
 }  // namespace
 
-bool YamlReading::is_overridden(const std::string& path) const {
-  return std::ranges::any_of(overridden, [&](const std::string& set) {
-    return path == set || path.rfind(set + ".", 0) == 0;
-  });
-}
-
 std::string YamlReading::where(const std::string& path) const {
   for (std::string at = path; !at.empty();) {
     if (is_overridden(at)) return "--set";
@@ -86,13 +80,6 @@ Expected<YamlSection> YamlSection::load(const std::filesystem::path& path) {
   return YamlSection(*root, "", std::make_shared<YamlReading>(YamlReading{path.string()}));
 }
 
-YAML::Node YamlSection::find(const std::string& key) const {
-  if (!node_.IsMap()) return YAML::Node(YAML::NodeType::Undefined);
-  const YAML::Node& looked_at = node_;  // the const operator does not add the key
-  const YAML::Node found = looked_at[key];
-  return found.IsDefined() ? found : YAML::Node(YAML::NodeType::Undefined);
-}
-
 YAML::Node YamlSection::take(const std::string& key) const {
   known_.push_back(key);
   YAML::Node node = find(key);
@@ -100,23 +87,6 @@ YAML::Node YamlSection::take(const std::string& key) const {
   if (node.IsDefined() && !reading_->is_overridden(path))
     reading_->places[path] = reading_->file + ":" + std::to_string(node.Mark().line + 1);
   return node;
-}
-
-std::string YamlSection::path_of(const std::string& key) const {
-  return path_.empty() ? key : path_ + "." + key;
-}
-
-bool YamlSection::has(const std::string& key) const {
-  const YAML::Node found = find(key);
-  return found.IsDefined() && !found.IsNull();
-}
-
-bool YamlSection::is_map(const std::string& key) const { return has(key) && find(key).IsMap(); }
-
-YamlSection YamlSection::section(const std::string& key) const {
-  const YAML::Node found = take(key);
-  const bool there = found.IsDefined() && !found.IsNull();
-  return below(there ? found : YAML::Node(YAML::NodeType::Map), key);
 }
 
 std::vector<YamlSection> YamlSection::sections(const std::string& key) const {
@@ -181,16 +151,6 @@ std::optional<Pose> YamlSection::pose(const std::string& key) const {
   return std::nullopt;
 }
 
-double YamlSection::required_number(const std::string& key) const {
-  if (!has(key)) add_fault(key, "is missing");
-  return number(key).value_or(0);
-}
-
-int YamlSection::required_integer(const std::string& key) const {
-  if (!has(key)) add_fault(key, "is missing");
-  return integer(key).value_or(0);
-}
-
 std::vector<double> YamlSection::required_numbers(const std::string& key, std::size_t count) const {
   std::vector<double> values = numbers(key);
   if (!has(key)) {
@@ -203,21 +163,11 @@ std::vector<double> YamlSection::required_numbers(const std::string& key, std::s
   return values;
 }
 
-Pose YamlSection::required_pose(const std::string& key) const {
-  if (!has(key)) add_fault(key, "is missing");
-  return pose(key).value_or(Pose{});
-}
-
 void YamlSection::report(const std::string& key, const YAML::Node& node,
                          const Broken& broken) const {
   if (!broken) return;
   const std::string path = path_of(key);
   reading_->faults.push_back({{path, shown(node), *broken}, reading_->where(path)});
-}
-
-void YamlSection::add_fault(const std::string& key, const std::string& rule) const {
-  const std::string path = path_of(key);
-  reading_->faults.push_back({{path, "", rule}, reading_->where(path)});
 }
 
 void YamlSection::refuse_unknown_keys() const {
@@ -228,8 +178,8 @@ void YamlSection::refuse_unknown_keys() const {
     std::string rule;
     if (std::find(known_.begin(), known_.end(), key) == known_.end()) {
       const std::string meant = did_you_mean(key, known_);
-      rule = "unknown key; " + meant + (meant.empty() ? "" : " ") + "known here are ";
-      for (const auto& known : known_) rule += (known == known_.front() ? "" : ", ") + known;
+      rule = "unknown key; " + meant + (meant.empty() ? "" : " ") + "known here are " +
+             comma_list(known_);
     } else if (!given.insert(key).second) {
       rule = "is given twice";
     }

@@ -1,12 +1,12 @@
 #pragma once
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <memory>
 #include <optional>
 #include <set>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <yaml-cpp/yaml.h>
@@ -26,13 +26,16 @@ struct YamlReading {
   std::map<std::string, std::string> places{};  ///< Path → `file:line` of all values.
   std::vector<ConfigFault> faults{};
 
-  [[nodiscard]] bool is_overridden(const std::string& path) const;
+  [[nodiscard]] bool is_overridden(const std::string& path) const {
+    return std::ranges::any_of(overridden, [&](const std::string& set) {
+      return path == set || path.rfind(set + ".", 0) == 0;
+    });
+  }
   /// Place of `path`, or of the nearest section around it.
   [[nodiscard]] std::string where(const std::string& path) const;
 };
 
-/// One map of a YAML file: a configuration or a calibration. Does not throw: collects all faults
-/// with path, value and rule, so that a user sees them at once.
+/// One map of a YAML file. Does not throw: collects all faults with path, value and rule.
 class YamlSection final {
  public:
   /// A calibration file of at most 16 MiB. Accepts JSON and OpenCV's first line `%YAML:1.0`.
@@ -40,11 +43,16 @@ class YamlSection final {
   /// @param path  of the section, e.g. `bodies.0`; empty: the whole file
   YamlSection(const YAML::Node& node, std::string path, std::shared_ptr<YamlReading> reading);
 
-  [[nodiscard]] bool has(const std::string& key) const;
-  [[nodiscard]] bool is_map(const std::string& key) const;
+  [[nodiscard]] bool has(const std::string& key) const {
+    const YAML::Node found = find(key);
+    return found.IsDefined() && !found.IsNull();
+  }
+  [[nodiscard]] bool is_map(const std::string& key) const { return has(key) && find(key).IsMap(); }
   /// The node at `key`, or an undefined one. The key is known from now on.
   [[nodiscard]] YAML::Node take(const std::string& key) const;
-  [[nodiscard]] std::string path_of(const std::string& key) const;
+  [[nodiscard]] std::string path_of(const std::string& key) const {
+    return path_.empty() ? key : path_ + "." + key;
+  }
   /// `node`, found at or below `key`, as a section; a fault when it is not a map.
   [[nodiscard]] YamlSection below(const YAML::Node& node, const std::string& key) const {
     return {node, path_of(key), reading_};
@@ -58,7 +66,11 @@ class YamlSection final {
     if (node.IsDefined()) report(key, node, read_value(node, out));
   }
   /// The map below `key`; a section without keys when there is none.
-  [[nodiscard]] YamlSection section(const std::string& key) const;
+  [[nodiscard]] YamlSection section(const std::string& key) const {
+    const YAML::Node found = take(key);
+    const bool there = found.IsDefined() && !found.IsNull();
+    return below(there ? found : YAML::Node(YAML::NodeType::Map), key);
+  }
   /// The maps of the list below `key`; empty when there is none.
   [[nodiscard]] std::vector<YamlSection> sections(const std::string& key) const;
 
@@ -71,21 +83,38 @@ class YamlSection final {
   /// A 4 × 4 matrix as a pose; a fault when it is not a rigid one.
   [[nodiscard]] std::optional<Pose> pose(const std::string& key) const;
   /// The same getters, where absence is a fault.
-  [[nodiscard]] double required_number(const std::string& key) const;
-  [[nodiscard]] int required_integer(const std::string& key) const;
+  [[nodiscard]] double required_number(const std::string& key) const {
+    if (!has(key)) add_fault(key, "is missing");
+    return number(key).value_or(0);
+  }
+  [[nodiscard]] int required_integer(const std::string& key) const {
+    if (!has(key)) add_fault(key, "is missing");
+    return integer(key).value_or(0);
+  }
   [[nodiscard]] std::vector<double> required_numbers(const std::string& key,
                                                      std::size_t count) const;
-  [[nodiscard]] Pose required_pose(const std::string& key) const;
+  [[nodiscard]] Pose required_pose(const std::string& key) const {
+    if (!has(key)) add_fault(key, "is missing");
+    return pose(key).value_or(Pose{});
+  }
 
   void report(const std::string& key, const YAML::Node& node, const Broken& broken) const;
-  void add_fault(const std::string& key, const std::string& rule) const;
+  void add_fault(const std::string& key, const std::string& rule) const {
+    const std::string path = path_of(key);
+    reading_->faults.push_back({{path, "", rule}, reading_->where(path)});
+  }
   /// Keys that were not read, and keys given twice, are faults.
   void refuse_unknown_keys() const;
   /// Error with all faults of the file so far, this section's parents and children included.
   [[nodiscard]] Expected<void> check() const;
 
  private:
-  [[nodiscard]] YAML::Node find(const std::string& key) const;
+  [[nodiscard]] YAML::Node find(const std::string& key) const {
+    if (!node_.IsMap()) return YAML::Node(YAML::NodeType::Undefined);
+    const YAML::Node& looked_at = node_;  // the const operator does not add the key
+    const YAML::Node found = looked_at[key];
+    return found.IsDefined() ? found : YAML::Node(YAML::NodeType::Undefined);
+  }
   template <typename T>
   [[nodiscard]] std::optional<T> get(const std::string& key) const;
   void append_numbers(const std::string& key, const YAML::Node& node, int depth,

@@ -1,9 +1,9 @@
 #include "capture/camera_device.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <utility>
 
+#include "base/text.hpp"
 #include "capture/v4l2/device.hpp"
 #include "capture/v4l2/pixel_format.hpp"
 #include "capture/video/video_source.hpp"
@@ -13,23 +13,26 @@ namespace {
 
 constexpr std::string_view kLibcameraPrefix = "libcamera:";
 
-enum class Kind { kFile, kDevice, kNetwork, kPipeline, kLibcamera };
+using video::VideoKind;
 
 bool is_number(const std::string& text) {
   return !text.empty() && text.size() <= 3 &&
          text.find_first_not_of("0123456789") == std::string::npos;
 }
 
-Kind kind_of(const std::string& open) {
-  if (open.find('!') != std::string::npos) return Kind::kPipeline;
-  if (open.starts_with(kLibcameraPrefix)) return Kind::kLibcamera;
-  if (open.starts_with("rtsp://") || open.starts_with("rtsps://")) return Kind::kNetwork;
-  if (is_number(open) || open.starts_with("/dev/")) return Kind::kDevice;
-  return Kind::kFile;
+bool is_pipeline(const std::string& open) { return open.find('!') != std::string::npos; }
+
+/// @return nullopt: a V4L2 device
+std::optional<VideoKind> kind_of(const std::string& open) {
+  if (is_pipeline(open) || open.starts_with(kLibcameraPrefix)) return VideoKind::kPipeline;
+  if (open.starts_with("rtsp://") || open.starts_with("rtsps://")) return VideoKind::kNetwork;
+  if (is_number(open) || open.starts_with("/dev/")) return std::nullopt;
+  return VideoKind::kFile;
 }
 
-/// GStreamer pipeline of `libcamera:NAME`; drops all but the newest image.
-std::string libcamera_pipeline(const CameraDeviceConfig& config, const CameraModel& camera) {
+/// What OpenCV opens. The pipeline of `libcamera:NAME` drops all but the newest image.
+std::string video_of(const CameraDeviceConfig& config, const CameraModel& camera) {
+  if (is_pipeline(config.open) || !config.open.starts_with(kLibcameraPrefix)) return config.open;
   const std::string name = config.open.substr(kLibcameraPrefix.size());
   const bool is_configured = config.width > 0;
   const int width = is_configured ? config.width : camera.width;
@@ -43,35 +46,19 @@ std::string libcamera_pipeline(const CameraDeviceConfig& config, const CameraMod
          " ! videoconvert ! video/x-raw,format=GRAY8 ! appsink max-buffers=1 drop=true sync=false";
 }
 
-OpenedSource open_device(const CameraDeviceConfig& config, const CameraModel& camera,
-                         const Clock& clock) {
-  const std::string device = is_number(config.open) ? "/dev/video" + config.open : config.open;
-  auto port = v4l2::open_port(device);
-  if (!port) return tl::unexpected(port.error());
-  return v4l2::open_v4l2_camera(std::move(*port), device, config, camera, clock);
-}
-
-std::string all_format_names() {
-  std::string all = "auto";
-  for (const v4l2::PixelFormat& format : v4l2::pixel_formats())
-    all += ", " + std::string(format.name);
-  return all;
-}
-
 using SettingKind = ControlSetting::Kind;
 
 void require_setting(Checker& checker, const char* key, const std::string& text,
                      std::initializer_list<SettingKind> allowed, const char* rule) {
   const auto setting = parse_control_setting(text);
-  const bool holds =
-      setting && (setting->kind == SettingKind::kAsIs ||
-                  std::find(allowed.begin(), allowed.end(), setting->kind) != allowed.end());
+  const bool holds = setting && (setting->kind == SettingKind::kAsIs ||
+                                 std::ranges::find(allowed, setting->kind) != allowed.end());
   checker.require(holds, key, text, rule);
 }
 
 }  // namespace
 
-bool is_file(const CameraDeviceConfig& config) { return kind_of(config.open) == Kind::kFile; }
+bool is_file(const CameraDeviceConfig& config) { return kind_of(config.open) == VideoKind::kFile; }
 
 std::vector<ConfigError> CameraDeviceConfig::check(const std::string& prefix) const {
   Checker checker{prefix};
@@ -83,7 +70,9 @@ std::vector<ConfigError> CameraDeviceConfig::check(const std::string& prefix) co
       .within("exposure_s", exposure_s, 0, 1)
       .within("latency_s", latency_s, 0, 10)
       .require(format == "auto" || v4l2::pixel_format(std::string_view(format)) != nullptr,
-               "format", format, "must be one of " + all_format_names())
+               "format", format,
+               "must be one of auto, " +
+                   comma_list(v4l2::pixel_formats(), [](const auto& one) { return one.name; }))
       .require(power_line == "as_is" || power_line == "off" || power_line == "auto" ||
                    power_line == "50" || power_line == "60",
                "power_line", power_line, "must be as_is, off, auto, 50 or 60");
@@ -100,16 +89,17 @@ std::vector<ConfigError> CameraDeviceConfig::check(const std::string& prefix) co
 
 OpenedSource open_camera_device(const CameraDeviceConfig& config, const CameraModel& camera,
                                 const Clock& clock) {
-  const Kind kind = kind_of(config.open);
-  if (kind == Kind::kDevice) return open_device(config, camera, clock);
-  const std::string what =
-      kind == Kind::kLibcamera ? libcamera_pipeline(config, camera) : config.open;
-  const video::VideoKind video_kind = kind == Kind::kFile      ? video::VideoKind::kFile
-                                      : kind == Kind::kNetwork ? video::VideoKind::kNetwork
-                                                               : video::VideoKind::kPipeline;
-  auto opened = video::open_video(video_kind, config.open, what, camera);
+  const auto kind = kind_of(config.open);
+  if (!kind) {
+    const std::string device = is_number(config.open) ? "/dev/video" + config.open : config.open;
+    auto port = v4l2::open_port(device);
+    if (!port) return tl::unexpected(port.error());
+    return v4l2::open_v4l2_camera(std::move(*port), device, config, camera, clock);
+  }
+  auto opened = video::open_video(*kind, config.open, video_of(config, camera), camera);
   if (!opened) return tl::unexpected(opened.error());
-  if (kind != Kind::kFile) return video::make_live_source(std::move(opened->stream), config, clock);
+  if (kind != VideoKind::kFile)
+    return video::make_live_source(std::move(opened->stream), config, clock);
   return std::make_unique<video::VideoFile>(std::move(opened->stream), opened->rate_hz, config,
                                             clock);
 }
@@ -145,10 +135,7 @@ std::optional<ControlSetting> parse_control_setting(std::string_view text) {
   if (text == "off") return ControlSetting{Kind::kOff};
   if (text == "on") return ControlSetting{Kind::kOn};
   ControlSetting setting{Kind::kNumber};
-  const char* end = text.data() + text.size();
-  const auto read = std::from_chars(text.data(), end, setting.number);
-  if (read.ec != std::errc() || read.ptr != end) return std::nullopt;
-  return setting;
+  return parse_number(text, setting.number) ? std::optional(setting) : std::nullopt;
 }
 
 }  // namespace fiducap

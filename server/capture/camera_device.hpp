@@ -29,11 +29,9 @@ inline constexpr std::array<Word<ExposureMode>, 3> kExposureMode{{{"manual", Exp
                                                                   {"as_is", ExposureMode::kAsIs}}};
 }  // namespace words
 
-/// A single camera without IMU: a V4L2 device, a GStreamer pipeline, libcamera, RTSP or a video
-/// file.
+/// A camera without IMU: a V4L2 device, a GStreamer pipeline, libcamera, RTSP or a video file.
 ///
-/// The settings from `format` to `power_line` are those of V4L2 devices: they are set and read
-/// back, and the result is logged. `as_is` leaves a setting unchanged.
+/// V4L2 settings (`format` to `power_line`) are read back and logged. `as_is`: unchanged.
 struct CameraDeviceConfig {
   /// `/dev/video0`, `0` or `/dev/v4l/by-id/…`; `libcamera:` or `libcamera:NAME`; `rtsp://…`; a
   /// GStreamer pipeline ending in appsink; or a video file.
@@ -59,7 +57,6 @@ struct CameraDeviceConfig {
   [[nodiscard]] std::vector<ConfigError> check(const std::string& prefix) const;
 };
 
-/// Keys of a configuration, see daemon/config/config_schema.hpp.
 template <class V>
 void describe(V& v, CameraDeviceConfig& c) {
   v.device("open", c.open);
@@ -78,7 +75,6 @@ void describe(V& v, CameraDeviceConfig& c) {
   v.value("loop", c.loop);
 }
 
-/// @return broken rules of the source and of the body around it
 [[nodiscard]] std::vector<ConfigError> check_source(const CameraDeviceConfig& config,
                                                     const SourceSurroundings& around,
                                                     const std::string& body_prefix);
@@ -86,8 +82,7 @@ void describe(V& v, CameraDeviceConfig& c) {
 /// A video file: it ends, and is not reopened.
 [[nodiscard]] bool is_file(const CameraDeviceConfig& config);
 
-/// At its end a file gives nullopt, all others an Error. A V4L2 device reacts to a stop within 0.1
-/// s, the others between two images.
+/// At its end a file gives nullopt, all others an Error. V4L2 reacts to a stop within 0.1 s.
 /// @param camera  width 0: not calibrated yet, any size
 /// @return Error with device, wanted and given size when it cannot be opened.
 [[nodiscard]] OpenedSource open_camera_device(const CameraDeviceConfig& config,
@@ -100,11 +95,9 @@ void describe(V& v, CameraDeviceConfig& c) {
 namespace v4l2 {
 class Port;
 
-/// The same for a V4L2 device behind `port`: configured, in its fastest mode, stamped by the
-/// kernel; logs once what it is and which settings were not accepted.
+/// The same for a V4L2 device behind `port`, in its fastest mode, stamped by the kernel.
 ///
-/// Ends with an Error when images stop. Copies the gray pixels (a JPEG is decoded) and allocates
-/// nothing after the first images, except in libjpeg.
+/// Ends with an Error when images stop. Allocates nothing later on, except in libjpeg.
 /// @param device  for messages
 [[nodiscard]] OpenedSource open_v4l2_camera(std::unique_ptr<Port> port, const std::string& device,
                                             const CameraDeviceConfig& config,

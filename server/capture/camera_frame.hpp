@@ -14,13 +14,11 @@ namespace fiducap {
 
 constexpr int kMostCameras = 16;  ///< Of one body.
 
-/// One image of one camera of a body.
 struct CameraFrame {
   int camera{};          ///< Index among the body's cameras.
   Instant exposed_at{};  ///< Middle of the exposure, camera–IMU time shift already applied.
   std::shared_ptr<const GrayImage> image;
-  /// Part of `exposed_at`: the clock offset that the body's filter estimates
-  /// (SampleMerger::set_clock_shift).
+  /// Part of `exposed_at`: the clock offset by the filter (SampleMerger::set_clock_shift).
   Duration clock_shift{0};
   /// Images lost or damaged since the one before this, as far as the source knows.
   std::uint32_t lost_before{0};
@@ -41,8 +39,7 @@ struct TagSighting {
   /// Raw (distorted) pixels, (0, 0) = *centre* of the upper-left pixel.
   /// Bottom-left, bottom-right, top-right, top-left of the printed tag.
   std::array<Eigen::Vector2d, 4> corners_px{};
-  /// Share of the step from black to white, at the blurriest side, that falls within two pixels: 1
-  /// is sharp, 0: not known.
+  /// Share of the step from black to white within two pixels, at the blurriest side. 0: not known.
   double sharpness{};
   std::array<TagSide, 4> sides{};  ///< From each corner to the next.
 };
@@ -54,8 +51,7 @@ struct PointSighting {
   Eigen::Vector2d px{Eigen::Vector2d::Zero()};  ///< Raw (distorted) pixel.
 };
 
-/// The tags of one image, from our detector or from a recording or robot that detects tags itself.
-/// `tags` may be empty: an image without tags.
+/// The tags of one image, from our detector, a recording or a robot that detects tags. May be none.
 struct CornerFrame {
   int camera{};
   Instant exposed_at{};

@@ -1,7 +1,6 @@
 #include "capture/gray_image.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <fstream>
 
@@ -13,13 +12,7 @@
 namespace fiducap {
 namespace {
 
-constexpr std::array<std::uint8_t, 8> kPng{0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
-
-bool begins_with(std::span<const std::byte> image, std::span<const std::uint8_t> magic) {
-  return image.size() >= magic.size() &&
-         std::equal(magic.begin(), magic.end(), image.begin(),
-                    [](std::uint8_t a, std::byte b) { return std::byte{a} == b; });
-}
+constexpr std::string_view kPng = "\x89PNG\r\n\x1a\n";
 
 Expected<PixelSize> png_size(std::span<const std::byte> image) {
   BigEndianReader from(image.subspan(kPng.size()));
@@ -35,25 +28,19 @@ Expected<PixelSize> png_size(std::span<const std::byte> image) {
   return PixelSize{static_cast<int>(width), static_cast<int>(height)};
 }
 
-bool is_frame_start(std::uint8_t marker) {
-  return marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
-}
-
-bool has_no_length(std::uint8_t marker) {
-  return marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8);
-}
-
 Expected<PixelSize> jpeg_size(std::span<const std::byte> image) {
   BigEndianReader from(image.subspan(2));
   while (!from.failed() && from.left() > 0) {
     if (from.u8() != 0xff) break;
     std::uint8_t marker = from.u8();
-    while (marker == 0xff && from.left() > 0) marker = from.u8();  // fill
-    if (has_no_length(marker)) continue;
+    while (marker == 0xff && from.left() > 0) marker = from.u8();        // fill
+    if (marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8)) continue;  // without a length
     if (marker == 0xd9 || marker == 0xda) break;  // end, or pixels before any size
     const std::uint16_t length = from.u16();
     if (from.failed() || length < 2) break;
-    if (!is_frame_start(marker)) {
+    const bool is_frame_start =
+        marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
+    if (!is_frame_start) {
       from.bytes(length - 2u);
       continue;
     }
@@ -127,8 +114,7 @@ Expected<void> read_gray(const std::filesystem::path& file, std::vector<std::uin
     if (const auto fits = check_size(*size, wanted, file); !fits)
       return tl::unexpected(fits.error());
   }
-  // Not decoded into `out`: OpenCV 4.6 leaves its target unchanged without an error when the bytes
-  // are no image.
+  // Not decoded into `out`: OpenCV 4.6 leaves it unchanged without an error for broken bytes.
   cv::Mat decoded;
   try {
     decoded = cv::imdecode(scratch, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
@@ -151,9 +137,9 @@ std::string size_text(std::int64_t width, std::int64_t height) {
 }
 
 Expected<PixelSize> encoded_size(std::span<const std::byte> image) {
-  if (begins_with(image, kPng)) return png_size(image);
-  constexpr std::array<std::uint8_t, 2> kJpeg{0xff, 0xd8};
-  if (begins_with(image, kJpeg)) return jpeg_size(image);
+  const std::string_view bytes = text_of_bytes(image);
+  if (bytes.starts_with(kPng)) return png_size(image);
+  if (bytes.starts_with("\xff\xd8")) return jpeg_size(image);
   return fail(ErrorCode::kUnsupported, "is neither JPEG nor PNG");
 }
 

@@ -3,7 +3,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
-#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -41,8 +40,7 @@ struct GrayImage {
 
 using GrayImagePool = ObjectPool<GrayImage>;
 
-/// Size in the header of a JPEG or PNG, to be checked before decoding: an image of a few bytes may
-/// claim gigabytes.
+/// Size in the header of a JPEG or PNG, for a check before decoding: it may claim gigabytes.
 [[nodiscard]] Expected<PixelSize> encoded_size(std::span<const std::byte> image);
 
 /// Averages an image to a width of `width` pixels; copies one that is not wider.

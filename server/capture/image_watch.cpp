@@ -237,7 +237,11 @@ void ImageWatch::check(const CameraFrame& frame, const ImageTraits& now, double 
   const PixelSize size{frame.image->width, frame.image->height};
   add(ImageFault::kSize, nominal_.size.width != 0 && size != nominal_.size, since_last_s);
   check_repetition(now, since_last_s);
-  check_sharpness(now, since_last_s);
+  if (now.across > 0 && now.down > 0) {  // images without clear edges are not used
+    const bool across = now.across < kBlurred, down = now.down < kBlurred;
+    add(ImageFault::kUnfocused, across && down, since_last_s);
+    add(ImageFault::kMotionBlur, across || down, since_last_s);
+  }
   check_flow(frame, since_last_s);
 }
 
@@ -260,14 +264,6 @@ void ImageWatch::check_repetition(const ImageTraits& now, double since_last_s) {
   add(ImageFault::kDuplicated, is_same && !was_same_, since_last_s);
   was_same_ = is_same;
   add(ImageFault::kHalf, is_torn || now.missing > kMissingPart, since_last_s);
-}
-
-/// Images without clear edges are not used.
-void ImageWatch::check_sharpness(const ImageTraits& now, double since_last_s) {
-  if (now.across == 0 || now.down == 0) return;
-  const bool across = now.across < kBlurred, down = now.down < kBlurred;
-  add(ImageFault::kUnfocused, across && down, since_last_s);
-  add(ImageFault::kMotionBlur, across || down, since_last_s);
 }
 
 void ImageWatch::check_flow(const CameraFrame& frame, double since_last_s) {

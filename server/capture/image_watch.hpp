@@ -36,7 +36,6 @@ struct ImageTraits {
 /// Less than 0.1 ms for 752 x 480. @pre the image has pixels
 [[nodiscard]] ImageTraits traits_of(const GrayImage& image);
 
-/// Faults of a camera's images.
 enum class ImageFault {
   kDark,         ///< Too dark to see tags.
   kOverexposed,  ///< Half of it is white.
@@ -54,7 +53,6 @@ inline constexpr std::size_t kImageFaults = 10;
 /// Event code: `image_dark`, …
 [[nodiscard]] std::string_view name_of(ImageFault fault);
 
-/// A condition that begins or ends.
 struct ImageCondition {
   ImageFault fault{};
   bool holds{};        ///< False: it is over.
@@ -81,8 +79,7 @@ class LastingShare final {
   bool holds_{false};
 };
 
-/// Monitors the images of one camera and reports when a fault begins and ends. Single images do
-/// not matter.
+/// Monitors the images of one camera and reports when a lasting fault begins and ends.
 class ImageWatch final {
  public:
   struct Nominal {
@@ -98,7 +95,6 @@ class ImageWatch final {
  private:
   void check(const CameraFrame& frame, const ImageTraits& now, double since_last_s);
   void check_repetition(const ImageTraits& now, double since_last_s);
-  void check_sharpness(const ImageTraits& now, double since_last_s);
   void check_flow(const CameraFrame& frame, double since_last_s);
   void add(ImageFault fault, bool is_so, double since_last_s);
   void report_changes(const CameraFrame& frame);

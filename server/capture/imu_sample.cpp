@@ -4,8 +4,7 @@
 #include <cctype>
 #include <numbers>
 
-#include <Eigen/LU>
-
+#include "base/gravity.hpp"
 #include "base/numeric.hpp"
 #include "base/text.hpp"
 #include "base/yaml_section.hpp"
@@ -22,21 +21,13 @@ Eigen::Matrix3d matrix_from(const std::vector<double>& numbers) {
   return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(numbers.data());
 }
 
-std::string list_of(const Eigen::Vector3d& v) {
-  return "[" + shortest(v.x()) + ", " + shortest(v.y()) + ", " + shortest(v.z()) + "]";
-}
-
 std::string rows_of(const Eigen::Matrix3d& M) {
-  std::string text = "[";
-  for (int row = 0; row < 3; ++row)
-    text += (row == 0 ? "" : ", ") + list_of(Eigen::Vector3d(M.row(row).transpose()));
-  return text + "]";
+  const auto row = [&M](int i) { return text_of(Eigen::Vector3d(M.row(i).transpose())); };
+  return "[" + row(0) + ", " + row(1) + ", " + row(2) + "]";
 }
 
-constexpr double kG_m_s2 = 9.80665;
-// A mounted part is noisier than its data sheet, which is measured at rest: vibration, temperature,
-// misalignment and aliasing. Two to five times is usual; this is the geometric mean. Too small a
-// noise makes a filter ignore its camera, too large a one costs a little smoothness.
+// A mounted part is noisier than its data sheet: vibration, temperature, misalignment, aliasing.
+// Two to five times is usual; this is the geometric mean.
 constexpr double kMounted = 3;
 // Data sheets seldom contain the random walk of the bias. The Allan deviations of white noise N and
 // of a walk K cross at the minimum: N / √τ = K √(τ / 3). For consumer MEMS τ is 30 to 300 s.
@@ -170,9 +161,9 @@ Expected<ImuCorrection> read_imu_correction(const std::string& path) {
 std::string to_imu_correction_yaml(const ImuCorrection& correction, const std::string& heading) {
   return "# " + heading +
          "\n# corrected = matrix * (reading - bias)\nimu_correction:\n  accel_bias_m_s2: " +
-         list_of(correction.accel_bias_m_s2) +
+         text_of(correction.accel_bias_m_s2) +
          "\n  accel_matrix: " + rows_of(correction.accel_matrix) +
-         "\n  gyro_bias_rad_s: " + list_of(correction.gyro_bias_rad_s) +
+         "\n  gyro_bias_rad_s: " + text_of(correction.gyro_bias_rad_s) +
          "\n  gyro_matrix: " + rows_of(correction.gyro_matrix) + "\n";
 }
 
@@ -181,12 +172,12 @@ std::optional<ImuNoise> noise_of_part(std::string_view part, double rate_hz) {
   if (chip == nullptr) return std::nullopt;
   ImuNoise noise;
   noise.gyro_noise_rad_s_rtHz = kMounted * chip->gyro_mdps * 1e-3 * kDegree;
-  noise.accel_noise_m_s2_rtHz = kMounted * chip->accel_ug * 1e-6 * kG_m_s2;
+  noise.accel_noise_m_s2_rtHz = kMounted * chip->accel_ug * 1e-6 * kStandardGravity_m_s2;
   noise.gyro_walk_rad_s2_rtHz = kWalkPerNoise * noise.gyro_noise_rad_s_rtHz;
   noise.accel_walk_m_s3_rtHz = kWalkPerNoise * noise.accel_noise_m_s2_rtHz;
   noise.rate_hz = rate_hz;
   noise.gyro_range_rad_s = chip->gyro_range_dps * kDegree;
-  noise.accel_range_m_s2 = chip->accel_range_g * kG_m_s2;
+  noise.accel_range_m_s2 = chip->accel_range_g * kStandardGravity_m_s2;
   return noise;
 }
 

@@ -38,8 +38,7 @@ class ImuQueue final {
   std::size_t taken_{0};
 };
 
-/// Constant errors of an IMU: bias, scale, axes that are not orthogonal, and misalignment of
-/// gyroscope and accelerometer. Corrected = matrix · (reading − bias).
+/// Constant errors of an IMU: bias, scale, misalignment. Corrected = matrix · (reading − bias).
 struct ImuCorrection {
   Eigen::Vector3d accel_bias_m_s2{Eigen::Vector3d::Zero()};
   Eigen::Matrix3d accel_matrix{Eigen::Matrix3d::Identity()};
@@ -66,13 +65,11 @@ struct ImuNoise {
   double rate_hz{200.0};
   double gyro_range_rad_s{0};  ///< Readings saturate here; 0: not known.
   double accel_range_m_s2{0};
-  /// Calibrated errors. Samples come without correction, because saturation is tested before it
-  /// (ImuBuffer).
+  /// Calibrated errors. Samples come without: saturation is tested before it (ImuBuffer).
   std::optional<ImuCorrection> correction{};
 };
 
-/// Noise of a known IMU part from its data sheet (sources: imu_sample.cpp), as starting values.
-/// Measured noise (`fiducap calibrate imu`) is better.
+/// Noise of a known IMU part from its data sheet, as starting values; measured noise is better.
 /// @param part  as in `part_names`; case, `_`, `-` and blanks do not matter
 /// @return nullopt: not in the table
 [[nodiscard]] std::optional<ImuNoise> noise_of_part(std::string_view part, double rate_hz);

@@ -103,12 +103,7 @@ Expected<CsvWriter> CsvWriter::create(const std::filesystem::path& path, std::st
   if (!file) return tl::unexpected(file.error());
   CsvWriter writer(std::move(*file));
   if (const auto done = writer.text(header).end_line(); !done) return tl::unexpected(done.error());
-  if (const auto done = writer.flush(); !done) return tl::unexpected(done.error());
-  return writer;
-}
-
-void CsvWriter::separate() {
-  if (!line_.empty()) line_ += ',';
+  return writer.flush().map([&] { return std::move(writer); });
 }
 
 CsvWriter& CsvWriter::integer(std::int64_t value) {
@@ -141,28 +136,6 @@ CsvWriter& CsvWriter::exact(double value) {
 
 CsvWriter& CsvWriter::exact(const Eigen::Vector3d& v) {
   return exact(v.x()).exact(v.y()).exact(v.z());
-}
-
-CsvWriter& CsvWriter::vector(const Eigen::Vector3d& v, int decimals) {
-  return number(v.x(), decimals).number(v.y(), decimals).number(v.z(), decimals);
-}
-
-CsvWriter& CsvWriter::pose(const Pose& X, int decimals) {
-  vector(X.p, decimals).number(X.q.w(), decimals);
-  return vector(X.q.vec(), decimals);
-}
-
-CsvWriter& CsvWriter::text(std::string_view value) {
-  separate();
-  line_ += value;
-  return *this;
-}
-
-Expected<void> CsvWriter::end_line() {
-  line_ += '\n';
-  auto done = file_.write(line_);
-  line_.clear();
-  return done;
 }
 
 }  // namespace fiducap

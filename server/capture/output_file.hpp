@@ -13,8 +13,7 @@
 
 namespace fiducap {
 
-/// A file written from its start through a buffer. An error names the reason of the disk; after it
-/// the file accepts nothing more.
+/// A file written from its start through a buffer. After an error it accepts nothing more.
 class OutputFile final {
  public:
   /// Creates the folders above it, too; truncates an existing file.
@@ -62,19 +61,35 @@ class CsvWriter final {
   /// The shortest text that reads back as the same number.
   CsvWriter& exact(double value);
   CsvWriter& exact(const Eigen::Vector3d& v);
-  CsvWriter& vector(const Eigen::Vector3d& v, int decimals);
+  CsvWriter& vector(const Eigen::Vector3d& v, int decimals) {
+    return number(v.x(), decimals).number(v.y(), decimals).number(v.z(), decimals);
+  }
   /// px py pz qw qx qy qz
-  CsvWriter& pose(const Pose& X, int decimals);
-  CsvWriter& text(std::string_view value);
+  CsvWriter& pose(const Pose& X, int decimals) {
+    vector(X.p, decimals).number(X.q.w(), decimals);
+    return vector(X.q.vec(), decimals);
+  }
+  CsvWriter& text(std::string_view value) {
+    separate();
+    line_ += value;
+    return *this;
+  }
   /// Ends the line. @return Error when the disk is known not to take it.
-  [[nodiscard]] Expected<void> end_line();
+  [[nodiscard]] Expected<void> end_line() {
+    line_ += '\n';
+    auto done = file_.write(line_);
+    line_.clear();
+    return done;
+  }
   [[nodiscard]] Expected<void> flush() { return file_.flush(); }
   [[nodiscard]] Expected<void> close() { return file_.close(); }
   [[nodiscard]] std::uint64_t bytes() const { return file_.bytes(); }
 
  private:
   explicit CsvWriter(OutputFile file) : file_(std::move(file)) {}
-  void separate();
+  void separate() {
+    if (!line_.empty()) line_ += ',';
+  }
 
   OutputFile file_;
   std::string line_;

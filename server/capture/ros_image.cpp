@@ -65,8 +65,6 @@ std::string without_compressed(const std::string& image_topic) {
                                     : image_topic;
 }
 
-bool has_rectified_lens(const CameraInfo& info) { return info.P[0] > 0 && info.P[5] > 0; }
-
 Expected<void> read_distortion(const CameraInfo& info, CameraModel& model) {
   const std::string_view name = info.distortion_model;
   const std::size_t count = info.coefficients.size();
@@ -160,7 +158,7 @@ Expected<CameraModel> camera_model(const CameraInfo& info, bool of_rectified) {
   CameraModel model;
   model.width = static_cast<int>(info.width);
   model.height = static_cast<int>(info.height);
-  if (of_rectified && has_rectified_lens(info)) {
+  if (of_rectified && info.P[0] > 0 && info.P[5] > 0) {
     std::tie(model.fu, model.fv, model.cu, model.cv) =
         std::tie(info.P[0], info.P[5], info.P[2], info.P[6]);
   } else {

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <array>
-#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -38,8 +37,7 @@ struct CameraInfo {
   std::uint32_t roi_y{};
 };
 
-/// @return Error when the size is not the calibrated one, the encoding is unknown or bytes are
-/// missing
+/// @return Error for another size than the calibrated one, an unknown encoding or missing bytes
 [[nodiscard]] Expected<void> to_gray(const RawImage& image, const CameraModel& camera,
                                      GrayImage& out);
 /// JPEG or PNG. The size is checked before decoding.
@@ -51,8 +49,7 @@ struct CameraInfo {
 /// `/cam0/image_raw` → `/cam0/camera_info`, also of `/cam0/image_raw/compressed`.
 [[nodiscard]] std::string camera_info_topic(const std::string& image_topic);
 [[nodiscard]] bool is_compressed(const std::string& image_topic);
-/// By its name, as image_proc and drivers use it (`image_rect`, `image_rect_raw`): undistorted, so
-/// P holds instead of K and the coefficients.
+/// By its name (`image_rect`, `image_rect_raw`): undistorted, so P holds instead of K.
 [[nodiscard]] bool is_rectified(const std::string& image_topic);
 
 }  // namespace fiducap::ros

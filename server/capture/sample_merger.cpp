@@ -53,9 +53,15 @@ std::vector<SensorSample>& JumpGate::take(SensorSample sample) {
   Held& own = held_[sensor_of(sample)];
   bool is_sure = !is_far_ahead(at);
   if (waiting_ > 0) {
-    decide(own, at);
+    if (own) {  // its sensor's next sample confirms or drops it
+      const Duration ahead = at - time_of(*own);
+      if (ahead >= -jump_ && ahead <= kForeign)
+        pass_held(own);
+      else
+        drop(own);
+    }
     for (Held& held : held_) {
-      if (!held || !is_confirmed_by(held, at)) continue;
+      if (!held || std::chrono::abs(at - time_of(*held)) > jump_) continue;
       pass_held(held);
       is_sure = true;
     }
@@ -68,27 +74,6 @@ std::vector<SensorSample>& JumpGate::take(SensorSample sample) {
   }
   return out_;
 }
-
-/// The next sample of a sensor confirms or drops the one that waits.
-void JumpGate::decide(Held& held, Instant at) {
-  if (!held) return;
-  const Duration ahead = at - time_of(*held);
-  if (ahead >= -jump_ && ahead <= kForeign) return pass_held(held);
-  drop(held);
-}
-
-void JumpGate::drop(Held& held) {
-  held.reset();
-  --waiting_;
-  ++dropped_;
-}
-
-bool JumpGate::is_confirmed_by(const Held& held, Instant at) const {
-  const Duration apart = at - time_of(*held);
-  return apart >= -jump_ && apart <= jump_;
-}
-
-bool JumpGate::is_far_ahead(Instant at) const { return !newest_ || at - *newest_ > jump_; }
 
 std::vector<SensorSample>& JumpGate::finish() {
   out_.clear();
@@ -107,12 +92,6 @@ void JumpGate::pass(SensorSample sample) {
   const Instant at = time_of(sample);
   newest_ = newest_ ? std::max(*newest_, at) : at;
   out_.push_back(std::move(sample));
-}
-
-void JumpGate::pass_held(Held& held) {
-  pass(std::move(*held));
-  held.reset();
-  --waiting_;
 }
 
 int camera_of(const SensorSample& sample) {
@@ -153,12 +132,6 @@ bool SampleMerger::is_good(const SensorSample& sample) const {
     return imu->w_WB_B.allFinite() && imu->f_B.allFinite();
   const int camera = camera_of(sample);
   return camera >= 0 && camera < config_.cameras && is_sound(sample);
-}
-
-bool SampleMerger::admit(SensorSample sample) {
-  if (const auto* imu = std::get_if<ImuSample>(&sample)) return admit_imu(*imu);
-  admit_image(std::move(sample));
-  return true;
 }
 
 bool SampleMerger::admit_imu(const ImuSample& sample) {
@@ -216,37 +189,20 @@ void SampleMerger::set_clock_shift(int camera, Duration shift) {
   std::ranges::sort(images_, comes_before);
 }
 
-bool SampleMerger::is_late(Instant image) const {
-  return (released_image_ && image < *released_image_) ||
-         (released_imu_before_ && image <= *released_imu_before_);
-}
-
-void SampleMerger::finish() {
-  for (SensorSample& admitted : gate_.finish()) (void)admit(std::move(admitted));
-  finished_ = true;
-}
-
-MergerStatistics SampleMerger::statistics() const {
-  MergerStatistics all = statistics_;
-  all.far_dropped = gate_.dropped();
-  return all;
-}
-
 std::optional<SensorSample> SampleMerger::pop() {
   if (image_is_due()) return take_image();
-  if (imu_is_due()) return take_imu();
+  if (imu_is_due()) {
+    const ImuSample sample = imu_[imu_begin_];
+    imu_begin_ = (imu_begin_ + 1) % imu_.size();
+    --imu_waiting_;
+    released_imu_before_ = std::exchange(released_imu_, sample.sampled_at);
+    return sample;
+  }
   if (imu_wait_is_over()) {
     ++statistics_.imu_waits_expired;
     return take_image();
   }
   return std::nullopt;
-}
-
-bool SampleMerger::image_is_due() const {
-  if (images_.empty()) return false;
-  const Instant at = time_of(images_.front());
-  if (config_.has_imu && !(released_imu_ && *released_imu_ >= at)) return false;
-  return finished_ || images_are_complete_before(at);
 }
 
 bool SampleMerger::imu_is_due() const {
@@ -255,7 +211,9 @@ bool SampleMerger::imu_is_due() const {
   // Images up to the IMU sample last released belong before the next one.
   if (!images_.empty() && time_of(images_.front()) <= *released_imu_) return false;
   if (has_passed_window(*released_imu_)) return true;
-  return some_camera_is_active() && images_are_complete_before(*released_imu_);
+  const bool some_camera_is_active = std::ranges::any_of(
+      newest_image_, [this](const auto& newest) { return newest && !has_passed_window(*newest); });
+  return some_camera_is_active && images_are_complete_before(*released_imu_);
 }
 
 bool SampleMerger::imu_wait_is_over() const {
@@ -263,40 +221,6 @@ bool SampleMerger::imu_wait_is_over() const {
   const Instant at = time_of(images_.front());
   if (released_imu_ && *released_imu_ >= at) return false;  // waits for another camera
   return finished_ || has_passed_window(at) || images_.size() >= config_.max_images;
-}
-
-bool SampleMerger::some_camera_is_active() const {
-  return std::ranges::any_of(
-      newest_image_, [this](const auto& newest) { return newest && !has_passed_window(*newest); });
-}
-
-bool SampleMerger::images_are_complete_before(Instant at) const {
-  return std::ranges::all_of(newest_image_, [&](const auto& newest) {
-    return !newest || *newest >= at || has_passed_window(*newest);
-  });
-}
-
-SensorSample SampleMerger::take_imu() {
-  const ImuSample sample = imu_[imu_begin_];
-  imu_begin_ = (imu_begin_ + 1) % imu_.size();
-  --imu_waiting_;
-  released_imu_before_ = std::exchange(released_imu_, sample.sampled_at);
-  return sample;
-}
-
-SensorSample SampleMerger::take_image() {
-  SensorSample image = std::move(images_.front());
-  images_.erase(images_.begin());
-  released_image_ = time_of(image);
-  return image;
-}
-
-void SampleMerger::note_time(Instant at) {
-  if (!newest_seen_ || at > *newest_seen_) newest_seen_ = at;
-}
-
-bool SampleMerger::has_passed_window(Instant at) const {
-  return newest_seen_ && *newest_seen_ - at > config_.window;
 }
 
 }  // namespace fiducap

@@ -14,9 +14,8 @@ namespace fiducap {
 /// Drops single stamps from the far future: after one of them all true samples would be late.
 ///
 /// A sample far ahead of all others (and the first of all) waits for the next sample of its sensor,
-/// or for any sample near it. If that confirms its time, both pass; otherwise it is dropped.
-/// Nothing else waits, and the order of a sensor's samples is preserved. Allocates nothing per
-/// sample.
+/// or for any sample near it. If that confirms its time, both pass; otherwise it is dropped. The
+/// order of a sensor's samples is preserved. Allocates nothing per sample.
 class JumpGate final {
  public:
   /// @param jump  a larger step is far ahead: longer than usual pauses
@@ -30,12 +29,18 @@ class JumpGate final {
 
  private:
   using Held = std::optional<SensorSample>;
-  [[nodiscard]] bool is_far_ahead(Instant at) const;
-  [[nodiscard]] bool is_confirmed_by(const Held& held, Instant at) const;
-  void decide(Held& held, Instant at);
+  [[nodiscard]] bool is_far_ahead(Instant at) const { return !newest_ || at - *newest_ > jump_; }
   void pass(SensorSample sample);
-  void pass_held(Held& held);
-  void drop(Held& held);
+  void pass_held(Held& held) {
+    pass(std::move(*held));
+    held.reset();
+    --waiting_;
+  }
+  void drop(Held& held) {
+    held.reset();
+    --waiting_;
+    ++dropped_;
+  }
 
   Duration jump_;
   std::array<Held, 1 + kMostCameras> held_;  ///< IMU, cameras.
@@ -83,40 +88,67 @@ struct MergerStatistics {
 /// by time. Simultaneous images: by camera index. Not thread-safe.
 ///
 /// Images arrive later than the IMU samples of their time, so IMU samples are held back until every
-/// camera that was active within the window has shown that no earlier image is on its way, or
-/// until the window has passed. When the IMU is silent and the image queue is full, the oldest
-/// image is released without its IMU samples. The output does not lag: OutputPredictor gets the IMU
-/// samples before the merger.
+/// active camera has shown that no earlier image is on its way, or the window has passed. When the
+/// IMU is silent and the image queue is full, the oldest image is released without its IMU samples.
+/// The output does not lag: OutputPredictor gets the IMU samples before the merger.
 class SampleMerger final {
  public:
   explicit SampleMerger(const MergerConfig& config);
-  /// In order of arrival. Bad, backward and late samples are counted and dropped; IMU samples are
-  /// ignored when the configuration has no IMU. Allocates nothing.
+  /// In order of arrival. Bad, backward and late samples are counted and dropped. No allocation.
   /// @return false when the IMU queue is full: the consumer is dead.
   bool push(SensorSample sample);
-  /// Sets the clock offset of a camera as estimated by the filter. It is added to the time of its
-  /// images, also of those in the queue, so that each waits for the IMU samples of its true
-  /// exposure time. Replaces the last one.
+  /// Sets the clock offset of a camera as estimated by the filter: added to the time of its images,
+  /// also of those in the queue, so that each waits for its IMU samples. Replaces the last one.
   void set_clock_shift(int camera, Duration shift);
   /// Nothing more will come: `pop` gives the rest without waiting.
-  void finish();
+  void finish() {
+    for (SensorSample& admitted : gate_.finish()) (void)admit(std::move(admitted));
+    finished_ = true;
+  }
   /// @return nullopt when the next sample must still wait.
   [[nodiscard]] std::optional<SensorSample> pop();
-  [[nodiscard]] MergerStatistics statistics() const;
+  [[nodiscard]] MergerStatistics statistics() const {
+    MergerStatistics all = statistics_;
+    all.far_dropped = gate_.dropped();
+    return all;
+  }
 
  private:
   [[nodiscard]] bool is_good(const SensorSample& sample) const;
-  bool admit(SensorSample sample);
+  bool admit(SensorSample sample) {
+    if (const auto* imu = std::get_if<ImuSample>(&sample)) return admit_imu(*imu);
+    admit_image(std::move(sample));
+    return true;
+  }
   bool admit_imu(const ImuSample& sample);
   void admit_image(SensorSample sample);
-  [[nodiscard]] bool is_late(Instant image) const;
-  SensorSample take_imu();
-  SensorSample take_image();
-  void note_time(Instant at);
-  [[nodiscard]] bool has_passed_window(Instant at) const;
-  [[nodiscard]] bool some_camera_is_active() const;
-  [[nodiscard]] bool images_are_complete_before(Instant at) const;
-  [[nodiscard]] bool image_is_due() const;
+  [[nodiscard]] bool is_late(Instant image) const {
+    return (released_image_ && image < *released_image_) ||
+           (released_imu_before_ && image <= *released_imu_before_);
+  }
+  SensorSample take_image() {
+    SensorSample image = std::move(images_.front());
+    images_.erase(images_.begin());
+    released_image_ = time_of(image);
+    return image;
+  }
+  void note_time(Instant at) {
+    if (!newest_seen_ || at > *newest_seen_) newest_seen_ = at;
+  }
+  [[nodiscard]] bool has_passed_window(Instant at) const {
+    return newest_seen_ && *newest_seen_ - at > config_.window;
+  }
+  [[nodiscard]] bool images_are_complete_before(Instant at) const {
+    return std::ranges::all_of(newest_image_, [&](const auto& newest) {
+      return !newest || *newest >= at || has_passed_window(*newest);
+    });
+  }
+  [[nodiscard]] bool image_is_due() const {
+    if (images_.empty()) return false;
+    const Instant at = time_of(images_.front());
+    if (config_.has_imu && !(released_imu_ && *released_imu_ >= at)) return false;
+    return finished_ || images_are_complete_before(at);
+  }
   [[nodiscard]] bool imu_is_due() const;
   [[nodiscard]] bool imu_wait_is_over() const;
 
@@ -139,7 +171,6 @@ class SampleMerger final {
 
 /// @return the camera of an image or corners; -1: none
 [[nodiscard]] int camera_of(const SensorSample& sample);
-/// All corners are finite numbers.
 [[nodiscard]] bool has_finite_corners(const CornerFrame& frame);
 
 }  // namespace fiducap

@@ -40,18 +40,17 @@ constexpr int kStartedAgain = 5;
 
 }  // namespace
 
-/// @param k  0: the oldest
-const ArrivalOffset::Quickest& ArrivalOffset::at(std::size_t k) const {
-  return quickest_[(next_ + kKept - count_ + k) % kKept];
-}
-
 Duration ArrivalOffset::update(Instant stamp, Instant arrived) {
   const Duration difference = arrived - stamp;
   if (second_began_ && arrived - *second_began_ > static_cast<std::int64_t>(kKept) * kSecond)
     start_again();  // all that is known is too old
   if (count_ > 0 && difference < on_line(stamp) - kMostAhead) return on_line(stamp);
   const bool is_new = !second_began_ || arrived - *second_began_ >= kSecond;
-  if (is_new) open_second(arrived);
+  if (is_new) {
+    second_began_ = arrived;
+    next_ = (next_ + 1) % kKept;
+    count_ = std::min(count_ + 1, kKept);
+  }
   Quickest& present = quickest_[(next_ + kKept - 1) % kKept];
   // Without the drift the end of the second would be preferred.
   const Duration drifted = from_seconds(slope_ * to_seconds(stamp - present.stamp));
@@ -60,12 +59,6 @@ Duration ArrivalOffset::update(Instant stamp, Instant arrived) {
     fit();
   }
   return on_line(stamp);
-}
-
-void ArrivalOffset::open_second(Instant arrived) {
-  second_began_ = arrived;
-  next_ = (next_ + 1) % kKept;
-  count_ = std::min(count_ + 1, kKept);
 }
 
 void ArrivalOffset::fit() {
@@ -166,19 +159,12 @@ Duration StampMapper::without_steps(Duration wanted, Instant stamp, Instant arri
   return *added_;
 }
 
-void StampMapper::start_again() {
-  refused_in_a_row_ = refused_equally_ = 0;
-  arrivals_.start_again();
-  added_.reset();
-}
-
 /// Assumes that the difference to the newest count is less than half of the counter's range.
 std::int64_t DeviceClock::unwrapped(std::uint64_t count) const {
   const int unused = 64 - bits_;
   const std::uint64_t whole = bits_ < 48 ? std::uint64_t{1} << bits_ : 0;
   const auto tick = static_cast<std::uint64_t>(tick_ns_);
-  // Unsigned, as counts are arbitrary; the mapper refuses impossible times. One wrap ahead, so that
-  // earlier counts are not negative.
+  // Unsigned, as counts are arbitrary. One wrap ahead, so that earlier counts are not negative.
   if (!last_count_) return static_cast<std::int64_t>((count + whole) * tick);
   const auto step = static_cast<std::int64_t>((count - *last_count_) << unused) >> unused;
   return static_cast<std::int64_t>(static_cast<std::uint64_t>(last_ns_) +
@@ -193,7 +179,9 @@ std::optional<Instant> DeviceClock::place(std::uint64_t count, Instant arrived,
       ++dropped_;
       return std::nullopt;
     }
-    start_again();
+    ++restarts_;
+    last_count_.reset();
+    mapper_ = StampMapper(true);
     at_ns = unwrapped(count);
   }
   backwards_in_a_row_ = 0;
@@ -216,12 +204,6 @@ std::optional<Instant> DeviceClock::time_of(std::uint64_t count) const {
   const std::int64_t at_ns = unwrapped(count);
   if (at_ns > last_ns_ + kFar_ns || at_ns < last_ns_ - kFar_ns) return std::nullopt;
   return *last_placed_ + Duration{at_ns - last_ns_};
-}
-
-void DeviceClock::start_again() {
-  ++restarts_;
-  last_count_.reset();
-  mapper_ = StampMapper(true);
 }
 
 }  // namespace fiducap

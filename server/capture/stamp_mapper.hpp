@@ -31,8 +31,10 @@ class ArrivalOffset final {
     Duration difference{};  ///< Arrival time − stamp.
   };
 
-  [[nodiscard]] const Quickest& at(std::size_t k) const;
-  void open_second(Instant arrived);
+  /// @param k  0: the oldest
+  [[nodiscard]] const Quickest& at(std::size_t k) const {
+    return quickest_[(next_ + kKept - count_ + k) % kKept];
+  }
   void fit();
   [[nodiscard]] double slope_below() const;
   [[nodiscard]] Duration on_line(Instant stamp) const;
@@ -46,8 +48,7 @@ class ArrivalOffset final {
   double slope_{0};
 };
 
-/// Maps the stamps of one sender to the server's time line. One mapper serves all sensors that are
-/// stamped with the same clock, so intervals between their samples are preserved.
+/// Maps the stamps of one clock to the server's time line. One mapper serves all its sensors.
 ///
 /// The offset is that of UTC (synchronised clocks), measured by the caller (TIMESYNC), or estimated
 /// from arrival times (ArrivalOffset). It changes without steps once it has settled: by 2 % of the
@@ -66,14 +67,17 @@ class StampMapper final {
   /// Stamps are placed by arrival: from the start, or because UTC or known offsets did not fit.
   [[nodiscard]] bool by_arrival() const { return by_arrival_; }
   [[nodiscard]] std::uint64_t refused() const { return refused_; }
-  /// Of the sender's clock against ours, seconds per second, by arrival; 0: not known.
   [[nodiscard]] double drift() const { return arrivals_.drift(); }
 
  private:
   [[nodiscard]] std::optional<Instant> check(Instant stamp, Duration offset, Instant arrived,
                                              bool by_arrival_now);
   [[nodiscard]] Duration without_steps(Duration wanted, Instant stamp, Instant arrived);
-  void start_again();
+  void start_again() {
+    refused_in_a_row_ = refused_equally_ = 0;
+    arrivals_.start_again();
+    added_.reset();
+  }
 
   bool by_arrival_;
   std::uint64_t refused_{0};
@@ -86,8 +90,7 @@ class StampMapper final {
   Instant newest_{};               ///< Stamp.
 };
 
-/// Maps the counter of one device to the server's time line. The counter may wrap, and restarts
-/// with the device. Results strictly increase; readings that do not are dropped.
+/// Maps a device's counter, which may wrap and restart, to the server's clock. Results increase.
 class DeviceClock final {
  public:
   /// @param bits  of the counter, 2 … 64   @param tick_ns  unit of the counter
@@ -109,7 +112,6 @@ class DeviceClock final {
 
  private:
   [[nodiscard]] std::int64_t unwrapped(std::uint64_t count) const;
-  void start_again();
 
   int bits_;
   std::int64_t tick_ns_;

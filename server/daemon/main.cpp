@@ -38,46 +38,25 @@ int report(const fiducap::ConfigReview& review, bool as_json) {
   return std::cout.flush() ? 0 : 1;
 }
 
-struct Launch {
-  fiducap::ServerConfig config;
-  bool exit_at_end{false};
-  std::optional<fiducap::SetupOptions> setup{};
-};
-
-fiducap::ServerOptions options_of(const Launch& launch) {
-  fiducap::ServerOptions options;
-  options.exit_at_end = launch.exit_at_end;
-  options.setup = launch.setup;
-  options.stop_on_signals = true;
-  options.give_up = [] {
-    fiducap::log::flush(std::chrono::milliseconds(500));
-    std::_Exit(3);
-  };
-  return options;
-}
-
-/// Serves only pages, until there is a configuration.
-Launch set_up(fiducap::ServerConfig config, const std::string& file, bool offers_simulation) {
-  Launch launch{std::move(config), false, fiducap::SetupOptions{file, offers_simulation}};
-  launch.config.streaming.vrpn.enabled = launch.config.streaming.native.enabled = false;
-  return launch;
-}
-
 /// @return exit code; nullopt: a configuration was written and is to be served
-std::optional<int> serve(Launch launch) {
-  fiducap::ServerConfig& config = launch.config;
+std::optional<int> serve(fiducap::ServerConfig config, fiducap::ServerOptions options) {
   auto token = fiducap::operator_token(config.operators, std::getenv("CREDENTIALS_DIRECTORY"));
   if (!token) {
     std::cerr << token.error().text() << "\n";
     return 2;
   }
   config.operators.token = std::move(*token);
+  options.stop_on_signals = true;
+  options.give_up = [] {
+    fiducap::log::flush(std::chrono::milliseconds(500));
+    std::_Exit(3);
+  };
   const fiducap::SystemClock clock;
   ::umask(::umask(0) | 0027);     // maps and recordings are the lab's, not the world's
   std::signal(SIGPIPE, SIG_IGN);  // the reader of the log may end
   std::signal(SIGXFSZ, SIG_IGN);  // handled like a full disk
   fiducap::log::set_level(config.log_level);
-  auto server = fiducap::Server::build(config, options_of(launch), clock);
+  auto server = fiducap::Server::build(config, options, clock);
   if (!server) {
     fiducap::log::error("daemon", server.error().text());
     return 1;
@@ -124,9 +103,12 @@ int main(int argc, char** argv) {
         std::cerr << can.error().text() << "\n";
         return 2;
       }
-      auto before = fiducap::load_config("", sets);
-      if (!before) return complain(before.error());
-      if (const auto code = serve(set_up(std::move(*before), setup, simulated))) return *code;
+      auto pages = fiducap::load_config("", sets);  // nothing else is served before it is written
+      if (!pages) return complain(pages.error());
+      pages->streaming.vrpn.enabled = pages->streaming.native.enabled = false;
+      fiducap::ServerOptions options;
+      options.setup = fiducap::SetupOptions{setup, simulated};
+      if (const auto code = serve(std::move(*pages), options)) return *code;
       file = setup;
     }
     auto config = fiducap::load_config(file, sets);
@@ -134,7 +116,9 @@ int main(int argc, char** argv) {
     if (!config) return complain(config.error());
     if (print) return std::cout << fiducap::print_config(*config) << std::flush ? 0 : 1;
     if (check) return report(fiducap::review(*config), as_json);
-    return *serve({std::move(*config), exit_at_end});
+    fiducap::ServerOptions options;
+    options.exit_at_end = exit_at_end;
+    return *serve(std::move(*config), options);
   } catch (const CLI::ParseError& wrong) {
     return app.exit(wrong) == 0 ? 0 : 2;
   } catch (const std::exception& failure) {

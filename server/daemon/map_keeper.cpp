@@ -40,10 +40,6 @@ Event not_stored(const char* kind, const std::string& what, const std::string& w
               "stay as they are"};
 }
 
-bool is_known(const ClockEstimate& clock) {
-  return clock.shift_sigma_s > 0 && clock.shift_sigma_s < kKnownShift_s;
-}
-
 /// Estimated numbers that differ significantly from the configuration.
 StoredLens stored_lens(const LensEstimate& lens) {
   constexpr double kSure_sigma = 3.0;
@@ -302,7 +298,7 @@ Expected<void> MapKeeper::store_cameras() {
       // The total offset: the next configuration may contain a part of it.
       const Duration configured =
           k < body.configured_shifts.size() ? body.configured_shifts[k] : Duration{};
-      if (is_known(camera.clock))
+      if (const double sigma_s = camera.clock.shift_sigma_s; sigma_s > 0 && sigma_s < kKnownShift_s)
         stored.clock = {to_seconds(configured) + camera.clock.shift_s, camera.clock.readout_s};
       if (const auto saved = store_.save_extrinsics(stored); !saved) return saved;
     }

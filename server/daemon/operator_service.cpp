@@ -1,8 +1,9 @@
 #include "daemon/operator_service.hpp"
 
 #include <algorithm>
-#include <ctime>
 #include <utility>
+
+#include <fmt/chrono.h>
 
 #include "base/log.hpp"
 #include "base/text.hpp"
@@ -13,15 +14,6 @@ namespace fiducap {
 namespace {
 
 constexpr double kUnit = 1e-3;  // larger errors of a quaternion's norm are no rounding
-
-std::string name_of_now() {
-  const std::time_t now = static_cast<std::time_t>(utc_now_ns() / 1'000'000'000);
-  std::tm broken{};
-  gmtime_r(&now, &broken);
-  std::array<char, 32> text{};
-  std::strftime(text.data(), text.size(), "%Y-%m-%d_%H-%M-%S", &broken);
-  return text.data();
-}
 
 // Largest error of a tag's position by tape or total station.
 constexpr double kMostOff_m = 0.05;
@@ -94,7 +86,9 @@ Expected<void> OperatorService::set_pivot(int body_id, const Pose& X_BP) {
 }
 
 Expected<void> OperatorService::start_recording(const std::string& name) {
-  return recorder_.start(name.empty() ? name_of_now() : name);
+  if (!name.empty()) return recorder_.start(name);
+  return recorder_.start(
+      fmt::format("{:%Y-%m-%d_%H-%M-%S}", fmt::gmtime(utc_now_ns() / 1'000'000'000)));
 }
 
 Expected<void> OperatorService::set_map_mode(MapMode mode) {

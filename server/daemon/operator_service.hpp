@@ -3,7 +3,6 @@
 #include <string>
 #include <vector>
 
-#include "base/event_board.hpp"
 #include "daemon/map_keeper.hpp"
 #include "daemon/operator_token.hpp"
 #include "daemon/recording/session_recorder.hpp"

@@ -3,14 +3,15 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "daemon/system.hpp"
 #include "middleware/net/peer.hpp"
 
 namespace fiducap {
@@ -18,22 +19,6 @@ namespace {
 
 constexpr std::size_t kLongestToken = 1024;
 constexpr mode_t kOfOthers = 0027;  // any access for others, and writing for the group
-
-class TokenFile final {
- public:
-  // Not blocking: a pipe in its place must not delay the start.
-  explicit TokenFile(const std::string& path)
-      : number_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY)) {}
-  ~TokenFile() {
-    if (number_ >= 0) ::close(number_);
-  }
-  TokenFile(const TokenFile&) = delete;
-  TokenFile& operator=(const TokenFile&) = delete;
-  [[nodiscard]] int number() const { return number_; }
-
- private:
-  int number_;
-};
 
 Expected<void> check_owner(const struct stat& file, const std::string& path) {
   if (!S_ISREG(file.st_mode)) return fail(ErrorCode::kInvalid, "must be a plain file", path);
@@ -73,7 +58,8 @@ std::vector<ConfigError> OperatorConfig::check() const {
 }
 
 Expected<std::string> read_token_file(const std::string& path) {
-  const TokenFile file(path);
+  // Not blocking: a pipe in its place must not delay the start.
+  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
   struct stat about {};
   if (file.number() < 0 || ::fstat(file.number(), &about) != 0)
     return fail(ErrorCode::kNotFound,
@@ -113,10 +99,7 @@ Expected<std::string> operator_token(const OperatorConfig& config, const char* c
 
 std::string fresh_secret() {
   const auto key = net::random_key();
-  std::array<char, 33> text{};
-  std::snprintf(text.data(), text.size(), "%016llx%016llx", static_cast<unsigned long long>(key[0]),
-                static_cast<unsigned long long>(key[1]));
-  return text.data();
+  return fmt::format("{:016x}{:016x}", key[0], key[1]);
 }
 
 bool is_secret(std::string_view given, std::string_view secret) {

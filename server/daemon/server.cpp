@@ -35,6 +35,11 @@ std::jthread named(const char* name, Work work) {
   });
 }
 
+void stop_and_join(std::jthread& thread) {
+  thread.request_stop();
+  if (thread.joinable()) thread.join();
+}
+
 constexpr Duration kSourceTimeout = std::chrono::milliseconds(600);
 constexpr Duration kMapTimeout = std::chrono::seconds(5);
 constexpr Duration kPollPeriod = std::chrono::milliseconds(5);
@@ -63,13 +68,11 @@ class Server::Impl final {
  private:
   using Bodies = std::vector<BodyOpening::Body>;
 
-  void build_setup();
   void build_scene(const Bodies& bodies);
   void build_workers(Bodies bodies);
   Expected<void> build_streaming();
   void start_threads();
   void show_setup_address() const;
-  void serve();
   void give_up();
   ServerEnd shut_down();
   [[nodiscard]] bool map_is_stored();
@@ -121,7 +124,13 @@ Expected<void> Server::Impl::build() {
   if (start->store)
     keeper_.emplace(std::move(*start->store), *map_, config_.map.builder.commit_period_s, clock_,
                     events_, [this] { return bodies_.learned(); });
-  build_setup();
+  if (options_.setup)
+    setup_.emplace(SetupSurroundings{options_.setup->file, options_.setup->offers_simulation,
+                                     clock_, [this] { return membership_.join(); },
+                                     [this] {
+                                       is_set_up_ = true;
+                                       stop();
+                                     }});
   build_scene(*bodies);
   build_workers(std::move(*bodies));
   operators_.emplace(config_.operators, *scene_, *map_, recorder_, events_,
@@ -132,16 +141,6 @@ Expected<void> Server::Impl::build() {
     if (!opened && opened.error().code == ErrorCode::kInvalid) return opened;
   }
   return build_streaming();
-}
-
-void Server::Impl::build_setup() {
-  if (!options_.setup) return;
-  setup_.emplace(SetupSurroundings{options_.setup->file, options_.setup->offers_simulation, clock_,
-                                   [this] { return membership_.join(); },
-                                   [this] {
-                                     is_set_up_ = true;
-                                     stop();
-                                   }});
 }
 
 void Server::Impl::build_scene(const Bodies& bodies) {
@@ -246,7 +245,11 @@ ServerEnd Server::Impl::run() {
                                   ? ""
                                   : ", page on http://" + config_.streaming.web.address + ":" +
                                         std::to_string(ports_.web) + "/"));
-  serve();
+  if (!set_realtime_priority())
+    log::info("daemon",
+              "real-time scheduling is not permitted: with all cores busy a frame may wait for a "
+              "millisecond or two (LimitRTPRIO=10 in the unit fiducapd.service permits it)");
+  frames_.run();
   return shut_down();
 }
 
@@ -260,14 +263,6 @@ void Server::Impl::show_setup_address() const {
       << "Open this address in a browser on this machine, with everything after #:\n\n  http://"
       << host << ":" << ports_.web << "/#" << setup_->secret() << "\n"
       << std::endl;
-}
-
-void Server::Impl::serve() {
-  if (!set_realtime_priority())
-    log::info("daemon",
-              "real-time scheduling is not permitted: with all cores busy a frame may wait for a "
-              "millisecond or two (LimitRTPRIO=10 in the unit fiducapd.service permits it)");
-  frames_.run();
 }
 
 void Server::Impl::stop() noexcept {
@@ -285,19 +280,12 @@ void Server::Impl::give_up() {
 
 ServerEnd Server::Impl::shut_down() {
   refining_.request_stop();
-  watching_.request_stop();
-  watching_.join();
+  stop_and_join(watching_);
   publishing_.request_stop();
   const bool all = bodies_.stop(kSourceTimeout);
-  if (setting_up_.joinable()) {
-    setting_up_.request_stop();
-    setting_up_.join();
-  }
+  stop_and_join(setting_up_);
   publishing_.join();
-  if (paging_.joinable()) {
-    paging_.request_stop();
-    paging_.join();
-  }
+  stop_and_join(paging_);
   const bool stored = map_is_stored();  // first: no recording is worth it
   if (signals_) signals_->release();
   recording_.request_stop();

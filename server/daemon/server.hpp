@@ -45,7 +45,7 @@ enum class ServerEnd {
 /// The whole server: builds all parts, owns all threads, ends cleanly.
 ///
 /// Threads: per body one reader and one worker; one publisher; one map keeper; one recorder; one
-/// health watch; the caller of `run` does all I/O.
+/// health watch; the caller of `run` serves all protocols but the pages.
 class Server final {
  public:
   /// Opens the map, the sources and the ports. No thread runs before `run`.

@@ -1,6 +1,5 @@
 #include "daemon/stream_loop.hpp"
 
-#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstdint>
@@ -112,10 +111,10 @@ ProtocolContext context_in(StreamLoop& loop, StreamLoop& other, const ProtocolPa
     for (auto& client : own.clients()) all.push_back(std::move(client));
     return all;
   };
-  return {loop.io(),       parts.model,    parts.operators,
-          parts.events,    parts.clock,    parts.config.streaming.rate_hz,
-          FIDUCAP_VERSION, parts.join_dds, clients,
-          parts.views,     parts.setup};
+  return {loop.io(),        parts.model,    parts.clock,
+          &parts.operators, &parts.events,  parts.config.streaming.rate_hz,
+          FIDUCAP_VERSION,  parts.join_dds, clients,
+          parts.views,      parts.setup};
 }
 
 }  // namespace
@@ -168,12 +167,10 @@ Expected<ProtocolPorts> start_protocols(const ProtocolParts& parts) {
           port = (*server)->port();
           return (can_wait ? parts.pages : parts.frames).hub().add(std::move(*server));
         }
-        const auto& optional = streaming.optional;
-        if (std::find(optional.begin(), optional.end(), name) == optional.end()) {
-          failure = server.error();
-        } else {
+        if (streaming.is_optional(name))
           log::warning(name, "not served: " + server.error().text());
-        }
+        else
+          failure = server.error();
       },
       streaming, ports);
   if (failure) return tl::unexpected(*failure);
@@ -188,6 +185,17 @@ std::vector<ServedProtocol> served_protocols(const StreamingConfig& streaming) {
       },
       streaming);
   return all;
+}
+
+std::vector<ServedProtocol> listeners(const StreamingConfig& streaming) {
+  auto all = served_protocols(streaming);
+  const auto& web = streaming.web;
+  all.push_back({"web", web.enabled, web.address, {{web.port, false}}, {}});
+  return all;
+}
+
+std::string text_of(const PortUse& port) {
+  return std::to_string(port.number) + (port.udp ? " udp" : " tcp");
 }
 
 }  // namespace fiducap

@@ -124,5 +124,9 @@ struct ProtocolParts {
 
 /// Where each protocol with a port listens, and what its clients receive.
 [[nodiscard]] std::vector<ServedProtocol> served_protocols(const StreamingConfig& streaming);
+/// The same, and the page with its port.
+[[nodiscard]] std::vector<ServedProtocol> listeners(const StreamingConfig& streaming);
+/// `3883 udp`
+[[nodiscard]] std::string text_of(const PortUse& port);
 
 }  // namespace fiducap

@@ -3,6 +3,7 @@
 #include <condition_variable>
 
 #include <sys/types.h>
+#include <unistd.h>
 
 #include "base/time.hpp"
 
@@ -16,6 +17,21 @@ class SystemClock final : public Clock {
 
  private:
   mutable std::condition_variable_any never_;  // only a stop request wakes a wait early
+};
+
+/// Closes a file or a socket. @param number  negative: there is none
+class Descriptor final {
+ public:
+  explicit Descriptor(int number) : number_(number) {}
+  ~Descriptor() {
+    if (number_ >= 0) ::close(number_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  [[nodiscard]] int number() const { return number_; }
+
+ private:
+  int number_;
 };
 
 /// UTC = server time + this, measured now; changes when the wall clock is corrected.

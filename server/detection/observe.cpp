@@ -44,18 +44,6 @@ bool undistort_corners(const TagCorners& raw_px, const CameraModel& camera, TagO
   return is_front_view(out.corners_px);
 }
 
-void drop_doubled_ids(std::vector<TagObservation>& tags) {
-  std::ranges::sort(tags, {}, &TagObservation::tag_id);
-  auto keep = tags.begin();
-  for (auto run = tags.begin(); run != tags.end();) {
-    const auto end =
-        std::find_if(run, tags.end(), [&](const auto& t) { return t.tag_id != run->tag_id; });
-    if (end - run == 1) *keep++ = *run;
-    run = end;
-  }
-  tags.erase(keep, tags.end());
-}
-
 }  // namespace
 
 bool undistort_tag(const CameraModel& camera, TagObservation& tag) {

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <optional>
+#include <vector>
 
 #include "capture/camera_frame.hpp"
 #include "capture/lens/camera_model.hpp"
@@ -14,6 +16,20 @@ namespace fiducap {
 /// quadrangle seen from the front.
 void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetConfig& tags,
              const DetectorConfig& config, TagObservations& out);
+
+/// Sorts by id and removes all tags whose id occurs more than once.
+template <typename Tag>
+void drop_doubled_ids(std::vector<Tag>& tags) {
+  std::ranges::sort(tags, {}, &Tag::tag_id);
+  auto keep = tags.begin();
+  for (auto run = tags.begin(); run != tags.end();) {
+    const auto end =
+        std::find_if(run, tags.end(), [&](const Tag& tag) { return tag.tag_id != run->tag_id; });
+    if (end - run == 1) *keep++ = *run;
+    run = end;
+  }
+  tags.erase(keep, tags.end());
+}
 
 /// Why the configuration excludes a sighting.
 enum class Rejection { kNone, kIgnored, kCorrectedBits, kLowMargin };

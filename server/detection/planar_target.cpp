@@ -81,10 +81,8 @@ std::vector<Pose> solve_plane_pose(std::span<const Eigen::Vector3d> points,
   }
   std::vector<Pose> poses;
   for (std::size_t i = 0; i < rvecs.size(); ++i) {
-    const cv::Mat& r = rvecs[i];
-    const cv::Mat& t = tvecs[i];
-    const Pose X_VT{exp_so3({r.at<double>(0), r.at<double>(1), r.at<double>(2)}),
-                    {t.at<double>(0), t.at<double>(1), t.at<double>(2)}};
+    const Pose X_VT{exp_so3(Eigen::Vector3d(rvecs[i].ptr<double>())),
+                    Eigen::Vector3d(tvecs[i].ptr<double>())};
     if (X_VT.p.allFinite() && X_VT.q.coeffs().allFinite() && X_VT.p.z() > 0) poses.push_back(X_VT);
   }
   return poses;

@@ -201,9 +201,7 @@ std::string listed_tag_family(std::string name) {
 }
 
 std::string tag_family_names() {
-  std::string names;
-  for (const auto& one : kFamilies) names += (names.empty() ? "" : ", ") + std::string(one.name);
-  return names;
+  return comma_list(kFamilies, [](const TagFamilyFacts& one) { return one.name; });
 }
 
 std::string tag_family_rule(std::string_view name) {
@@ -220,17 +218,16 @@ std::string tag_family_warning(std::string_view name) {
          "ids that are not in use in tags.ignore";
 }
 
-TagFamily::Handle TagFamily::make(const TagFamilyFacts& facts) {
-  if (facts.dictionary >= 0) return {new ArucoFamily(facts.name, facts.dictionary), destroy_aruco};
-  const auto maker = std::ranges::find(kMakers, facts.name, &Maker::name);
-  FIDUCAP_ASSERT(maker != kMakers.end());
-  return {maker->create(), maker->destroy};
-}
-
 Expected<TagFamily> TagFamily::named(const std::string& name) {
-  if (const TagFamilyFacts* facts = find_tag_family(name)) return TagFamily(*facts, make(*facts));
-  return fail(ErrorCode::kUnsupported,
-              "unknown tag family '" + name + "': " + tag_family_rule(name));
+  const TagFamilyFacts* facts = find_tag_family(name);
+  if (facts == nullptr)
+    return fail(ErrorCode::kUnsupported,
+                "unknown tag family '" + name + "': " + tag_family_rule(name));
+  if (facts->dictionary >= 0)
+    return TagFamily(*facts, {new ArucoFamily(facts->name, facts->dictionary), destroy_aruco});
+  const auto maker = std::ranges::find(kMakers, facts->name, &Maker::name);
+  FIDUCAP_ASSERT(maker != kMakers.end());
+  return TagFamily(*facts, {maker->create(), maker->destroy});
 }
 
 int TagFamily::ids() const { return static_cast<int>(handle_->ncodes); }

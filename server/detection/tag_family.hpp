@@ -77,7 +77,6 @@ class TagFamily final {
   using Handle = std::unique_ptr<apriltag_family, void (*)(apriltag_family*)>;
   TagFamily(const TagFamilyFacts& facts, Handle handle)
       : facts_(&facts), handle_(std::move(handle)) {}
-  static Handle make(const TagFamilyFacts& facts);
 
   const TagFamilyFacts* facts_;
   Handle handle_;

@@ -155,13 +155,10 @@ std::array<TagPose, 2> solve_tag_pose(const TagObservation& tag, const CameraMod
 
   std::array<TagPose, 2> out;
   out.fill({Pose{}, std::numeric_limits<double>::infinity()});
-  for (std::size_t i = 0; i < std::min<std::size_t>(2, rvecs.size()); ++i) {
-    const cv::Mat& r = rvecs[i];
-    const cv::Mat& t = tvecs[i];
-    const Pose X_VT{exp_so3({r.at<double>(0), r.at<double>(1), r.at<double>(2)}),
-                    {t.at<double>(0), t.at<double>(1), t.at<double>(2)}};
-    out[i] = refine_pose(tag, camera, X_VT);
-  }
+  for (std::size_t i = 0; i < std::min<std::size_t>(2, rvecs.size()); ++i)
+    out[i] = refine_pose(tag, camera,
+                         {exp_so3(Eigen::Vector3d(rvecs[i].ptr<double>())),
+                          Eigen::Vector3d(tvecs[i].ptr<double>())});
   if (out[1].rms_px < out[0].rms_px) std::swap(out[0], out[1]);
   if (!std::isfinite(out[1].rms_px)) out[1].X_VT = out[0].X_VT;
   return out;

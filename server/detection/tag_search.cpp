@@ -131,8 +131,12 @@ const CornerFrame& TagSearch::search(const CameraFrame& frame,
   regions_.clear();
   if (config_.regions) plan_regions(expected, image.width, image.height, rules_, regions_);
   bool whole_too = true;
-  if (!regions_.empty() && regions_pay(image)) {
-    search_regions(image, contrast);
+  double cost = 0;
+  for (const SearchRegion& region : regions_) cost += region.cost();
+  if (!regions_.empty() && cost < kMaxOfImage * image.width * image.height) {
+    for (const SearchRegion& region : regions_)
+      detector_.detect(image, region.pixels, {double(region.decimate), contrast}, out_.tags);
+    statistics_.regions += regions_.size();
     const bool missed = note_found(camera, image, expected);
     whole_too = search_is_due(camera, frame) || missed;
   }
@@ -144,12 +148,6 @@ const CornerFrame& TagSearch::search(const CameraFrame& frame,
   }
   drop_repeated();
   return out_;
-}
-
-void TagSearch::search_regions(const GrayImage& image, int contrast) {
-  for (const SearchRegion& region : regions_)
-    detector_.detect(image, region.pixels, {double(region.decimate), contrast}, out_.tags);
-  statistics_.regions += regions_.size();
 }
 
 void TagSearch::search_strip(Camera& camera, const CameraFrame& frame, int contrast) {
@@ -196,12 +194,6 @@ bool TagSearch::search_is_due(Camera& camera, const CameraFrame& frame) const {
     return frame.camera == 0;
   }
   return frame.exposed_at - *camera.searched_at >= period;
-}
-
-bool TagSearch::regions_pay(const GrayImage& image) const {
-  double cost = 0;
-  for (const SearchRegion& region : regions_) cost += region.cost();
-  return cost < kMaxOfImage * image.width * image.height;
 }
 
 void TagSearch::drop_repeated() {

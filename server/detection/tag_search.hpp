@@ -98,13 +98,11 @@ class TagSearch final {
     std::vector<Steady> steady;  ///< One per id that was ever expected, by id.
   };
 
-  void search_regions(const GrayImage& image, int contrast);
   /// Searches the camera's next strip at full resolution, for tags too small for `decimate`.
   void search_strip(Camera& camera, const CameraFrame& frame, int contrast);
   /// @return true when the whole image should be searched because of missing tags
   bool note_found(Camera& camera, const GrayImage& image, std::span<const ExpectedTag> expected);
   [[nodiscard]] bool search_is_due(Camera& camera, const CameraFrame& frame) const;
-  [[nodiscard]] bool regions_pay(const GrayImage& image) const;
   void drop_repeated();
 
   DetectorConfig config_;

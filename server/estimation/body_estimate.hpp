@@ -78,8 +78,7 @@ struct UpdateReport {
   double landmark_nis{};  ///< Normalised innovation squared of the used ones together.
   int landmark_nis_dof{};
   bool running{};        ///< The filter has started.
-  bool start_changed{};  ///< Another start hypothesis has replaced this one; earlier results are
-                         ///< void.
+  bool start_changed{};  ///< Another start hypothesis has taken over: earlier results are void.
   bool start_is_open{};  ///< The start may still be replaced: its results must not be published.
   /// Relocalisation has begun after a long series of contradicting images.
   bool relocalised{};

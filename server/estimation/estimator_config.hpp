@@ -5,7 +5,6 @@
 
 #include "base/config_check.hpp"
 #include "base/pose.hpp"
-#include "base/time.hpp"
 
 namespace fiducap {
 

@@ -17,8 +17,7 @@ namespace fiducap {
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// A tag whose pose in the workspace is an input of the filter, not its state (RCARS II-D4, last
-/// paragraph).
+/// A tag whose pose in the workspace is an input of the filter, not its state (RCARS II-D4, end).
 struct KnownTag {
   int tag_id{};
   double edge_m{};

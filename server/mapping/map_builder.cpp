@@ -88,21 +88,18 @@ void MapBuilder::release(int body_id) {
   if (founder_ == body_id && !has_workspace_) founder_.reset();
 }
 
-void MapBuilder::note_workspace_locked(const MapContribution& contribution) {
-  if (defining_ == contribution.body_id) defining_.reset();
-  if (!contribution.anchored || founder_ || working_.reference_tag || has_workspace_) return;
-  founder_ = contribution.body_id;
-  note_locked(MapEvent::Kind::kWorkspace, 0,
-              "body " + std::to_string(contribution.body_id) +
-                  " has defined the workspace by its first tag; all other bodies wait for a tag of "
-                  "its map (with map.reference_tag any of them may begin)");
-}
-
 // --- contributions ---
 
 std::uint64_t MapBuilder::absorb(const MapContribution& contribution, std::int64_t utc_now_ns) {
   const std::lock_guard lock(mutex_);
-  note_workspace_locked(contribution);
+  if (defining_ == contribution.body_id) defining_.reset();
+  if (contribution.anchored && !founder_ && !working_.reference_tag && !has_workspace_) {
+    founder_ = contribution.body_id;
+    note_locked(MapEvent::Kind::kWorkspace, 0,
+                "body " + std::to_string(contribution.body_id) +
+                    " has defined the workspace by its first tag; all other bodies wait for a tag "
+                    "of its map (with map.reference_tag any of them may begin)");
+  }
   const std::uint64_t number = contributions_++;
   newest_at_ = std::max(newest_at_, contribution.at);
   if (pending_.is_outdated(contribution.body_id)) return number;
@@ -135,13 +132,9 @@ void MapBuilder::note_contradicted_once_locked(int body_id, int tag_id, const ch
 }
 
 MapTag& MapBuilder::insert_locked(const KnownTag& tag, const std::string& seen_by) {
-  const int id = tag.tag_id;
-  const auto place =
-      std::lower_bound(working_.tags.begin(), working_.tags.end(), id,
-                       [](const MapTag& entry, int tag_id) { return entry.tag.tag_id < tag_id; });
-  note_locked(MapEvent::Kind::kTagAdded, id,
-              "tag " + std::to_string(id) + " joined the map" + seen_by);
-  return *working_.tags.insert(place, MapTag{.tag = tag});
+  note_locked(MapEvent::Kind::kTagAdded, tag.tag_id,
+              "tag " + std::to_string(tag.tag_id) + " joined the map" + seen_by);
+  return working_.insert({.tag = tag});
 }
 
 // --- with a graph ---
@@ -193,20 +186,6 @@ void MapBuilder::exclude_from_known_locked(int tag_id) {
   replace_known_locked(*working_.known);
 }
 
-/// @return whether filters may use a quarantined tag again, at its present place
-bool MapBuilder::locate_locked(const GraphTagEstimate& found, std::span<const GraphTagEstimate> all,
-                               MapTag& entry) {
-  if (!moved_.is_away(found.tag_id)) {
-    entry.state = TagState::kLocal;  // quarantined in another session, found in this one
-    return true;
-  }
-  const auto verdict = moved_.locate(found, all, entry);
-  if (!verdict) return false;
-  note_locked(verdict->event.kind, found.tag_id, verdict->event.text);
-  entry.state = verdict->state;
-  return true;
-}
-
 /// @param newest  last sighting of the solution: about now
 /// @return the tag of the map; nullptr: the estimate is not used
 const MapTag* MapBuilder::place_locked(const GraphTagEstimate& tag,
@@ -220,7 +199,16 @@ const MapTag* MapBuilder::place_locked(const GraphTagEstimate& tag,
     entry->first_seen_utc_ns = utc_now_ns - (newest - tag.first_seen).count();
   }
   if (entry->state == TagState::kSurveyed) return nullptr;
-  if (entry->state == TagState::kQuarantined && !locate_locked(tag, all, *entry)) return nullptr;
+  if (entry->state == TagState::kQuarantined) {
+    if (moved_.is_away(tag.tag_id)) {
+      const auto verdict = moved_.locate(tag, all, *entry);
+      if (!verdict) return nullptr;
+      note_locked(verdict->event.kind, tag.tag_id, verdict->event.text);
+      entry->state = verdict->state;
+    } else {
+      entry->state = TagState::kLocal;  // quarantined in another session, found in this one
+    }
+  }
   entry->tag = placed;
   entry->sightings = tag.sightings;
   if (tag.last_seen != Instant{})  // in this session

@@ -140,7 +140,6 @@ class MapBuilder final {
 
   [[nodiscard]] bool has_graph() const { return config_.refine_period_s > 0; }
   [[nodiscard]] bool may_define_locked(int body_id) const;
-  void note_workspace_locked(const MapContribution& contribution);
   void note_contradicted_once_locked(int body_id, int tag_id, const char* reason);
   void note_locked(MapEvent::Kind kind, int tag_id, std::string text);
   [[nodiscard]] Expected<MapTag*> tag_locked(int tag_id);
@@ -159,8 +158,6 @@ class MapBuilder final {
   // With a graph.
   bool watch_locked(const MapContribution& contribution, std::int64_t utc_now_ns);
   bool displace_locked(const TagDisplacement& displacement, std::int64_t utc_now_ns);
-  [[nodiscard]] bool locate_locked(const GraphTagEstimate& found,
-                                   std::span<const GraphTagEstimate> all, MapTag& entry);
   [[nodiscard]] const MapTag* place_locked(const GraphTagEstimate& tag,
                                            std::span<const GraphTagEstimate> all, Instant newest,
                                            std::int64_t utc_now_ns);

@@ -62,10 +62,7 @@ Expected<void> survey(TagMap& map, const SurveyedTag& tag) {
   MapTag* entry = map.find(tag.tag_id);
   if (auto good = check_survey(tag, entry); !good) return good;
   if (entry == nullptr) {
-    const auto place = std::ranges::find_if(
-        map.tags, [&](const MapTag& other) { return other.tag.tag_id > tag.tag_id; });
-    entry = &*map.tags.insert(place, MapTag{});
-    entry->tag.tag_id = tag.tag_id;
+    entry = &map.insert({.tag = {.tag_id = tag.tag_id, .X_WT = {}}});
   }
   if (tag.edge_m > 0) entry->tag.edge_m = tag.edge_m;
   entry->tag.X_WT.p = tag.p_WT;

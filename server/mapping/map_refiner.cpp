@@ -1,6 +1,5 @@
 #include "mapping/map_refiner.hpp"
 
-#include <algorithm>
 #include <utility>
 
 namespace fiducap {
@@ -10,9 +9,7 @@ namespace {
 /// The map with the surveyed tags that it does not have.
 TagMap with(TagMap map, std::span<const KnownTag> surveyed) {
   for (const KnownTag& tag : surveyed)
-    if (map.find(tag.tag_id) == nullptr) map.tags.push_back({tag, TagState::kSurveyed});
-  std::ranges::stable_sort(
-      map.tags, [](const MapTag& a, const MapTag& b) { return a.tag.tag_id < b.tag.tag_id; });
+    if (map.find(tag.tag_id) == nullptr) map.insert({tag, TagState::kSurveyed});
   return map;
 }
 
@@ -28,7 +25,13 @@ void MapRefiner::replace_body(int body_id, std::vector<MotionSegment> segments) 
 
 void MapRefiner::take() {
   auto [segments, replacement, moves, contributions] = map_.take_segments();
-  if (replacement != nullptr) restart_with(*replacement);
+  if (replacement != nullptr) {
+    graph_ = MapGraph(*replacement);
+    if (keeps_all_) keep_all();
+    solution_.reset();
+    findings_.clear();
+    is_settled_ = true;
+  }
   for (const EpochOrder& order : moves) graph_.follow(order);
   is_settled_ &= moves.empty();
   for (const auto& [body_id, segment] : segments) {
@@ -37,14 +40,6 @@ void MapRefiner::take() {
     is_settled_ &= !graph_.add(std::move(own));
   }
   contributions_ = contributions;
-}
-
-void MapRefiner::restart_with(const TagMap& map) {
-  graph_ = MapGraph(map);
-  if (keeps_all_) keep_all();
-  solution_.reset();
-  findings_.clear();
-  is_settled_ = true;
 }
 
 bool MapRefiner::solve(const std::stop_token& stop) {

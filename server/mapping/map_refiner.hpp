@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -57,8 +56,6 @@ class MapRefiner final {
   [[nodiscard]] const std::vector<GraphFinding>& findings() const { return findings_; }
 
  private:
-  void restart_with(const TagMap& map);
-
   MapBuilder& map_;
   MapGraph graph_;
   bool keeps_all_{false};

@@ -5,11 +5,10 @@
 #include <ctime>
 #include <utility>
 
-#include <Eigen/Cholesky>
-
 #include "base/numeric.hpp"
 #include "base/pose.hpp"
 #include "base/text.hpp"
+#include "estimation/filter/matrix6.hpp"
 
 namespace fiducap {
 
@@ -56,9 +55,8 @@ std::string clock_time(std::int64_t utc_ns) {
 }
 
 std::string list(const std::set<int>& bodies) {
-  std::string out;
-  for (const int body_id : bodies) out += (out.empty() ? "" : ", ") + std::to_string(body_id);
-  return (bodies.size() > 1 ? "bodies " : "body ") + out;
+  return (bodies.size() > 1 ? "bodies " : "body ") +
+         comma_list(bodies, [](int body_id) { return std::to_string(body_id); });
 }
 
 std::string place(const Pose& X) {
@@ -72,7 +70,7 @@ std::string name(int tag_id) { return "tag " + std::to_string(tag_id); }
 double distance(const GraphTagEstimate& a, const KnownTag& b) {
   Vector6d e;
   e << a.X_WT.p - b.X_WT.p, log_so3(a.X_WT.q * b.X_WT.q.conjugate());
-  return e.dot(Matrix6d(a.covariance + b.covariance).ldlt().solve(e));
+  return squared_distance(e, a.covariance + b.covariance);
 }
 
 bool was_at(const Pose& place, std::span<const Pose> places) {
@@ -132,7 +130,8 @@ std::vector<TagDisplacement> TagWatch::report(int body_id, Instant at, std::span
   if (contradicted.empty()) return gone;
   for (const int tag_id : contradicted) body.contradicted[tag_id] = at;
   if (!is_reliable(body, at)) {
-    discard_reports_of(body_id);
+    for (auto& [tag_id, tag] : tags_)
+      std::erase_if(tag.reports, [&](const Report& one) { return one.body_id == body_id; });
     return gone;
   }
   for (const int tag_id : contradicted) tags_[tag_id].reports.push_back({body_id, at});
@@ -144,11 +143,6 @@ std::vector<TagDisplacement> TagWatch::report(int body_id, Instant at, std::span
 void TagWatch::forget(int tag_id) {
   tags_.erase(tag_id);
   for (auto& [body_id, body] : bodies_) body.fitted.erase(tag_id);
-}
-
-void TagWatch::discard_reports_of(int body_id) {
-  for (auto& [tag_id, tag] : tags_)
-    std::erase_if(tag.reports, [&](const Report& one) { return one.body_id == body_id; });
 }
 
 bool TagWatch::is_reliable(OfBody& body, Instant at) {

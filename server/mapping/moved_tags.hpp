@@ -54,13 +54,11 @@ class TagWatch final {
     std::optional<Instant> fitted_alone_at{};  ///< … or alone, when every pose of the body fits.
     std::vector<Report> reports{};
   };
-  using Times = std::map<int, Instant>;  ///< By tag.
   struct OfBody {
-    Times fitted{};
-    Times contradicted{};
+    std::map<int, Instant> fitted{};  ///< By tag.
+    std::map<int, Instant> contradicted{};
   };
   [[nodiscard]] static bool is_reliable(OfBody& body, Instant at);
-  void discard_reports_of(int body_id);
   [[nodiscard]] std::optional<TagDisplacement> decide(int tag_id, Instant at);
 
   std::map<int, OfTag> tags_;

@@ -29,6 +29,8 @@ std::string number(double value) {
   return text.str();
 }
 
+int id_of(const MapTag& entry) { return entry.tag.tag_id; }
+
 std::optional<std::string> fault_in(const Pose& pose) {
   if (!pose.p.allFinite()) return "position must be finite";
   if (!(std::abs(pose.q.norm() - 1.0) <= kUnitTolerance))
@@ -82,15 +84,18 @@ std::optional<TagState> tag_state_from(std::string_view name) {
 }
 
 const MapTag* TagMap::find(int tag_id) const {
-  const auto found =
-      std::lower_bound(tags.begin(), tags.end(), tag_id,
-                       [](const MapTag& entry, int id) { return entry.tag.tag_id < id; });
+  const auto found = std::ranges::lower_bound(tags, tag_id, {}, id_of);
   return found != tags.end() && found->tag.tag_id == tag_id ? &*found : nullptr;
 }
 
 MapTag* TagMap::find(int tag_id) {
   const MapTag* found = std::as_const(*this).find(tag_id);
   return found == nullptr ? nullptr : &tags[static_cast<std::size_t>(found - tags.data())];
+}
+
+MapTag& TagMap::insert(MapTag entry) {
+  const auto place = std::ranges::lower_bound(tags, entry.tag.tag_id, {}, id_of);
+  return *tags.insert(place, std::move(entry));
 }
 
 bool TagMap::has_workspace() const {

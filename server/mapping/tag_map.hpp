@@ -55,6 +55,8 @@ struct TagMap {
 
   [[nodiscard]] const MapTag* find(int tag_id) const;
   [[nodiscard]] MapTag* find(int tag_id);
+  /// At its place in the order of ids. @pre there is none with this id
+  MapTag& insert(MapTag entry);
   /// Some usable tag defines the workspace.
   [[nodiscard]] bool has_workspace() const;
   /// @param out  the usable tags of `seen`; cleared first

@@ -32,27 +32,28 @@ QosPointer make_qos(const Qos& wanted, const std::string& type_hash) {
   return qos;
 }
 
-/// Without QoS: a participant may read and write a topic in several ways.
-Expected<Entity> make_topic(const Participant& in, const TopicName& topic) {
-  Entity entity(dds_create_topic(in.handle(), topic.type, topic.name.c_str(), nullptr, nullptr));
-  if (!entity)
-    return failure_of(entity.handle(), "the topic cannot be made", "topic " + topic.name);
-  return entity;
+/// Makes the topic in `own`, and its reader or writer by `create`. The topic is without QoS: a
+/// participant may read and write it in several ways.
+template <typename Create>
+Expected<Entity> make_endpoint(const Participant& in, const TopicName& topic, const Qos& qos,
+                               Entity& own, Create create, const char* failure) {
+  const std::string where = "topic " + topic.name;
+  own = Entity(dds_create_topic(in.handle(), topic.type, topic.name.c_str(), nullptr, nullptr));
+  if (!own) return failure_of(own.handle(), "the topic cannot be made", where);
+  Entity made(create(in.handle(), own.handle(), make_qos(qos, topic.type_hash).get(), nullptr));
+  if (!made) return failure_of(made.handle(), failure, where);
+  return made;
 }
 
 }  // namespace
 
 Expected<Writer> Writer::make(const Participant& in, const TopicName& topic, const Qos& qos) {
   Writer writer;
-  auto entity = make_topic(in, topic);
-  if (!entity) return tl::unexpected(entity.error());
-  writer.topic_ = std::move(*entity);
+  auto made =
+      make_endpoint(in, topic, qos, writer.topic_, dds_create_writer, "the writer cannot be made");
+  if (!made) return tl::unexpected(made.error());
+  writer.writer_ = std::move(*made);
   writer.name_ = topic.name;
-  const auto with = make_qos(qos, topic.type_hash);
-  writer.writer_ =
-      Entity(dds_create_writer(in.handle(), writer.topic_.handle(), with.get(), nullptr));
-  if (!writer.writer_)
-    return failure_of(writer.handle(), "the writer cannot be made", "topic " + topic.name);
   return writer;
 }
 
@@ -97,14 +98,10 @@ void Writer::dispose(const void* sample) { dds_dispose(writer_.handle(), sample)
 
 Expected<Reader> Reader::make(const Participant& in, const TopicName& topic, const Qos& qos) {
   Reader reader;
-  auto entity = make_topic(in, topic);
-  if (!entity) return tl::unexpected(entity.error());
-  reader.topic_ = std::move(*entity);
-  const auto with = make_qos(qos, topic.type_hash);
-  reader.reader_ =
-      Entity(dds_create_reader(in.handle(), reader.topic_.handle(), with.get(), nullptr));
-  if (!reader.reader_)
-    return failure_of(reader.handle(), "the reader cannot be made", "topic " + topic.name);
+  auto made =
+      make_endpoint(in, topic, qos, reader.topic_, dds_create_reader, "the reader cannot be made");
+  if (!made) return tl::unexpected(made.error());
+  reader.reader_ = std::move(*made);
   return reader;
 }
 

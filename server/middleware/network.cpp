@@ -132,8 +132,7 @@ std::vector<int> sockets_of(int domain) {
   return found;
 }
 
-/// Classic BPF program that the kernel runs for each datagram: accepts those of this machine, and
-/// those of allowed senders that came in through the interface.
+/// BPF program for each datagram: accepts this machine's, and those of allowed senders.
 std::vector<sock_filter> filter_program(const AllowedSenders& senders) {
   const sock_filter accept = BPF_STMT(BPF_RET | BPF_K, 0xffffffff);
   const sock_filter drop = BPF_STMT(BPF_RET | BPF_K, 0);
@@ -158,23 +157,7 @@ std::vector<sock_filter> filter_program(const AllowedSenders& senders) {
   return program;
 }
 
-bool bind_to_loopback(int socket) {
-  constexpr char kLoopback[] = "lo";
-  return ::setsockopt(socket, SOL_SOCKET, SO_BINDTODEVICE, kLoopback, sizeof(kLoopback)) == 0;
-}
-
-bool attach_filter(int socket, std::vector<sock_filter>& program) {
-  const sock_fprog filter{static_cast<unsigned short>(program.size()), program.data()};
-  return ::setsockopt(socket, SOL_SOCKET, SO_ATTACH_FILTER, &filter, sizeof(filter)) == 0;
-}
-
 }  // namespace
-
-bool NetworkConfig::is_loopback() const {
-  return interface == "lo" || interface.starts_with("127.") || interface == "::1";
-}
-
-bool NetworkConfig::uses_multicast() const { return peers.empty() && !is_loopback(); }
 
 std::vector<ConfigError> NetworkConfig::check() const {
   Checker checker{"dds."};
@@ -202,10 +185,9 @@ std::string cyclone_xml(const NetworkConfig& config, bool attached_only) {
          std::to_string(config.max_participants - 1) + "</MaxAutoParticipantIndex><SPDPInterval>" +
          std::to_string(static_cast<int>(config.announce_s * 1000)) + "ms</SPDPInterval>" +
          peers_xml(config) +
-         // WriteBatch: packets leave when a writer is flushed, half the CPU with many instances.
-         // One receiving thread: several are ended by packets to themselves, which never arrive
-         // when the interface has gone.
-         // WriterLingerDuration: a stop waits no longer for readers that no longer acknowledge.
+         // WriteBatch: packets leave at a flush, half the CPU with many instances. One receiving
+         // thread: several end by packets to themselves, which never arrive without the interface.
+         // WriterLingerDuration: a stop does not wait for silent readers.
          "</Discovery><Internal><WriteBatch>true</WriteBatch><MultipleReceiveThreads>false</"
          "MultipleReceiveThreads><WriterLingerDuration>100ms</"
          "WriterLingerDuration><MaxSampleSize>" +
@@ -231,8 +213,14 @@ Expected<void> restrict_sockets(int domain, const AllowedSenders& senders) {
     return fail(ErrorCode::kUnavailable, "the sockets of DDS cannot be found in /proc/self/fd",
                 where);
   auto program = filter_program(senders);
+  const sock_fprog filter{static_cast<unsigned short>(program.size()), program.data()};
+  constexpr char kLoopback[] = "lo";
   for (const int socket : sockets) {
-    if (senders.loopback_only ? bind_to_loopback(socket) : attach_filter(socket, program)) continue;
+    const int result =
+        senders.loopback_only
+            ? ::setsockopt(socket, SOL_SOCKET, SO_BINDTODEVICE, kLoopback, sizeof(kLoopback))
+            : ::setsockopt(socket, SOL_SOCKET, SO_ATTACH_FILTER, &filter, sizeof(filter));
+    if (result == 0) continue;
     return fail(ErrorCode::kUnavailable,
                 std::string("the sockets of DDS cannot be kept from other networks: ") +
                     std::strerror(errno) + " (needs Linux 5.7)",

@@ -18,9 +18,11 @@ struct NetworkConfig {
   int max_participants{20};  ///< Per machine without multicast: number of ports queried per peer.
   double announce_s{2.0};    ///< Period of the announcements.
 
-  [[nodiscard]] bool is_loopback() const;
+  [[nodiscard]] bool is_loopback() const {
+    return interface == "lo" || interface.starts_with("127.") || interface == "::1";
+  }
   /// Discovery by multicast: not on loopback, and not with peers.
-  [[nodiscard]] bool uses_multicast() const;
+  [[nodiscard]] bool uses_multicast() const { return peers.empty() && !is_loopback(); }
   [[nodiscard]] std::vector<ConfigError> check() const;
 };
 
@@ -29,8 +31,7 @@ inline constexpr std::size_t kMaxMessage = 48u << 20;
 
 /// Configuration of Cyclone DDS; replaces CYCLONEDDS_URI, which is not read.
 /// @pre config.check().empty()
-/// @param attached_only  nothing is sent beyond the networks of the interface, regardless of the
-///                       sender address of a datagram
+/// @param attached_only  nothing is sent beyond the networks of the interface
 [[nodiscard]] std::string cyclone_xml(const NetworkConfig& config, bool attached_only);
 
 /// IPv4 addresses with the same first bits; host byte order.
@@ -42,8 +43,7 @@ struct Ipv4Network {
   bool operator==(const Ipv4Network&) const = default;
 };
 
-/// Senders whose datagrams reach the participant: this machine, the attached networks of the
-/// interface, and configured peers.
+/// Senders whose datagrams reach the participant: this machine, attached networks, and peers.
 struct AllowedSenders {
   bool loopback_only{};
   unsigned interface_index{};         ///< 0: any interface.
@@ -55,9 +55,8 @@ struct AllowedSenders {
 /// By the present interfaces of the machine. Looks up the names of peers.
 [[nodiscard]] AllowedSenders allowed_senders(const NetworkConfig& config);
 
-/// Restricts this process's sockets at the ports of the domain to these senders, by the kernel and
-/// for good: Cyclone DDS binds its sockets to every address of the machine and answers to any
-/// address that a datagram claims.
+/// Restricts this process's sockets at the ports of the domain to these senders, for good: Cyclone
+/// DDS binds them to all addresses and answers to any address that a datagram claims.
 /// @return Error when there are no such sockets, or the system refuses
 [[nodiscard]] Expected<void> restrict_sockets(int domain, const AllowedSenders& senders);
 

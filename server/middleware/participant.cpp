@@ -42,8 +42,7 @@ Entity::~Entity() {
   if (handle_ > 0) dds_delete(handle_);
 }
 
-Expected<std::shared_ptr<Participant>> Participant::open(const NetworkConfig& config,
-                                                         ParticipantMonitor::Alarm alarm) {
+Expected<std::shared_ptr<Participant>> Participant::open(const NetworkConfig& config, Alarm alarm) {
   const std::string where = "domain " + std::to_string(config.domain);
   const AllowedSenders senders = allowed_senders(config);
   const std::string xml = cyclone_xml(config, senders.attached_only);
@@ -63,25 +62,23 @@ Expected<std::shared_ptr<Participant>> Participant::open(const NetworkConfig& co
   Entity participant(
       dds_create_participant(static_cast<dds_domainid_t>(config.domain), nullptr, nullptr));
   if (!participant) return failure_of(participant.handle(), remedy, where);
-  auto monitor = std::make_unique<ParticipantMonitor>(std::move(alarm));
-  if (auto watched = monitor->watch(participant.handle()); !watched)
-    return tl::unexpected(watched.error());
-  return std::shared_ptr<Participant>(new Participant(std::move(monitor), std::move(domain),
-                                                      std::move(participant), config.domain));
+  std::shared_ptr<Participant> opened(
+      new Participant(std::move(domain), std::move(participant), config.domain, std::move(alarm)));
+  return opened->watch().map([&] { return std::move(opened); });
 }
 
-Expected<void> ParticipantMonitor::watch(std::int32_t participant) {
+Expected<void> Participant::watch() {
   const std::unique_ptr<dds_listener_t, ListenerDeleter> listener(dds_create_listener(this));
   dds_lset_data_available(listener.get(), [](dds_entity_t reader, void* self) {
-    static_cast<ParticipantMonitor*>(self)->take_samples(reader);
+    static_cast<Participant*>(self)->take_samples(reader);
   });
   const auto reader =
-      dds_create_reader(participant, DDS_BUILTIN_TOPIC_DCPSPARTICIPANT, nullptr, listener.get());
+      dds_create_reader(handle(), DDS_BUILTIN_TOPIC_DCPSPARTICIPANT, nullptr, listener.get());
   if (reader > 0) return {};
   return failure_of(reader, "cannot count participants", "dds");
 }
 
-void ParticipantMonitor::take_samples(std::int32_t reader) {
+void Participant::take_samples(std::int32_t reader) {
   constexpr std::size_t kAtOnce = 16;
   std::array<void*, kAtOnce> samples{};
   std::array<dds_sample_info_t, kAtOnce> about{};
@@ -89,17 +86,16 @@ void ParticipantMonitor::take_samples(std::int32_t reader) {
     samples[0] = nullptr;  // on loan
     const auto taken = dds_take(reader, samples.data(), about.data(), kAtOnce, kAtOnce);
     if (taken <= 0) return;
-    for (std::size_t i = 0; i < static_cast<std::size_t>(taken); ++i)
-      add(about[i].view_state == DDS_VST_NEW, about[i].instance_state == DDS_IST_ALIVE);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(taken); ++i) {
+      const bool is_new = about[i].view_state == DDS_VST_NEW;
+      const bool is_alive = about[i].instance_state == DDS_IST_ALIVE;
+      if (is_new) ++seen_;
+      if (is_new && is_alive) ++present_;
+      if (!is_new && !is_alive) --present_;
+      if (!count().is_plausible() && !flooded_.exchange(true) && alarm_) alarm_(count());
+    }
     dds_return_loan(reader, samples.data(), taken);
   }
-}
-
-void ParticipantMonitor::add(bool is_new, bool is_alive) {
-  if (is_new) ++seen_;
-  if (is_new && is_alive) ++present_;
-  if (!is_new && !is_alive) --present_;
-  if (!count().is_plausible() && !flooded_.exchange(true) && alarm_) alarm_(count());
 }
 
 Expected<std::shared_ptr<Participant>> Membership::join() {

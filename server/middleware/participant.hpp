@@ -12,8 +12,7 @@
 #include "base/expected.hpp"
 #include "middleware/network.hpp"
 
-/// Membership in a DDS domain. The calls of Cyclone DDS are in this folder; other code includes its
-/// header only to fill its structs.
+/// Membership in a DDS domain. Cyclone DDS is called in this folder only.
 namespace fiducap::dds {
 
 /// One entity of the middleware; its destructor deletes it and its children.
@@ -48,68 +47,49 @@ struct ParticipantCount {
   [[nodiscard]] bool is_plausible() const { return present <= kMostPresent && seen <= kMostSeen; }
 };
 
-/// Counts the participants that a participant knows. Thread-safe.
-class ParticipantMonitor final {
+/// The process's membership in one domain; counts the participants that it knows. Thread-safe.
+class Participant final {
  public:
   using Alarm = std::function<void(const ParticipantCount&)>;
+  /// @param alarm  called once when the domain is flooded, on a thread of the middleware
+  /// @return Error when the interface does not exist, or when this process is in the domain already
+  [[nodiscard]] static Expected<std::shared_ptr<Participant>> open(const NetworkConfig& config,
+                                                                   Alarm alarm = {});
 
-  /// @param alarm  called once when there are too many, on a thread of the middleware
-  explicit ParticipantMonitor(Alarm alarm) : alarm_(std::move(alarm)) {}
-  /// @param participant  is deleted before the monitor
-  [[nodiscard]] Expected<void> watch(std::int32_t participant);
+  [[nodiscard]] std::int32_t handle() const { return participant_.handle(); }
+  [[nodiscard]] int domain() const { return domain_; }
   [[nodiscard]] ParticipantCount count() const { return {present_, seen_}; }
+  /// There are more participants than plausible: release this one, so that they are forgotten.
   [[nodiscard]] bool is_flooded() const { return flooded_; }
 
  private:
+  Participant(Entity domain_entity, Entity participant, int domain, Alarm alarm)
+      : alarm_(std::move(alarm)),
+        domain_entity_(std::move(domain_entity)),
+        participant_(std::move(participant)),
+        domain_(domain) {}
+  [[nodiscard]] Expected<void> watch();
   void take_samples(std::int32_t reader);
-  void add(bool is_new, bool is_alive);
 
+  // Used by threads of the middleware until the entities have gone.
   Alarm alarm_;
   std::atomic<int> present_{0};
   std::atomic<int> seen_{0};
   std::atomic<bool> flooded_{false};
-};
-
-/// The process's membership in one domain. Thread-safe.
-class Participant final {
- public:
-  /// @param alarm  called once when the domain is flooded, on a thread of the middleware
-  /// @return Error when the interface does not exist, or when this process is in the domain already
-  [[nodiscard]] static Expected<std::shared_ptr<Participant>> open(
-      const NetworkConfig& config, ParticipantMonitor::Alarm alarm = {});
-
-  [[nodiscard]] std::int32_t handle() const { return participant_.handle(); }
-  [[nodiscard]] int domain() const { return domain_; }
-  [[nodiscard]] ParticipantCount count() const { return monitor_->count(); }
-  /// There are more participants than plausible: release this one, so that they are forgotten.
-  [[nodiscard]] bool is_flooded() const { return monitor_->is_flooded(); }
-
- private:
-  Participant(std::unique_ptr<ParticipantMonitor> monitor, Entity domain_entity, Entity participant,
-              int domain)
-      : monitor_(std::move(monitor)),
-        domain_entity_(std::move(domain_entity)),
-        participant_(std::move(participant)),
-        domain_(domain) {}
-
-  std::unique_ptr<ParticipantMonitor> monitor_;  // goes last: is called until the others have gone
   Entity domain_entity_;
   Entity participant_;
   int domain_;
 };
 
-/// The process's only participant: made when first needed, deleted when its last owner releases it.
-/// Thread-safe.
+/// The process's only participant: made when needed, deleted with its last owner. Thread-safe.
 ///
-/// Cyclone DDS keeps every participant that a datagram announces for the lease that it claims, and
-/// sends to its address all the time. Only leaving the domain forgets them: owners of a flooded
-/// participant release it and join again later.
+/// Cyclone DDS keeps every announced participant for the lease that it claims, and sends to its
+/// address. Only leaving the domain forgets them: owners of a flooded one release it and rejoin.
 class Membership final {
  public:
   Membership(const NetworkConfig& config, EventBoard& events) : config_(config), events_(events) {}
 
-  /// @return the participant that others hold, or a new one; Error while a flooded one is still
-  ///         held, or the last one is still leaving
+  /// @return the present participant or a new one; Error while a flooded or former one is leaving
   [[nodiscard]] Expected<std::shared_ptr<Participant>> join();
 
  private:

@@ -34,6 +34,8 @@ class CpuMeter final {
   Duration begin_;
 };
 
+int id_of_belief(const TagBelief& belief) { return belief.tag.tag_id; }
+
 bool agree(const Pose& a, const Pose& b) {
   return (a.p - b.p).norm() < kSamePlace && angle_between(a.q, b.q) < kSamePlace;
 }
@@ -58,16 +60,14 @@ MergerConfig merger_of(const PipelineSetup& setup) {
   return config;
 }
 
-std::unique_ptr<BodyFilter> filter_of(const PipelineSetup& setup) {
-  return make_body_filter(setup.filter, setup.sensors, setup.gauge, setup.estimator);
-}
-
 }  // namespace
 
 BodyPipeline::BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filter)
     : setup_(std::move(setup)),
       merger_(merger_of(setup_)),
-      filter_(filter ? std::move(filter) : filter_of(setup_)),
+      filter_(
+          filter ? std::move(filter)
+                 : make_body_filter(setup_.filter, setup_.sensors, setup_.gauge, setup_.estimator)),
       doubts_(setup_.sensors, setup_.estimator, setup_.gauge, !setup_.priors.empty()),
       agreement_(setup_.sensors, setup_.estimator.corner_noise_px),
       late_(setup_.sensors.cameras.size()) {
@@ -241,13 +241,9 @@ void BodyPipeline::find_corners(const MapView& view) {
 void BodyPipeline::note_contradicted() {
   update_.contradicted.clear();
   if (!anchored_ || update_.report.start_is_open) return;
-  const auto named = [](int tag_id) {
-    return [tag_id](const KnownTag& tag) { return tag.tag_id == tag_id; };
-  };
   for (const int tag_id : update_.report.named_dropped()) {
-    const auto own = std::ranges::find_if(update_.beliefs,
-                                          [&](const TagBelief& b) { return named(tag_id)(b.tag); });
-    const auto map = std::ranges::find_if(update_.known, named(tag_id));
+    const auto own = std::ranges::find(update_.beliefs, tag_id, id_of_belief);
+    const auto map = std::ranges::find(update_.known, tag_id, &KnownTag::tag_id);
     const bool is_own_error = own != update_.beliefs.end() && map != update_.known.end() &&
                               !agree(own->tag.X_WT, map->X_WT);
     if (!is_own_error) update_.contradicted.push_back(tag_id);
@@ -340,8 +336,7 @@ void BodyPipeline::note_turns() {
 void BodyPipeline::note_trust() {
   const bool is_established = agreement_.is_established() || !setup_.sensors.imu;
   const auto is_own = [&](const KnownTag& known) {
-    return std::ranges::any_of(
-        update_.beliefs, [&](const TagBelief& own) { return own.tag.tag_id == known.tag_id; });
+    return std::ranges::count(update_.beliefs, known.tag_id, id_of_belief) > 0;
   };
   const bool is_room_known = !std::ranges::all_of(update_.known, is_own);
   trust_.add(update_.report, is_established, is_room_known);

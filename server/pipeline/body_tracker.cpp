@@ -158,20 +158,13 @@ double BodyTracker::image_rate_at(Instant at) const {
   return 1.0 / (since > kOverdueIntervals * image_interval_s_ ? since : image_interval_s_);
 }
 
-bool BodyTracker::unseen_for(Instant at, double seconds) const {
-  return to_seconds(at - *last_tag_at_) > seconds;
-}
-
-bool BodyTracker::lost_by(Instant at) const {
-  return to_seconds(at - *last_carried_at_) > limits_.lose_after_s;
-}
-
 BodyState BodyTracker::state_at(Instant at) const {
   if (source_lost_) return BodyState::kLost;
   if (!last_tag_at_) return BodyState::kSearching;
-  if (lost_by(at)) return BodyState::kLost;
+  if (to_seconds(at - *last_carried_at_) > limits_.lose_after_s) return BodyState::kLost;
   if (!anchored_) return last_seen_ && !estimated_ ? BodyState::kLost : BodyState::kSearching;
-  return unseen_for(at, limits_.coast_after_s) ? BodyState::kCoasting : BodyState::kTracking;
+  const bool is_unseen = to_seconds(at - *last_tag_at_) > limits_.coast_after_s;
+  return is_unseen ? BodyState::kCoasting : BodyState::kTracking;
 }
 
 bool BodyTracker::within_limits(const BodyPose& pose) const {

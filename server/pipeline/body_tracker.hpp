@@ -61,8 +61,6 @@ class BodyTracker final {
 
  private:
   [[nodiscard]] BodyState state_at(Instant at) const;
-  [[nodiscard]] bool unseen_for(Instant at, double seconds) const;
-  [[nodiscard]] bool lost_by(Instant at) const;
   [[nodiscard]] bool within_limits(const BodyPose& pose) const;
   [[nodiscard]] std::optional<Pose> shown_at(Instant at) const;
   [[nodiscard]] bool follows(const std::optional<BodyEstimate>& estimate,

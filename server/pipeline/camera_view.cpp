@@ -19,11 +19,6 @@ struct ViewInput {
   std::span<const FoundMismatch> mismatches;
 };
 
-bool is_observed(const BodyUpdate& update, int tag_id) {
-  const auto& tags = update.seen.tags;
-  return std::ranges::any_of(tags, [&](const TagObservation& tag) { return tag.tag_id == tag_id; });
-}
-
 /// Before any filter has seen it.
 std::optional<UnusedBecause> why_not_observed(const TagSighting& tag, const ViewInput& in) {
   switch (rejection_of(tag, in.setup.tags, in.setup.detector)) {
@@ -36,7 +31,8 @@ std::optional<UnusedBecause> why_not_observed(const TagSighting& tag, const View
     case Rejection::kNone:
       break;
   }
-  if (is_observed(in.update, tag.tag_id)) return std::nullopt;
+  if (std::ranges::count(in.update.seen.tags, tag.tag_id, &TagObservation::tag_id) > 0)
+    return std::nullopt;
   const auto& all = in.update.corners.tags;
   const auto usable_ones = std::ranges::count_if(all, [&](const TagSighting& one) {
     return one.tag_id == tag.tag_id &&
@@ -64,31 +60,23 @@ bool is_used(int tag_id, const BodyUpdate& update) {
   const UpdateReport& report = update.report;
   const TagBelief* own = find_own(tag_id, update);
   if (own != nullptr && own->last_seen == update.seen.exposed_at) return true;
-  const auto fitting = report.named_fitting();
-  if (std::find(fitting.begin(), fitting.end(), tag_id) != fitting.end()) return true;
+  if (std::ranges::count(report.named_fitting(), tag_id) > 0) return true;
   return own == nullptr && report.tags_rejected == 0 &&
          report.tags_fitting > static_cast<int>(UpdateReport::kMostFitting);
-}
-
-/// Its pose was known, by the filter's state or the map.
-bool has_place(int tag_id, const BodyUpdate& update) {
-  return find_own(tag_id, update) != nullptr ||
-         std::ranges::any_of(update.known,
-                             [&](const KnownTag& tag) { return tag.tag_id == tag_id; });
 }
 
 UnusedBecause why_not_used(const TagSighting& tag, const ViewInput& in) {
   if (const auto why = why_not_observed(tag, in)) return *why;
   const UpdateReport& report = in.update.report;
-  const auto dropped = report.named_dropped();
-  if (std::find(dropped.begin(), dropped.end(), tag.tag_id) != dropped.end())
-    return UnusedBecause::kMoved;
+  if (std::ranges::count(report.named_dropped(), tag.tag_id) > 0) return UnusedBecause::kMoved;
   if (is_used(tag.tag_id, in.update)) return UnusedBecause::kUsed;
   const MapTag* in_map = in.map.find(tag.tag_id);
   if (in_map != nullptr && in_map->state == TagState::kQuarantined)
     return UnusedBecause::kQuarantined;
   if (report.start_is_open) return UnusedBecause::kPending;
-  if (has_place(tag.tag_id, in.update) && report.tags_rejected > 0)
+  const bool has_place = find_own(tag.tag_id, in.update) != nullptr ||
+                         std::ranges::count(in.update.known, tag.tag_id, &KnownTag::tag_id) > 0;
+  if (has_place && report.tags_rejected > 0)
     return has_wrong_size(tag.tag_id, in.mismatches) ? UnusedBecause::kWrongSize
                                                      : UnusedBecause::kGate;
   if (report.tags_pending > 0) return UnusedBecause::kPending;

@@ -60,8 +60,7 @@ constexpr double kReported_rad = 0.5 / kDegreesPerRadian;
 
 bool is_reportable(const Eigen::Vector3d& moved, double least, const BodyEstimate& estimate,
                    int block) {
-  const double variance = estimate.covariance.diagonal().segment<3>(block).maxCoeff();
-  return moved.norm() > std::max(least, std::sqrt(variance));
+  return moved.norm() > std::max(least, sigma_of(estimate, block));
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "base/expected.hpp"
+#include "base/numeric.hpp"
 #include "detection/tag_geometry.hpp"
 
 namespace fiducap {
@@ -135,12 +136,9 @@ void TagForecast::learn(const std::vector<ExpectedTag>& expected, const CornerFr
     errors_px_.push_back(off.norm());
   }
   aimed_->error_px *= kForget;
-  if (!errors_px_.empty()) {
-    const auto middle = errors_px_.begin() + static_cast<std::ptrdiff_t>(errors_px_.size() / 2);
-    std::nth_element(errors_px_.begin(), middle, errors_px_.end());
-    aimed_->error_px =
-        std::clamp(*middle, aimed_->error_px, kMostError * aimed_->mount.model.width);
-  }
+  if (!errors_px_.empty())
+    aimed_->error_px = std::clamp(nth_smallest(errors_px_, errors_px_.size() / 2), aimed_->error_px,
+                                  kMostError * aimed_->mount.model.width);
   aimed_->seen.clear();
   aimed_->unforecast.clear();
   aimed_->X_VW = X_VW_;
@@ -152,51 +150,26 @@ void TagForecast::learn(const std::vector<ExpectedTag>& expected, const CornerFr
   }
 }
 
-std::span<const PointSighting> PointFollower::follow(const CameraFrame& frame,
-                                                     const CameraModel& model,
-                                                     const std::optional<Eigen::Quaterniond>& q_WV,
-                                                     std::span<const TagSighting> tags) {
-  Camera& camera = cameras_[static_cast<std::size_t>(frame.camera)];
-  std::optional<Eigen::Quaterniond> q_beforeNow;
-  if (q_WV && camera.q_WV) q_beforeNow = camera.q_WV->conjugate() * *q_WV;
-  camera.q_WV = q_WV;
-  return camera.tracker.follow(frame, model, q_beforeNow, tags);
-}
-
-PointStatistics PointFollower::statistics() const {
-  PointStatistics all;
-  for (const Camera& camera : cameras_) {
-    const PointStatistics& one = camera.tracker.statistics();
-    all.images += one.images;
-    all.followed += one.followed;
-    all.lost += one.lost;
-    all.not_back += one.not_back;
-    all.on_tags += one.on_tags;
-    all.moving += one.moving;
-    all.begun += one.begun;
-  }
-  return all;
-}
-
 GuidedSearch::GuidedSearch(const BodySensors& sensors, const TagSetConfig& tags,
                            const DetectorConfig& detector, const EstimatorConfig& estimator)
     : regions_(detector.regions), search_(tags, detector), forecast_(sensors, estimator) {
   for (const CameraMount& camera : sensors.cameras) models_.push_back(camera.model);
-  if (estimator.landmarks && sensors.imu) points_.emplace(sensors.cameras.size());
+  if (estimator.landmarks && sensors.imu) points_.resize(sensors.cameras.size());
 }
 
 void GuidedSearch::add_imu(const ImuSample& imu) {
-  if (regions_ || points_) forecast_.add_imu(imu);
+  if (regions_ || !points_.empty()) forecast_.add_imu(imu);
 }
 
 const CornerFrame& GuidedSearch::search(const CameraFrame& frame, std::span<const TagBelief> local,
                                         const TagMap& map) {
   expected_.clear();
-  const bool aimed = (regions_ || points_) && forecast_.aim(frame.camera, frame.exposed_at);
+  const bool aimed =
+      (regions_ || !points_.empty()) && forecast_.aim(frame.camera, frame.exposed_at);
   if (aimed && regions_) expect(local, map);
   const CornerFrame& found = search_.search(frame, expected_);
   if (aimed && regions_) forecast_.learn(expected_, found);
-  return points_ ? with_points(frame, found, aimed) : found;
+  return points_.empty() ? found : with_points(frame, found, aimed);
 }
 
 const CornerFrame& GuidedSearch::with_points(const CameraFrame& frame, const CornerFrame& found,
@@ -204,15 +177,15 @@ const CornerFrame& GuidedSearch::with_points(const CameraFrame& frame, const Cor
   with_points_ = found;
   if (frame.camera < 0 || static_cast<std::size_t>(frame.camera) >= models_.size())
     return with_points_;
-  const auto points =
-      points_->follow(frame, models_[static_cast<std::size_t>(frame.camera)],
-                      aimed ? std::optional(forecast_.q_WV()) : std::nullopt, found.tags);
+  const auto number = static_cast<std::size_t>(frame.camera);
+  PointCamera& camera = points_[number];
+  const auto q_WV = aimed ? std::optional(forecast_.q_WV()) : std::nullopt;
+  std::optional<Eigen::Quaterniond> q_beforeNow;
+  if (q_WV && camera.q_WV) q_beforeNow = camera.q_WV->conjugate() * *q_WV;
+  camera.q_WV = q_WV;
+  const auto points = camera.tracker.follow(frame, models_[number], q_beforeNow, found.tags);
   with_points_.points.assign(points.begin(), points.end());
   return with_points_;
-}
-
-std::optional<PointStatistics> GuidedSearch::points() const {
-  return points_ ? std::optional(points_->statistics()) : std::nullopt;
 }
 
 void GuidedSearch::expect(std::span<const TagBelief> local, const TagMap& map) {
@@ -232,13 +205,12 @@ void GuidedSearch::expect(std::span<const TagBelief> local, const TagMap& map) {
 
 void GuidedSearch::learn(const std::optional<BodyEstimate>& estimate,
                          std::span<const ExtrinsicsEstimate> cameras) {
-  if (!regions_ && !points_) return;
+  if (!regions_ && points_.empty()) return;
   if (!estimate) return forecast_.clear();
   forecast_.set_estimate(*estimate);
-  if (points_ && estimate->at == with_points_.exposed_at &&
-      forecast_.aim(with_points_.camera, estimate->at)) {
-    points_->corrected(with_points_.camera, forecast_.q_WV());
-  }
+  if (!points_.empty() && estimate->at == with_points_.exposed_at &&
+      forecast_.aim(with_points_.camera, estimate->at))
+    points_[static_cast<std::size_t>(with_points_.camera)].q_WV = forecast_.q_WV();
   for (std::size_t k = 0; k < cameras.size(); ++k) forecast_.set_camera(k, cameras[k]);
 }
 

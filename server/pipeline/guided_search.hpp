@@ -74,34 +74,9 @@ class TagForecast final {
   double grown_rotation_var_{};
 };
 
-/// Follows image points in every camera of one body, guided by the predicted rotation of the
-/// camera.
-class PointFollower final {
- public:
-  explicit PointFollower(std::size_t cameras) : cameras_(cameras) {}
-
-  /// @param q_WV  predicted attitude of the camera at this image; nullopt: not known
-  /// @return see PointTracker
-  std::span<const PointSighting> follow(const CameraFrame& frame, const CameraModel& model,
-                                        const std::optional<Eigen::Quaterniond>& q_WV,
-                                        std::span<const TagSighting> tags);
-  /// The corrected attitude at a camera's last image, in the axes of the next prediction.
-  void corrected(int camera, const std::optional<Eigen::Quaterniond>& q_WV) {
-    cameras_[static_cast<std::size_t>(camera)].q_WV = q_WV;
-  }
-  [[nodiscard]] PointStatistics statistics() const;
-
- private:
-  struct Camera {
-    PointTracker tracker;
-    std::optional<Eigen::Quaterniond> q_WV;
-  };
-  std::vector<Camera> cameras_;
-};
-
 /// Detects the tags of one body's images where its estimate predicts them: TagForecast and
-/// TagSearch; with `estimator.landmarks` also PointFollower. Live and offline runs share it, so a
-/// recording gives the same corners again.
+/// TagSearch; with `estimator.landmarks` it also follows image points (PointTracker). Live and
+/// offline runs share it, so a recording gives the same corners again.
 class GuidedSearch final {
  public:
   GuidedSearch(const BodySensors& sensors, const TagSetConfig& tags, const DetectorConfig& detector,
@@ -120,8 +95,6 @@ class GuidedSearch final {
   /// Predicted tags of the last image; empty: all of it was searched.
   [[nodiscard]] std::span<const ExpectedTag> expected() const { return expected_; }
   [[nodiscard]] const SearchStatistics& statistics() const { return search_.statistics(); }
-  /// nullopt: points are not followed.
-  [[nodiscard]] std::optional<PointStatistics> points() const;
 
  private:
   void expect(std::span<const TagBelief> local, const TagMap& map);
@@ -133,7 +106,11 @@ class GuidedSearch final {
   std::vector<ExpectedTag> expected_;
   std::vector<int> local_ids_;
   std::vector<CameraModel> models_;
-  std::optional<PointFollower> points_;
+  struct PointCamera {
+    PointTracker tracker;
+    std::optional<Eigen::Quaterniond> q_WV;  ///< At its last image; nullopt: not known.
+  };
+  std::vector<PointCamera> points_;  ///< Empty: points are not followed.
   CornerFrame with_points_;
 };
 

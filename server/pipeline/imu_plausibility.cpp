@@ -72,7 +72,18 @@ void ImuFlow::add(const ImuSample& imu) {
   if (imu.w_WB_B == before->w_WB_B && imu.f_B == before->f_B) ++window_.repeated;
   if (step > std::max(kHole, from_seconds(kStepsInAHole / configured_hz_))) ++window_.holes;
   window_.longest = std::max(window_.longest, step);
-  if (imu.sampled_at - *window_.began >= kFlowWindow) end_window(imu.sampled_at);
+  if (imu.sampled_at - *window_.began < kFlowWindow) return;
+  const double seconds = to_seconds(imu.sampled_at - *window_.began);
+  const std::optional<ImuFault> found = judge(seconds);
+  if (found && found == seen_ && found != fault_) {
+    fault_ = found;
+    faulty_ = window_;
+    faulty_s_ = seconds;
+  }
+  seen_ = found;
+  sound_windows_ = found ? 0 : sound_windows_ + 1;
+  if (sound_windows_ >= kSoundWindows) fault_.reset();
+  window_ = {.began = imu.sampled_at};
 }
 
 std::optional<ImuFault> ImuFlow::judge(double seconds) const {
@@ -83,20 +94,6 @@ std::optional<ImuFault> ImuFlow::judge(double seconds) const {
   if (window_.holes > kFewHoles) return ImuFault::kHoles;
   if (window_.repeated > kMany * window_.readings) return ImuFault::kRepeated;
   return std::nullopt;
-}
-
-void ImuFlow::end_window(Instant at) {
-  const double seconds = to_seconds(at - *window_.began);
-  const std::optional<ImuFault> found = judge(seconds);
-  if (found && found == seen_ && found != fault_) {
-    fault_ = found;
-    faulty_ = window_;
-    faulty_s_ = seconds;
-  }
-  seen_ = found;
-  sound_windows_ = found ? 0 : sound_windows_ + 1;
-  if (sound_windows_ >= kSoundWindows) fault_.reset();
-  window_ = {.began = at};
 }
 
 std::string ImuFlow::text() const {
@@ -159,7 +156,15 @@ std::vector<ImuFault> faults_to_report(const ImuFaults& before, const ImuFaults&
 }
 
 void ImuPlausibility::add(const ImuSample& imu) {
-  if (last_at_ && imu.sampled_at - *last_at_ > kPause) restart_checks();
+  if (last_at_ && imu.sampled_at - *last_at_ > kPause) {
+    // A fault holds until the opposite is found.
+    forces_ = 0;
+    sound_forces_ = 0;
+    last_force_at_.reset();
+    last_.reset();
+    view_.reset();
+    comparisons_ = for_radians_ = for_degrees_ = 0;
+  }
   last_at_ = imu.sampled_at;
   flow_.add(imu);
   if (forces_ < kForces && (!last_force_at_ || imu.sampled_at - *last_force_at_ >= kForceStep)) {
@@ -177,35 +182,13 @@ void ImuPlausibility::add(const ImuSample& imu) {
   turned_by_degrees_ = (turned_by_degrees_ * exp_so3(kDegree * turn)).normalized();
 }
 
-/// A fault holds until the opposite is found.
-void ImuPlausibility::restart_checks() {
-  forces_ = 0;
-  sound_forces_ = 0;
-  last_force_at_.reset();
-  last_.reset();
-  view_.reset();
-  comparisons_ = for_radians_ = for_degrees_ = 0;
-}
-
 void ImuPlausibility::judge_forces() {
-  const auto middle = forces_m_s2_.begin() + kForces / 2;
-  std::nth_element(forces_m_s2_.begin(), middle, forces_m_s2_.end());
-  const std::optional<ImuFault> found = fault_of_force(*middle);
+  const std::optional<ImuFault> found = fault_of_force(nth_smallest(forces_m_s2_, kForces / 2));
   sound_forces_ = found ? 0 : sound_forces_ + 1;
   if (found) force_fault_ = found;
   if (!force_fault_) return;
   forces_ = 0;  // checked until the fault ends
   if (sound_forces_ >= kSoundForces) force_fault_.reset();
-}
-
-void ImuPlausibility::judge_rates() {
-  if (for_degrees_ >= kVotes) rate_fault_ = ImuFault::kRateInDegreesPerSecond;
-  if (!rate_fault_) return;
-  if (for_radians_ >= kVotes) {
-    rate_fault_.reset();
-  } else {
-    comparisons_ = for_radians_ = for_degrees_ = 0;  // checked until the fault ends
-  }
 }
 
 bool ImuPlausibility::rates_are_judged() const {
@@ -225,7 +208,14 @@ void ImuPlausibility::add(const TagObservations& seen, const CameraModel& camera
                     turned_by_degrees_};
   if (again) compare(*view_, now, camera);
   view_ = now;
-  if (rates_are_judged()) judge_rates();
+  if (!rates_are_judged()) return;
+  if (for_degrees_ >= kVotes) rate_fault_ = ImuFault::kRateInDegreesPerSecond;
+  if (!rate_fault_) return;
+  if (for_radians_ >= kVotes) {
+    rate_fault_.reset();
+  } else {
+    comparisons_ = for_radians_ = for_degrees_ = 0;  // checked until the fault ends
+  }
 }
 
 void ImuPlausibility::compare(const TagView& before, const TagView& now,

@@ -55,7 +55,6 @@ class ImuFlow final {
     Duration longest{0};
   };
   [[nodiscard]] std::optional<ImuFault> judge(double seconds) const;
-  void end_window(Instant at);
 
   double configured_hz_;
   std::optional<ImuSample> last_;
@@ -105,9 +104,7 @@ class ImuPlausibility final {
     Eigen::Quaterniond turned{};
     Eigen::Quaterniond turned_by_degrees{};
   };
-  void restart_checks();
   void judge_forces();
-  void judge_rates();
   void compare(const TagView& before, const TagView& now, const CameraModel& camera);
   [[nodiscard]] bool rates_are_judged() const;
 

@@ -29,9 +29,8 @@ bool is_in(char32_t c, const std::array<Range, N>& ranges) {
 }
 
 // The Unicode Standard: C0; C1; soft hyphen; Arabic letter mark; fillers; Mongolian separator; zero
-// width, direction; line and paragraph separator, embeddings, overrides; word joiner to isolates
-// and old formats; private use; noncharacters; selectors; byte order mark; annotations; tags and
-// beyond.
+// width, direction; separators, embeddings, overrides; word joiner to isolates, old formats;
+// private use; noncharacters; selectors; byte order mark; annotations; tags and beyond.
 constexpr std::array<Range, 16> kInvisible{{{0x00, 0x1f},
                                             {0x7f, 0x9f},
                                             {0xad, 0xad},

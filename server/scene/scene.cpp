@@ -4,6 +4,13 @@
 
 namespace fiducap {
 
+template <typename Work>
+void Scene::with_tracker(std::size_t body, Work&& work) {
+  FIDUCAP_ASSERT(body < bodies_.size());
+  const std::lock_guard lock(bodies_[body]->mutex);
+  work(bodies_[body]->tracker);
+}
+
 Scene::Scene(const std::vector<SceneBody>& bodies) {
   for (const SceneBody& body : bodies) {
     list_.push_back({body.description, true, body.X_BP});
@@ -12,13 +19,6 @@ Scene::Scene(const std::vector<SceneBody>& bodies) {
   }
   update_roster();
 }
-
-std::shared_ptr<const Scene::Roster> Scene::roster() const {
-  const std::lock_guard lock(list_mutex_);
-  return roster_;
-}
-
-std::shared_ptr<const SceneModel> Scene::model() const { return roster()->model; }
 
 void Scene::update_roster() {
   auto model = std::make_shared<SceneModel>();
@@ -55,39 +55,23 @@ void Scene::set_pivot(std::size_t body, const Pose& X_BP) {
     FIDUCAP_ASSERT(body < list_.size());
     list_[body].X_BP = X_BP;
   }
-  Guarded& one = guarded(body);
-  const std::lock_guard lock(one.mutex);
-  one.tracker.set_pivot(X_BP);
-}
-
-std::vector<Scene::Listed> Scene::list() const {
-  const std::lock_guard lock(list_mutex_);
-  return list_;
-}
-
-Scene::Guarded& Scene::guarded(std::size_t body) const {
-  FIDUCAP_ASSERT(body < bodies_.size());
-  return *bodies_[body];
+  with_tracker(body, [&](BodyTracker& tracker) { tracker.set_pivot(X_BP); });
 }
 
 void Scene::add_imu(std::size_t body, const ImuSample& imu) {
-  Guarded& one = guarded(body);
-  const std::lock_guard lock(one.mutex);
-  one.tracker.add_imu(imu);
+  with_tracker(body, [&](BodyTracker& tracker) { tracker.add_imu(imu); });
 }
 
 void Scene::ingest(std::size_t body, const std::optional<BodyEstimate>& estimate,
                    const UpdateReport& report, Duration processing, std::uint64_t images_dropped) {
   if (estimate && estimate->anchored) tag_fits_.add(report);
-  Guarded& one = guarded(body);
-  const std::lock_guard lock(one.mutex);
-  one.tracker.ingest(estimate, report, processing, images_dropped);
+  with_tracker(body, [&](BodyTracker& tracker) {
+    tracker.ingest(estimate, report, processing, images_dropped);
+  });
 }
 
 void Scene::source_lost(std::size_t body) {
-  Guarded& one = guarded(body);
-  const std::lock_guard lock(one.mutex);
-  one.tracker.source_lost();
+  with_tracker(body, [](BodyTracker& tracker) { tracker.source_lost(); });
 }
 
 std::shared_ptr<const SceneFrame> Scene::sample(Instant at, Instant published_at,
@@ -105,9 +89,8 @@ std::shared_ptr<const SceneFrame> Scene::sample(Instant at, Instant published_at
   frame->axes = room_.number();
   frame->bodies.resize(listed->bodies.size());
   for (std::size_t i = 0; i < listed->bodies.size(); ++i) {
-    Guarded& one = guarded(listed->bodies[i]);
-    const std::lock_guard lock(one.mutex);
-    one.tracker.sample(at, frame->bodies[i]);
+    with_tracker(listed->bodies[i],
+                 [&](BodyTracker& tracker) { tracker.sample(at, frame->bodies[i]); });
     room_.transform(frame->bodies[i]);
   }
   return frame;

@@ -40,7 +40,7 @@ class Scene final {
                                                          Duration utc_offset, double rate_hz,
                                                          std::shared_ptr<const TagMap> map);
   /// The enabled bodies.
-  [[nodiscard]] std::shared_ptr<const SceneModel> model() const;
+  [[nodiscard]] std::shared_ptr<const SceneModel> model() const { return roster()->model; }
 
   /// A disabled body is estimated but not in frames. Like `rename`, makes a new model generation.
   void set_enabled(std::size_t body, bool enabled);
@@ -52,7 +52,10 @@ class Scene final {
     Pose X_BP;
   };
   /// All bodies, in the constructor's order.
-  [[nodiscard]] std::vector<Listed> list() const;
+  [[nodiscard]] std::vector<Listed> list() const {
+    const std::lock_guard lock(list_mutex_);
+    return list_;
+  }
 
  private:
   struct Guarded {
@@ -65,8 +68,12 @@ class Scene final {
     std::shared_ptr<const SceneModel> model;
     std::vector<std::size_t> bodies;  ///< Index in bodies_, order of model->bodies.
   };
-  [[nodiscard]] Guarded& guarded(std::size_t body) const;
-  [[nodiscard]] std::shared_ptr<const Roster> roster() const;
+  template <typename Work>
+  void with_tracker(std::size_t body, Work&& work);
+  [[nodiscard]] std::shared_ptr<const Roster> roster() const {
+    const std::lock_guard lock(list_mutex_);
+    return roster_;
+  }
   void update_roster();
 
   std::vector<std::unique_ptr<Guarded>> bodies_;

@@ -85,9 +85,4 @@ void TagFits::add(const UpdateReport::CornerFit& fit, Instant seen_at) {
   at->seen_at = std::max(at->seen_at, seen_at);
 }
 
-std::vector<TagFit> TagFits::list() const {
-  const std::lock_guard lock(mutex_);
-  return fits_;
-}
-
 }  // namespace fiducap

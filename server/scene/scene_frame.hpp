@@ -44,8 +44,7 @@ struct SceneFrame {
 };
 
 /// Transforms maps and poses from the workspace's axes W into the room's axes R, by the operator's
-/// alignment X_RW of the map. Both have z up: of a tilted X_RW, as in some imported maps, only
-/// shift and heading are used. Not thread-safe.
+/// alignment X_RW of the map, of which only shift and heading are used. Not thread-safe.
 class RoomAxes final {
  public:
   /// Sets the map whose alignment is used. Copies each map once.
@@ -75,17 +74,18 @@ struct TagFit {
   Instant seen_at{};
 };
 
-/// Fits of all tags that a body in the workspace has seen since the server has started.
-/// Thread-safe; allocates only for a new tag.
+/// Fits of all tags seen by bodies in the workspace. Thread-safe; allocates only for a new tag.
 class TagFits final {
  public:
   static constexpr std::size_t kMostTags = 4096;  ///< Further ones are not listed.
 
   TagFits() { fits_.reserve(kMostTags); }
-  /// Adds the sightings of an image.
   void add(const UpdateReport& report);
   /// Sorted by id.
-  [[nodiscard]] std::vector<TagFit> list() const;
+  [[nodiscard]] std::vector<TagFit> list() const {
+    const std::lock_guard lock(mutex_);
+    return fits_;
+  }
 
  private:
   void add(const UpdateReport::CornerFit& fit, Instant seen_at);

@@ -5,6 +5,7 @@
 #include <map>
 #include <numbers>
 
+#include "detection/tag_geometry.hpp"
 #include "simulation/random.hpp"
 
 namespace fiducap::simulation {
@@ -138,9 +139,8 @@ Eigen::Quaterniond upright_tag(const Eigen::Vector3d& normal) {
 }
 
 std::array<Eigen::Vector3d, 4> corners_of(const RecordedTag& tag) {
-  const double h = 0.5 * tag.edge_m;
-  return {tag.X_WT * Eigen::Vector3d(-h, -h, 0), tag.X_WT * Eigen::Vector3d(h, -h, 0),
-          tag.X_WT * Eigen::Vector3d(h, h, 0), tag.X_WT * Eigen::Vector3d(-h, h, 0)};
+  const auto corner = [&](int i) { return tag.X_WT * tag_corner(i, tag.edge_m); };
+  return {corner(0), corner(1), corner(2), corner(3)};
 }
 
 LoopShape loop_of(const RoomConfig& room) {

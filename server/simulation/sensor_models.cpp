@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "base/expected.hpp"
+#include "detection/observe.hpp"
 #include "simulation/room_shape.hpp"
 
 namespace fiducap::simulation {
@@ -26,8 +27,6 @@ Eigen::Vector3d clamped(const Eigen::Vector3d& x, double range) {
   return x.cwiseMax(-range).cwiseMin(range);
 }
 
-using Corners = std::array<Eigen::Vector2d, 4>;
-
 // Each step scales the error of the row by the share of the image moved in a readout.
 constexpr int kRowSteps = 3;
 
@@ -45,15 +44,15 @@ std::optional<Eigen::Vector2d> project(const CameraModel& model, const CameraPat
 }
 
 /// The true corners; nullopt when the tag is not visible by the rules.
-std::optional<Corners> visible_corners(const CameraModel& model, const CameraPath& path,
-                                       const Pose& X_WV, const RecordedTag& tag,
-                                       const CameraSimulation& rules) {
+std::optional<TagCorners> visible_corners(const CameraModel& model, const CameraPath& path,
+                                          const Pose& X_WV, const RecordedTag& tag,
+                                          const CameraSimulation& rules) {
   const Pose X_VW = X_WV.inverse();
   const Eigen::Vector3d to_camera = X_WV.p - tag.X_WT.p;
   const double cos_tilt = (tag.X_WT.q * Eigen::Vector3d::UnitZ()).dot(to_camera) / to_camera.norm();
   if (!(cos_tilt >= std::cos(rules.max_tilt_rad)) || (X_VW * tag.X_WT.p).z() <= 0)
     return std::nullopt;
-  Corners corners;
+  TagCorners corners;
   const auto corners_W = corners_of(tag);
   for (std::size_t i = 0; i < corners.size(); ++i) {
     const auto px = project(model, path, X_VW, corners_W[i]);
@@ -63,19 +62,6 @@ std::optional<Corners> visible_corners(const CameraModel& model, const CameraPat
   for (std::size_t i = 0; i < corners.size(); ++i)
     if ((corners[(i + 1) % 4] - corners[i]).norm() < rules.min_side_px) return std::nullopt;
   return corners;
-}
-
-void remove_duplicates(std::vector<TagSighting>& sightings) {
-  const auto less = [](const TagSighting& a, const TagSighting& b) { return a.tag_id < b.tag_id; };
-  std::ranges::sort(sightings, less);
-  std::size_t kept = 0;
-  for (std::size_t i = 0; i < sightings.size();) {
-    std::size_t next = i + 1;
-    while (next < sightings.size() && sightings[next].tag_id == sightings[i].tag_id) ++next;
-    if (next == i + 1) sightings[kept++] = sightings[i];
-    i = next;
-  }
-  sightings.resize(kept);
 }
 
 Random for_image(std::uint64_t seed, Purpose purpose, int camera, std::uint64_t k) {
@@ -173,7 +159,7 @@ void sight_corners(const CameraModel& model, const CameraPath& path,
     }
     out.push_back(sighting);
   }
-  remove_duplicates(out);
+  drop_doubled_ids(out);
 }
 
 bool Faults::drops_imu(std::uint64_t k) const {
@@ -249,11 +235,8 @@ Duration Faults::imu_stamp_error(std::uint64_t k, double rate_hz) const {
 void Faults::saturate(double t_s, ImuSample& imu) const {
   if (t_s < config_.saturation_at_s || t_s >= config_.saturation_at_s + config_.saturation_s)
     return;
-  const auto cut = [](Eigen::Vector3d& x, double range) {
-    x = x.cwiseMax(-range).cwiseMin(range).eval();
-  };
-  cut(imu.w_WB_B, config_.saturated_gyro_rad_s);
-  cut(imu.f_B, config_.saturated_accel_m_s2);
+  imu.w_WB_B = clamped(imu.w_WB_B, config_.saturated_gyro_rad_s);
+  imu.f_B = clamped(imu.f_B, config_.saturated_accel_m_s2);
 }
 
 }  // namespace fiducap::simulation

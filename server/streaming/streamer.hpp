@@ -28,7 +28,8 @@ class OperatorApi;
 class SetupApi;
 namespace dds {
 class Participant;
-}
+using JoinDomain = std::function<Expected<std::shared_ptr<Participant>>()>;
+}  // namespace dds
 
 /// Offset between the server's clock and a client's.
 struct ClockOffset {
@@ -51,16 +52,27 @@ struct ClientStatus {
 /// `kCanWait`, on that of the pages; never blocks.
 class Streamer {
  public:
+  /// @param protocol  its name, a literal
+  explicit Streamer(std::string_view protocol) : protocol_(protocol) {}
   virtual ~Streamer() = default;
-  [[nodiscard]] virtual std::string_view protocol() const = 0;
+  [[nodiscard]] std::string_view protocol() const { return protocol_; }
   /// The first port that it listens on, also when any free one was configured; 0: it has none.
-  [[nodiscard]] virtual std::uint16_t port() const { return 0; }
+  [[nodiscard]] std::uint16_t port() const { return port_; }
+  /// A further UDP port: for discovery (qualisys) or unicast clients (natnet); 0: none.
+  [[nodiscard]] std::uint16_t second_port() const { return second_port_; }
   /// Encodes once, sends to every client; a slow client loses frames.
   virtual void publish(const std::shared_ptr<const SceneFrame>& frame) = 0;
   /// Appends one entry per connected client.
   virtual void append_clients(std::vector<ClientStatus>& out) const = 0;
   /// Closes everything; called once, on the I/O thread.
   virtual void stop() = 0;
+
+ protected:
+  std::uint16_t port_{0};
+  std::uint16_t second_port_{0};
+
+ private:
+  std::string_view protocol_;
 };
 using StartedStreamer = Expected<std::unique_ptr<Streamer>>;
 
@@ -68,12 +80,12 @@ using StartedStreamer = Expected<std::unique_ptr<Streamer>>;
 struct ProtocolContext {
   boost::asio::io_context& io;  ///< Of the server's thread.
   std::shared_ptr<const SceneModel> model;
-  OperatorApi& operator_api;
-  const EventBoard& events;
   const Clock& clock;
-  double rate_hz{};  ///< Of the frames.
+  OperatorApi* operator_api{};  ///< nullptr: no client can change anything.
+  const EventBoard* events{};   ///< nullptr: no events.
+  double rate_hz{};             ///< Of the frames.
   std::string_view version{};
-  std::function<Expected<std::shared_ptr<dds::Participant>>()> join_dds{};
+  dds::JoinDomain join_dds{};  ///< Called at the start and later, from any thread.
   /// Of all protocols; those of the other thread with a short delay.
   std::function<std::vector<ClientStatus>()> clients{};
   CameraViews* views{};  ///< nullptr: no pictures. For one protocol only.

@@ -32,18 +32,6 @@ std::vector<std::string> options_of(const CLI::App& app) {
   return names;
 }
 
-std::string not_a_verb(const std::string& path, const std::string& word,
-                       const std::vector<std::string>& verbs) {
-  return path + " " + word + ": there is no such verb; it " + must_be_one_of(verbs, word);
-}
-
-std::string not_an_option(const std::string& path, const std::string& word,
-                          const std::vector<std::string>& options) {
-  const std::string meant = did_you_mean(word, options);
-  return path + " " + word + ": there is no such option; " +
-         (meant.empty() ? "`" + path + " --help` lists them" : meant);
-}
-
 /// A verb or an option that does not exist, with the one that was probably meant: CLI11 would
 /// report unexpected or missing arguments instead. @return the message; nullopt: all of them exist
 std::optional<std::string> wrong_word(const CLI::App& app, int argc, const char* const* argv) {
@@ -56,13 +44,14 @@ std::optional<std::string> wrong_word(const CLI::App& app, int argc, const char*
     if (word.starts_with("--")) {
       const auto options = options_of(*at);
       const std::string name = word.substr(0, word.find('='));
-      if (std::find(options.begin(), options.end(), name) == options.end())
-        return not_an_option(path, name, options);
-      continue;
+      if (std::ranges::find(options, name) != options.end()) continue;
+      const std::string meant = did_you_mean(name, options);
+      return path + " " + name + ": there is no such option; " +
+             (meant.empty() ? "`" + path + " --help` lists them" : meant);
     }
     if (word.empty() || word.front() == '-' || verbs.empty()) continue;
-    if (std::find(verbs.begin(), verbs.end(), word) == verbs.end())
-      return not_a_verb(path, word, verbs);
+    if (std::ranges::find(verbs, word) == verbs.end())
+      return path + " " + word + ": there is no such verb; it " + must_be_one_of(verbs, word);
     at = at->get_subcommand(word);
     path += " " + word;
   }

@@ -2,6 +2,8 @@
 
 #include <csignal>
 
+#include <nlohmann/json.hpp>
+
 namespace fiducap {
 namespace {
 
@@ -17,6 +19,17 @@ void on_signal(int signal) {
 int report(const Terminal& terminal, const Error& error) {
   terminal.err << "fiducap: " << error.text() << std::endl;
   return kExitFailed;
+}
+
+Error in_context(Error error, const std::string& context) {
+  if (error.context.empty()) error.context = context;
+  return error;
+}
+
+int print_json(const Terminal& terminal, const nlohmann::ordered_json& json) {
+  constexpr auto kReplace = nlohmann::ordered_json::error_handler_t::replace;
+  terminal.out << json.dump(2, ' ', false, kReplace) << "\n";
+  return kExitOk;
 }
 
 ProgressLine::~ProgressLine() {

@@ -4,6 +4,8 @@
 #include <ostream>
 #include <string>
 
+#include <nlohmann/json_fwd.hpp>
+
 #include "base/expected.hpp"
 #include "base/text.hpp"
 
@@ -23,6 +25,12 @@ struct Terminal {
 
 /// Writes the error to `err`. @return kExitFailed
 int report(const Terminal& terminal, const Error& error);
+
+/// The error; `context` is added when it has none.
+[[nodiscard]] Error in_context(Error error, const std::string& context);
+
+/// Writes the value to `out`, for scripts. @return kExitOk
+int print_json(const Terminal& terminal, const nlohmann::ordered_json& json);
 
 /// A line on `err` that is redrawn at most five times a second and wiped at the end; nothing when
 /// `err` is no terminal.

@@ -31,6 +31,13 @@ Arguments& arguments_of(CLI::App& verb, ChosenVerb& chosen, Run run) {
   return *arguments;
 }
 
+/// A length, time or factor. Its default is shown when it is > 0; 0 means that it is not given.
+inline CLI::Option* add_positive(CLI::App& verb, const char* name, double& value,
+                                 const char* what) {
+  auto* option = verb.add_option(name, value, what)->check(kPositive);
+  return value > 0 ? option->capture_default_str() : option;
+}
+
 inline void add_server_option(CLI::App& verb, std::string& server) {
   verb.add_option("--server", server, "HOST or HOST:PORT of the native protocol")
       ->capture_default_str();

@@ -47,7 +47,9 @@ const std::map<std::string, std::string> kListed{
     {"daemon",
      "recording config[recording] bodies[config recording views] "
      "views watch[bodies] review[bodies config] setup[bodies config]"},
-    {"tools", "tags plot replay[plot tags] calibrate[plot] camera import live doctor[live]"}};
+    {"tools",
+     "tags plot replay[plot tags] calibrate[plot replay] camera import[replay] live[tags] "
+     "doctor[live]"}};
 
 /// `estimation/start` → `imu`, `filter`.
 const std::map<std::string, std::set<std::string>> kFolders = [] {

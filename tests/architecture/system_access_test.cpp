@@ -114,11 +114,9 @@ TEST(Time, IsNotWaitedForInUnitTests) {
   // Of programs with the label `loopback`.
   const std::set<std::string> real_time{
       "tests/unit/capture/imu/imu_source_test.cpp",
-      "tests/unit/capture/imu/px4_source_test.cpp",
       "tests/unit/client/c_api_test.cpp",
       "tests/unit/client/client_reading_test.cpp",
       "tests/unit/client/client_server_test.cpp",
-      "tests/unit/client/clock_test.cpp",
       "tests/unit/client/control_test.cpp",
       "tests/unit/client/profiles_test.cpp",
       "tests/unit/client/test_server.hpp",
@@ -129,6 +127,7 @@ TEST(Time, IsNotWaitedForInUnitTests) {
       "tests/unit/streaming/dds/flood_test.cpp",        // the middleware's threads
       "tests/unit/streaming/mavlink/mavlink_server_test.cpp",
       "tests/unit/streaming/natnet/natnet_server_test.cpp",
+      "tests/unit/streaming/server_fixture.hpp",
       "tests/unit/streaming/web/loopback_client.hpp",
       "tests/unit/streaming/web/web_server_test.cpp",
   };

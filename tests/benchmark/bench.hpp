@@ -18,7 +18,6 @@ using Bench = std::function<int()>;
 [[nodiscard]] Bench add_bodies(CLI::App& verb, const bool& quick);
 [[nodiscard]] Bench add_loop(CLI::App& verb, const bool& quick);
 [[nodiscard]] Bench add_fanout(CLI::App& verb, const bool& quick);
-[[nodiscard]] Bench add_client(CLI::App& verb, const bool& quick);
 [[nodiscard]] Bench add_map_store(CLI::App& verb, const bool& quick);
 
 }  // namespace fiducap::bench

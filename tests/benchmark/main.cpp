@@ -14,14 +14,11 @@ struct Verb {
   Bench (*add)(CLI::App&, const bool& quick);
 };
 constexpr Verb kVerbs[] = {
-    {"stages", "CPU time of detector, scene and encoders; latency from a pose to a client",
-     add_stages},
-    {"detection", "tracking regions against libapriltag on whole images; corner errors",
-     add_detection},
+    {"stages", "CPU time of scene and encoders", add_stages},
+    {"detection", "tracking regions against libapriltag on whole images", add_detection},
     {"bodies", "a server with many bodies and images on few cores", add_bodies},
     {"loop", "control loops whose only feedback is the stream", add_loop},
-    {"fanout", "one scene to twenty clients, with and without clients that never read", add_fanout},
-    {"client", "what a reader of the client library pays", add_client},
+    {"fanout", "one scene to twenty clients", add_fanout},
     {"map_store", "size of a map store and time of a commit", add_map_store}};
 
 int run(int argc, char** argv) {

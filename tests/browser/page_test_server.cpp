@@ -31,6 +31,7 @@
 #include "fake_cameras.hpp"
 #include "scene/scene_frame.hpp"
 #include "streaming/web/web.hpp"
+#include "support/fake_operator_api.hpp"
 #include "support/real_clock.hpp"
 
 namespace {
@@ -151,14 +152,7 @@ class ServedMap final {
         keeping_([this](std::stop_token stop) { keeper_.run(stop); }) {}
 
   [[nodiscard]] std::shared_ptr<const TagMap> snapshot() const { return map_.snapshot(); }
-  void serve(web::WebSources& sources) {
-    sources.operator_api = &service_;
-    sources.map_mode = [this] {
-      return std::string(service_.map_mode() == MapMode::kFrozen ? "frozen" : "mapping");
-    };
-    sources.map_versions = [this] { return service_.map_versions(); };
-    sources.map_version = [this](std::int64_t version) { return service_.map_version(version); };
-  }
+  [[nodiscard]] OperatorApi& service() { return service_; }
 
  private:
   static constexpr double kNever_s = 1e6;
@@ -267,28 +261,32 @@ void execute(std::istream& line, EventBoard& events, const CameraPreview& views)
   std::fflush(stdout);
 }
 
-/// Two versions of the map, and the fits of its tags.
-web::WebSources fake_sources(const Clock& clock) {
-  web::WebSources sources;
-  sources.version = "0.1.0";
-  sources.map_mode = [] { return std::string("mapping"); };
-  sources.map_versions = [] {
+/// Two versions of the map, and the fits of its tags; no token.
+class FakeOperator final : public FakeOperatorApi {
+ public:
+  explicit FakeOperator(const Clock& clock) : clock_(clock) {
+    operator_token.clear();
+    mode = MapMode::kMapping;
+  }
+  [[nodiscard]] std::vector<MapVersionInfo> map_versions() const override {
     const std::int64_t now_ns = 1'790'000'000'000'000'000;
-    return std::vector<MapVersionInfo>{
-        {12, 11, now_ns, "c", "mapped by fiducapd", 24},
-        {11, 0, now_ns - 60'000'000'000, "b", "before <the> move", 23}};
-  };
-  sources.map_version = [](std::int64_t version) -> Expected<std::shared_ptr<const TagMap>> {
+    return {{12, 11, now_ns, "c", "mapped by fiducapd", 24},
+            {11, 0, now_ns - 60'000'000'000, "b", "before <the> move", 23}};
+  }
+  [[nodiscard]] Expected<std::shared_ptr<const TagMap>> map_version(
+      std::int64_t version) const override {
     auto map = std::make_shared<TagMap>(*hall());
     map->version = version;
     if (version == 12) return map;
     map->tags.erase(map->tags.begin() + 20);
     map->tags[9].tag.X_WT.p += Eigen::Vector3d(0.3, 0, 0.4);
     return map;
-  };
-  sources.tag_fits = [&clock] { return fits(clock.now()); };
-  return sources;
-}
+  }
+  [[nodiscard]] std::vector<TagFit> tag_fits() const override { return fits(clock_.now()); }
+
+ private:
+  const Clock& clock_;
+};
 
 }  // namespace
 
@@ -315,12 +313,14 @@ int main(int argc, char** argv) {
   FakeCameras cameras(bodies, clock);
   std::unique_ptr<Streamer> server;
   EventBoard events(utc_now_ns);
-  web::WebSources sources = fake_sources(clock);
-  sources.events = &events;
-  sources.views = &cameras.preview();
+  FakeOperator fake(clock);
+  ProtocolContext context{io, model, clock, &fake, &events};
+  context.version = "0.1.0";
+  context.views = &cameras.preview();
   std::optional<ServedMap> served;
-  if (!store.empty()) served.emplace(*hall(), store, token, events).serve(sources);
-  sources.clients = [&] {
+  if (!store.empty())
+    context.operator_api = &served.emplace(*hall(), store, token, events).service();
+  context.clients = [&] {
     const double up = std::fmod(to_seconds(clock.now().time_since_epoch()), 5000);
     const auto sent = static_cast<std::uint64_t>(up * 100);
     std::vector<ClientStatus> all{
@@ -330,7 +330,7 @@ int main(int argc, char** argv) {
     server->append_clients(all);
     return all;
   };
-  auto started = web::start_web_server(io, config, sources, model, clock);
+  auto started = web::serve(context, config);
   if (!started) {
     std::fprintf(stderr, "%s\n", started.error().text().c_str());
     return 1;

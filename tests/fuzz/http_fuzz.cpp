@@ -12,30 +12,12 @@
 #include "support/fake_operator_api.hpp"
 #include "support/fake_views.hpp"
 #include "support/scene_builder.hpp"
+#include "unit/streaming/web/loopback_client.hpp"
 #include "unit/streaming/web/temporary_page.hpp"
 
 using namespace fiducap::web;
 
 namespace {
-
-std::string upgrade_to(const std::string& path) {
-  return "GET " + path +
-         " HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
-         "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
-}
-
-// One binary message with a mask of zeros.
-std::string message_of(std::span<const std::byte> bytes) {
-  const auto length = static_cast<std::uint16_t>(bytes.size());
-  std::string frame{'\x82'};
-  if (length < 126) {
-    frame += static_cast<char>(0x80 | length);
-  } else {
-    frame += {'\xfe', static_cast<char>(length >> 8), static_cast<char>(length)};
-  }
-  frame.append(4, '\0');
-  return frame.append(reinterpret_cast<const char*>(bytes.data()), length);
-}
 
 struct Page {
   boost::asio::io_context io;
@@ -44,21 +26,17 @@ struct Page {
   FakeOperatorApi operators;
   FakeViews views;
   std::shared_ptr<SceneFrame> frame = make_scene_frame({"arm", "drone"});
-  std::shared_ptr<WebContext> context =
-      std::make_shared<WebContext>(config(), sources(), frame->model, clock);
+  std::shared_ptr<WebContext> context = std::make_shared<WebContext>(context_of(), config());
 
   [[nodiscard]] WebConfig config() const {
     WebConfig config;
     config.root = files.root().string();
     return config;
   }
-  [[nodiscard]] WebSources sources() {
-    WebSources sources;
-    sources.operator_api = &operators;
-    sources.views = &views;
-    sources.clients = [] { return std::vector<ClientStatus>(); };
-    sources.map_mode = [] { return std::string("frozen"); };
-    return sources;
+  [[nodiscard]] ProtocolContext context_of() {
+    ProtocolContext made{io, frame->model, clock, &operators};
+    made.views = &views;
+    return made;
   }
 };
 
@@ -117,16 +95,17 @@ FUZZ(http_fuzz, input) {
   const bool is_live = which == 2, is_operator = which == 3;
   const bool is_viewer = which == 4;
   if (is_live || is_operator || is_viewer) {
-    const auto upgrade = upgrade_to(is_live     ? "/api/v1/live"
-                                    : is_viewer ? "/api/v1/views"
-                                                : "/api/v1/control");
+    const std::string path = is_live ? "live" : is_viewer ? "views" : "control";
+    const std::string upgrade =
+        "GET /api/v1/" + path + " HTTP/1.1\r\nHost: localhost\r\n" + kUpgrade + "\r\n";
     stranger.send(std::as_bytes(std::span(upgrade)));
     require(stranger.receive().starts_with("HTTP/1.1 101 "));
   }
   const std::size_t cut = which == 1 || is_operator ? input.bytes.size() / 2 : input.bytes.size();
   const auto send = [&](std::span<const std::byte> bytes) {
     if (!is_operator) return stranger.send(bytes);
-    const std::string frame = message_of(bytes);
+    const std::string frame =
+        web_socket({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
     stranger.send(std::as_bytes(std::span(frame)));
   };
   send(input.bytes.first(cut));

@@ -67,7 +67,7 @@ FUZZ(ros_messages_fuzz, input) {
     within(read->image.encoding, input.bytes);
   } else if (which % 4 == 2) {
     if (const auto read = ros::read_compressed(format, input.bytes))
-      within(read->data, input.bytes);
+      within(read->image.data, input.bytes);
   } else if (const auto lens = ros::read_lens(format, input.bytes)) {
     require(lens->check().empty());
   }

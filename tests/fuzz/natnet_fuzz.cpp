@@ -4,8 +4,8 @@
 #include "streaming/natnet/codec.hpp"
 #include "streaming/natnet/commands.hpp"
 #include "streaming/natnet/conversation.hpp"
+#include "support/fake_operator_api.hpp"
 #include "support/scene_builder.hpp"
-#include "unit/streaming/natnet/fake_operator_api.hpp"
 
 namespace fiducap::natnet {
 namespace {

@@ -30,10 +30,27 @@ fuzz_one() {
     "$findings/$target/batch" "$here/corpus/$target" "$work/$target" >"$logs/$target.batch.log" 2>&1 || true
 }
 
+# The words of a target: its own, those of YAML, and what the sources compare bytes with.
+words_of() {
+  local sources=$here/../../server own=$here/dictionaries/${1/_request/}.dict
+  [ ! -f "$own" ] || cat "$own"
+  case $1 in
+    config_fuzz | calibration_fuzz | recording_yaml_fuzz | map_yaml_fuzz | map_tagslam_fuzz | map_bundles_fuzz | map_rcars_fuzz)
+      cat "$here/dictionaries/yaml.dict" ;;
+  esac
+  case $1 in
+    config_fuzz) grep -rhoP '\bv\.\w+\("\K\w+(?=")' "$sources" | sort -u | sed 's/.*/"&:"/' ;;
+    natnet*_fuzz | qualisys_fuzz)
+      cat "$sources/streaming/${1%%_*}"/*.cpp | grep -v '^#include' | LC_ALL=C grep -oE '"[^"\]*"' |
+        LC_ALL=C grep -E '^"[]!#-[^-~ ]{2,40}"$' | sort -u ;;
+  esac
+}
+
 find_new() {
-  local target=$1 dictionary=$here/dictionaries/$1.dict
+  local target=$1 dictionary=$logs/$1.dict
   local words=()
-  [ -f "$dictionary" ] && words=("-dict=$dictionary")
+  words_of "$target" >"$dictionary"
+  [ -s "$dictionary" ] && words=("-dict=$dictionary")
   # shellcheck disable=SC2086
   "$programs/$target" "$work/$target" "$here/corpus/$target" "${words[@]}" $limits -max_total_time="$seconds" \
     -max_len="$(longest "$target")" -len_control=20 -print_final_stats=1 -artifact_prefix="$findings/$target/" \

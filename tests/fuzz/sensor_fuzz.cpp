@@ -109,7 +109,7 @@ FUZZ(mavlink_imu_fuzz, input) {
   std::vector<std::byte> out;
   while (in.left() >= 3) {
     const std::size_t length = in.u8();
-    const LinkPeer from{0x7f000001, static_cast<std::uint16_t>(14550 + in.u8() % 3)};
+    const net::Peer from{0x7f000001, static_cast<std::uint16_t>(14550 + in.u8() % 3)};
     now += Duration{std::int64_t{in.u8()} * 1'000'000};
     vehicle.receive(in.bytes(std::min(length, in.left())), from, now);
     while (const auto sample = vehicle.take()) {

@@ -1,6 +1,6 @@
 // Trajectories and covariances of a run: accepted ones are written, and read again as the same.
 #include "fuzz/memory_file.hpp"
-#include "tools/replay/trajectory_files.hpp"
+#include "tools/replay/run_files.hpp"
 
 FUZZ(tum_fuzz, input) {
   const auto poses = tum_from(input.text(), "fuzz");

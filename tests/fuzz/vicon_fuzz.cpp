@@ -15,9 +15,9 @@ FUZZ(vicon_fuzz, input) {
   if (input.bytes.empty()) return;
   const unsigned first = input.choose(256);
   const std::size_t piece_size = first == 0 ? 0 : 1 + first % 64;
-  ProfileTable profiles;
   const Instant now = frame->published_at;
   board.update(*frame, now);  // a new frame for every input: packets of the last one are released
+  ProfileTable profiles;
   Connection connection(profiles, now);
   (void)connection.greeting();
   std::vector<std::byte> answers;

@@ -15,7 +15,7 @@
 #include "streaming/qualisys/qualisys.hpp"
 #include "streaming/vicon/vicon.hpp"
 #include "streaming/vrpn/vrpn.hpp"
-#include "support/client_process.hpp"
+#include "support/child_process.hpp"
 #include "support/fake_clock.hpp"
 #include "support/scene_builder.hpp"
 
@@ -44,7 +44,7 @@ class ThirdPartyClientTest : public testing::Test {
   }
   [[nodiscard]] std::string port() const { return std::to_string(server_->port()); }
   /// Publishes frames at 100 Hz until the client has printed all of `wanted`, at most `limit_s`.
-  bool serve_until(ClientProcess& client, const std::vector<std::string>& wanted) {
+  bool serve_until(ChildProcess& client, const std::vector<std::string>& wanted) {
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(limit_s_);
     while (std::chrono::steady_clock::now() < end) {
       auto frame = make_scene_frame(kNames, ++number_);
@@ -56,7 +56,7 @@ class ThirdPartyClientTest : public testing::Test {
       server_->publish(frame);
       io_.restart();
       io_.run_for(std::chrono::milliseconds(10));
-      const std::string& text = client.output();
+      const std::string text = client.output();
       if (std::all_of(wanted.begin(), wanted.end(),
                       [&](const auto& one) { return text.find(one) != std::string::npos; }))
         return true;
@@ -87,7 +87,7 @@ class VrpnPrintDevices : public ThirdPartyClientTest {
     restart();
   }
   void restart() {
-    start(vrpn::start_vrpn_server(io_, config_, make_scene_frame(kNames)->model, clock_));
+    start(vrpn::serve({io_, make_scene_frame(kNames)->model, clock_}, config_));
     if (server_ != nullptr) config_.port = server_->port();
   }
   /// Line by line: the client's own buffer is lost when it is ended.
@@ -103,25 +103,25 @@ class VrpnPrintDevices : public ThirdPartyClientTest {
 constexpr const char* kVrpnPose = "pos ( 1.25, -2.50,  0.75); quat ( 0.50,  0.50,  0.50,  0.50)";
 
 TEST_F(VrpnPrintDevices, ShowsThePoseByTcp) {
-  ClientProcess client(watch("drone", "tcp://"));
+  ChildProcess client(watch("drone", "tcp://"));
   EXPECT_TRUE(serve_until(client, {kVrpnPose})) << client.output();
 }
 
 TEST_F(VrpnPrintDevices, ShowsThePoseByRequestWithoutWarnings) {
-  ClientProcess client(watch("drone"));
+  ChildProcess client(watch("drone"));
   EXPECT_FALSE(serve_until(client, {"No response"})) << client.output();
   EXPECT_THAT(client.output(), HasSubstr(kVrpnPose));
   EXPECT_THAT(client.output(), Not(HasSubstr("VRPN Warning")));
 }
 
 TEST_F(VrpnPrintDevices, ListsTheBodiesInsteadOfAnUnknownOne) {
-  ClientProcess client(watch("ghost", "tcp://"));
+  ChildProcess client(watch("ghost", "tcp://"));
   EXPECT_TRUE(serve_until(client, {"no body of this name here; there are: arm, drone"}))
       << client.output();
 }
 
 TEST_F(VrpnPrintDevices, ConnectsAgainAfterARestart) {
-  ClientProcess client(watch("drone"));
+  ChildProcess client(watch("drone"));
   ASSERT_TRUE(serve_until(client, {kVrpnPose})) << client.output();
   stop();
   config_.minor_version = 7;  // shows the second greeting in the client's output
@@ -140,7 +140,7 @@ class ViconSdkClient : public ThirdPartyClientTest {
       GTEST_SKIP() << "no Vicon client: set FIDUCAP_VICON_CLIENT to a ViconDataStreamSDK_CPPTest";
     vicon::ViconConfig config;
     config.port = 0;
-    start(vicon::start_vicon_server(io_, config, clock_));
+    start(vicon::serve({io_, nullptr, clock_}, config));
   }
   [[nodiscard]] std::vector<std::string> client() const {
     return {program_, "127.0.0.1:" + port()};
@@ -151,7 +151,7 @@ class ViconSdkClient : public ThirdPartyClientTest {
 constexpr const char* kViconPlace = "Global Translation: (1250, -2500, 750) False";
 
 TEST_F(ViconSdkClient, ShowsNamesAndPoseByPull) {
-  ClientProcess process(client());
+  ChildProcess process(client());
   EXPECT_TRUE(serve_until(process, {"Name: drone", "Root Segment: drone", kViconPlace,
                                     "Global Rotation Quaternion: (0.5, 0.5, 0.5, 0.5) False"}))
       << process.output();
@@ -162,7 +162,7 @@ TEST_F(ViconSdkClient, ShowsNamesAndPoseByPull) {
 TEST_F(ViconSdkClient, ShowsThePoseByLightweightSegments) {
   auto arguments = client();
   arguments.push_back("--lightweight");
-  ClientProcess process(arguments);
+  ChildProcess process(arguments);
   EXPECT_TRUE(
       serve_until(process, {"Lightweight Segment Data Enabled: True", "Name: drone", kViconPlace}))
       << process.output();
@@ -170,7 +170,7 @@ TEST_F(ViconSdkClient, ShowsThePoseByLightweightSegments) {
 
 TEST_F(ViconSdkClient, ShowsAnInvalidBodyAsOccluded) {
   arm_valid_ = false;
-  ClientProcess process(client());
+  ChildProcess process(client());
   EXPECT_TRUE(serve_until(process, {"Name: arm", kViconPlace})) << process.output();
   EXPECT_THAT(process.output(), Not(HasSubstr("(1000, -2000, 500)")));
   EXPECT_THAT(process.output(), HasSubstr("Global Translation: (0, 0, 0) True"));
@@ -196,16 +196,15 @@ class QualisysClients : public ThirdPartyClientTest,
     qualisys::QualisysConfig config;
     config.base_port = 0;
     config.discovery_port = 0;
-    start(qualisys::start_qualisys_server(io_, config, nullptr, make_scene_frame(kNames)->model,
-                                          clock_));
+    start(qualisys::serve({io_, make_scene_frame(kNames)->model, clock_}, config));
   }
   const char* sdk_{};
 };
 
 TEST_P(QualisysClients, ReadNamesPosesAndLostBodies) {
   const auto& [client, order, transport] = GetParam();
-  ClientProcess process({"env", std::string("PYTHONPATH=") + (sdk_ == nullptr ? "" : sdk_),
-                         "python3", FIDUCAP_QUALISYS_PRINT, client, port(), order, transport});
+  ChildProcess process({"env", std::string("PYTHONPATH=") + (sdk_ == nullptr ? "" : sdk_),
+                        "python3", FIDUCAP_QUALISYS_PRINT, client, port(), order, transport});
   // The rotation turns x into y, y into z, z into x: R by rows.
   EXPECT_TRUE(serve_until(
       process, {"drone at 1250.0 -2500.0 750.0 turned 0.000 0.000 1.000 1.000 0.000 0.000 0.000 "

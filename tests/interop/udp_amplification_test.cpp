@@ -1,13 +1,10 @@
 // Bytes that a blind sender draws from UDP sockets to a forged address beyond all networks of the
 // server. They are counted on the wire, as bytes of IP, and not answered. Every UDP socket of the
 // process has its test here, those of sensors included. (DDS: fence_test. Vicon has no UDP.)
-#include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <net/ethernet.h>
 #include <netinet/ip.h>
 #include <poll.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include <array>
 #include <chrono>
@@ -25,6 +22,7 @@
 #include "streaming/qualisys/qualisys.hpp"
 #include "streaming/vrpn/vrpn.hpp"
 #include "support/hex.hpp"
+#include "support/loopback_socket.hpp"
 #include "support/network_namespace.hpp"
 #include "support/real_clock.hpp"
 #include "support/scene_builder.hpp"
@@ -44,14 +42,6 @@ constexpr double kAllowed = 3;
 // Longer than the seconds in which the kernel repeats a SYN.
 constexpr auto kListen = std::chrono::seconds(5);
 constexpr auto kFrame = std::chrono::milliseconds(10);
-
-sockaddr_in ipv4(const char* address, std::uint16_t port) {
-  sockaddr_in all{};
-  all.sin_family = AF_INET;
-  all.sin_port = htons(port);
-  ::inet_pton(AF_INET, address, &all.sin_addr);
-  return all;
-}
 
 /// Sends under the victim's address and counts packets to it, in the namespace of the calling
 /// thread.
@@ -196,7 +186,7 @@ TEST_F(UdpAmplification, VrpnConnectsToStrangersOnce) {
   vrpn::VrpnConfig config;
   config.address = TwoHosts::kServer;
   config.port = 3883;
-  serve([&](auto& io) { return vrpn::start_vrpn_server(io, config, model_, clock_); });
+  serve([&](auto& io) { return vrpn::serve({io, model_, clock_}, config); });
   const std::string request = std::string(kVictim) + " 7000";
   Bytes bytes(request.size() + 1);
   std::memcpy(bytes.data(), request.data(), request.size());
@@ -207,9 +197,7 @@ TEST_F(UdpAmplification, VrpnConnectsToStrangersOnce) {
 TEST_F(UdpAmplification, QualisysAnswersStrangersInProportion) {
   qualisys::QualisysConfig config;
   config.address = TwoHosts::kServer;
-  serve([&](auto& io) {
-    return qualisys::start_qualisys_server(io, config, nullptr, model_, clock_);
-  });
+  serve([&](auto& io) { return qualisys::serve({io, model_, clock_}, config); });
   Bytes question;
   question.reserve(16);
   LittleEndianWriter(question).u32(10).u32(7).u8(kVictimPort >> 8).u8(kVictimPort & 0xff);
@@ -264,7 +252,7 @@ TEST_F(UdpAmplification, MavlinkServerIgnoresStrangers) {
   vehicle.address = TwoHosts::kClient;
   vehicle.port = 14580;
   config.vehicles = {vehicle};
-  serve([&](auto& io) { return mavlink::start_mavlink_server(io, config, model_, clock_); });
+  serve([&](auto& io) { return mavlink::serve({io, model_, clock_}, config); });
   Bytes question = from_hex(mavlink::golden::kHeartbeatOfPx4);
   mavlink::encode_timesync({3, 1, 0}, {0, 5}, question);
   forger_->send(question, config.port);
@@ -274,7 +262,7 @@ TEST_F(UdpAmplification, MavlinkServerIgnoresStrangers) {
 TEST_F(UdpAmplification, NativeAnswersStrangersInProportion) {
   native::NativeConfig config;
   config.address = TwoHosts::kServer;
-  serve([&](auto& io) { return native::start_native_server(io, config, model_, clock_); });
+  serve([&](auto& io) { return native::serve({io, model_, clock_}, config); });
   const auto send = [&](auto fill) {
     v1::Envelope envelope;
     envelope.set_protocol(native::kProtocol);
@@ -297,7 +285,7 @@ TEST_F(UdpAmplification, NatNetSendsStrangersNoFrames) {
   natnet::NatNetConfig config;
   config.address = TwoHosts::kServer;
   serve([&](auto& io) {
-    return natnet::start_natnet_server(io, config, model_, clock_, nullptr, 100);
+    return natnet::serve({.io = io, .model = model_, .clock = clock_, .rate_hz = 100}, config);
   });
   forger_->send(natnet::message(natnet::Message::kConnect, natnet::sender_block({4, 0})),
                 config.port);

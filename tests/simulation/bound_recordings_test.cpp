@@ -3,9 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <iostream>
-#include <numbers>
 
+#include "base/numeric.hpp"
 #include "simulation/bound_run.hpp"
 #include "support/results.hpp"
 #include "support/shared_data.hpp"
@@ -37,7 +36,6 @@ const PublishedBound kTable[] = {{"sim_table", 'A', 2.46, 0.071, 2.53, 1.19, 0.1
                                  {"sim_big", 'C', 1.79, 0.016, 2.61, 0.97, 0, 0, 0},
                                  {"sim_big", 'D', 0.95, 0.013, 2.52, 0.95, 0, 0, 0}};
 
-constexpr double kDegree = 180 / std::numbers::pi;
 constexpr double kBoundSettled_s = 5.0;
 // One per cent, and half a unit of the last digit printed there.
 constexpr double kShare = 0.01;
@@ -68,62 +66,19 @@ TEST_P(OpenRecordings, HaveTheIndependentBound) {
   const double mm_digit = expected.position_mm > 10 ? 0.1 : 0.01;
   agree(1e3 * rms_from(run, from, &bound::BoundAt::position_m), expected.position_mm, mm_digit,
         "position, mm");
-  agree(kDegree * rms_from(run, from, &bound::BoundAt::rotation_rad), expected.rotation_deg, 0.001,
-        "orientation, deg");
+  agree(kDegreesPerRadian * rms_from(run, from, &bound::BoundAt::rotation_rad),
+        expected.rotation_deg, 0.001, "orientation, deg");
   agree(1e3 * rms_from(run, from, &bound::BoundAt::velocity_m_s), expected.velocity_mm_s, 0.01,
         "velocity, mm/s");
   agree(1e3 * rms_from(run, from, &bound::BoundAt::camera_m), expected.camera_mm, mm_digit,
         "camera, mm");
   agree(1e3 * run.map.position_m, expected.map_mm, expected.map_mm > 10 ? 0.1 : 0.01, "map, mm");
-  agree(kDegree * run.map.rotation_rad, expected.map_deg, 0.001, "map, deg");
+  agree(kDegreesPerRadian * run.map.rotation_rad, expected.map_deg, 0.001, "map, deg");
   if (expected.gap_mm > 0) {
     ASSERT_TRUE(run.gap.has_value());
     agree(1e3 * run.gap->position_m, expected.gap_mm, 1.0, "loop gap, mm");
   }
 }
-
-struct PublishedSmoothing {
-  const char* recording;
-  char knowledge;
-  double position_mm, rotation_deg;
-};
-// The same table, column "all data".
-const PublishedSmoothing kSmoothing[] = {{"sim_table", 'A', 1.27, 0.035},
-                                         {"sim_table", 'D', 0.36, 0.014},
-                                         {"sim_sparse", 'A', 4.00, 0.093},
-                                         {"sim_loop", 'A', 48.5, 0.212},
-                                         {"sim_big", 'A', 11.2, 0.113}};
-
-class OpenRecordingsByAllData : public testing::TestWithParam<PublishedSmoothing> {};
-
-TEST_P(OpenRecordingsByAllData, HaveTheIndependentSmoothingBound) {
-  const PublishedSmoothing& expected = GetParam();
-  const auto folder = shared_data();
-  if (!folder) GTEST_SKIP() << kNoSharedData;
-  const auto data = value_of(load_estimation_data((*folder / expected.recording).string()));
-  // Images used here; the published number is of all images.
-  constexpr int kImages = 20;
-  const BoundRun run =
-      run_bound(data, {expected.knowledge}, images_spread(data, kImages, kBoundSettled_s));
-  ASSERT_EQ(run.smoothed.size(), static_cast<std::size_t>(kImages));
-  double position = 0;
-  double rotation = 0;
-  for (const bound::PoseBound& one : run.smoothed) {
-    position += one.position_m * one.position_m / kImages;
-    rotation += one.rotation_rad * one.rotation_rad / kImages;
-  }
-  std::cout << expected.recording << " " << expected.knowledge << ": " << 1e3 * std::sqrt(position)
-            << " mm, " << kDegree * std::sqrt(rotation) << " deg\n";
-  constexpr double kOfFewImages = 0.03;
-  EXPECT_NEAR(1e3 * std::sqrt(position), expected.position_mm, kOfFewImages * expected.position_mm);
-  EXPECT_NEAR(kDegree * std::sqrt(rotation), expected.rotation_deg,
-              kOfFewImages * expected.rotation_deg + 0.0005);
-}
-
-INSTANTIATE_TEST_SUITE_P(Table1, OpenRecordingsByAllData, testing::ValuesIn(kSmoothing),
-                         [](const auto& one) {
-                           return std::string(one.param.recording + 4) + one.param.knowledge;
-                         });
 
 INSTANTIATE_TEST_SUITE_P(Table1, OpenRecordings, testing::ValuesIn(kTable), [](const auto& one) {
   return std::string(one.param.recording + 4) + one.param.knowledge;

@@ -24,36 +24,19 @@ struct BoundRun {
   bound::MapBound map;                ///< At the end.
   bound::TagsCovariance tags;         ///< At the end; with an unknown map.
   std::optional<bound::BoundAt> gap;  ///< Before the reference tag is seen again after kAway_s.
-  std::optional<bound::BoundAt> gap_after;  ///< By that image.
-  /// Poses that were asked for, by all data: the smoothing bound.
-  std::vector<bound::PoseBound> smoothed;
 };
 
 /// Time out of sight after which its return closes a loop.
 inline constexpr double kAway_s = 30.0;
 
-/// Two images that follow each other: before a loop is closed for the first time, and then.
-struct Closure {
-  Instant before{};
-  Instant closes{};
-};
-[[nodiscard]] std::optional<Closure> closure_of(const EstimationData& data);
-
-/// Images spread evenly over those from an instant on.
-[[nodiscard]] std::vector<Instant> images_spread(const EstimationData& data, int count,
-                                                 double from_s);
-
-/// @param kept  images whose poses shall be smoothed, by time
 /// @pre data has an IMU and its ids are right
-[[nodiscard]] BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge,
-                                 const std::vector<Instant>& kept = {});
+[[nodiscard]] BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge);
 
 /// Noise of the corners of one sighting.
 using SightNoise = std::function<bound::TagSight(const CornerFrame&, const TagSighting&)>;
 /// The same with a noise for every sighting.
 [[nodiscard]] BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge,
                                  const SightNoise& noise,
-                                 const std::optional<bound::LastingErrors>& lasting,
-                                 const std::vector<Instant>& kept = {});
+                                 const std::optional<bound::LastingErrors>& lasting);
 
 }  // namespace fiducap

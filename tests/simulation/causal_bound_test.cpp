@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
-#include <algorithm>
 #include <cmath>
 
 #include "base/pose.hpp"
@@ -173,13 +172,11 @@ void expect_equal(const Matrix12& recursive, const Matrix12& at_once, int image,
   EXPECT_LT((a - b).cwiseAbs().maxCoeff(), kRounding * b.cwiseAbs().maxCoeff()) << a << "\n\n" << b;
 }
 
-/// Recursive and at once, relative to each tag: the body at the end, and poses kept before.
+/// Recursive and at once, relative to each tag, at the end.
 void expect_equal(const BoundProblem& p) {
-  const std::vector<int> kept_at{1, 3};  // before the second tag is known; without any
   CausalBound bound(p);
   for (int k = 0; k < kBoundImages; ++k) {
     bound.move_to(truth(k));
-    if (std::find(kept_at.begin(), kept_at.end(), k) != kept_at.end()) bound.keep_pose();
     std::vector<TagSight> sights;
     for (const int id : seen(k))
       sights.push_back({id, Matrix8::Identity() / p.corner_noise_px, lasting_root()});
@@ -189,9 +186,6 @@ void expect_equal(const BoundProblem& p) {
   for (const RecordedTag& tag : p.tags) {
     const int last = kBoundImages - 1;
     expect_equal(bound.body_and_tag(tag.tag_id), whole.body_and_tag(last, tag.tag_id), last, tag);
-    for (std::size_t i = 0; i < kept_at.size(); ++i)
-      expect_equal(bound.kept_and_tag(i, tag.tag_id), whole.body_and_tag(kept_at[i], tag.tag_id),
-                   kept_at[i], tag);
   }
 }
 
@@ -214,34 +208,6 @@ TEST(CausalBound, IsUnknownBeforeTheReferenceTagIsSeen) {
   bound.move_to(truth(1));
   bound.see(std::vector<int>{4});
   EXPECT_TRUE(bound.now().has_value());
-}
-
-TEST(CausalBound, GrowsWithoutTagsAndShrinksWithThem) {
-  CausalBound bound(problem('A'));
-  const auto after = [&](int k, const std::vector<int>& ids) {
-    bound.move_to(truth(k));
-    bound.see(ids);
-    return bound.now()->position_m;
-  };
-  const double first = after(0, {4, 9});
-  EXPECT_GT(after(1, {}), first);
-  EXPECT_LT(after(2, {4, 9}), first);
-}
-
-TEST(CausalBound, IsNotRaisedByMoreKnowledge) {
-  std::vector<double> position_m;
-  for (const char letter : {'A', 'B', 'C', 'D'}) {
-    CausalBound bound(problem(letter));
-    for (int k = 0; k < kBoundImages; ++k) {
-      bound.move_to(truth(k));
-      bound.see(seen(k));
-    }
-    position_m.push_back(bound.now()->position_m);
-  }
-  EXPECT_LE(position_m[1], position_m[0]);
-  EXPECT_LE(position_m[2], position_m[0]);
-  EXPECT_LE(position_m[3], position_m[1]);
-  EXPECT_LE(position_m[3], position_m[2]);
 }
 
 }  // namespace

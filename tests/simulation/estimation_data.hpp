@@ -22,9 +22,8 @@ struct EstimationData {
   std::vector<TruthSample> truth;
   std::vector<RecordedTag> tags;  ///< True poses, sorted by id.
   TagSetConfig tag_set;
-  CameraMount camera;                      ///< True place, prior sigmas.
-  Pose nominal_X_BV;                       ///< Prior of the filter when it estimates it.
-  std::vector<CameraMount> other_cameras;  ///< Of a rig, as configured.
+  CameraMount camera;  ///< True place, prior sigmas.
+  Pose nominal_X_BV;   ///< Prior of the filter when it estimates it.
   std::optional<ImuNoise> imu;
   double gravity_m_s2{kUsualGravity_m_s2};  ///< As configured, with …
   double gravity_sigma_m_s2{kUsualGravitySigma_m_s2};
@@ -88,19 +87,12 @@ struct SimulatedDataSetup {
   double readout_configured_s{0};         ///< … and as configured …
   double readout_sigma_s{0};              ///< … with this sigma.
   double imu_noise_factor{1};             ///< Factor of all configured densities.
-  int cameras{1};          ///< More than one: they look along x, -x, y and -y of the body.
-  double tag_size_m{0};    ///< Of the hall, whose walk stays as it is; 0: its own.
-  double min_side_px{16};  ///< Smaller tags are not seen.
   /// Of world `ring`: its size, and what of it the body walks (TrajectoryConfig).
   simulation::RingConfig ring{};
   double from{0};
   double share{1};
-  /// Errors of the configured lenses, drawn with these sigmas.
-  double focal_error{0};
-  double centre_error_px{0};
-  /// … of a calibration of a distorting lens (calibrated_lens).
-  double lens_error_px{0};
-  double corner_noise_px{0.4};              ///< Of corners without images.
+  double lens_error_px{0};      ///< Of a calibration of a distorting lens (calibrated_lens).
+  double corner_noise_px{0.4};  ///< Of corners without images.
   double gravity_m_s2{kUsualGravity_m_s2};  ///< True; not known to the filter.
 };
 
@@ -109,12 +101,9 @@ struct SimulatedDataSetup {
 
 [[nodiscard]] EstimationData simulate(const SimulatedDataSetup& setup);
 
-/// Result of a calibration of a lens: parameters with errors that move corners by `rms_px` per
-/// coordinate over the image, without the effect of a rotation.
-[[nodiscard]] CameraModel calibrated_lens(const CameraModel& lens, double rms_px,
-                                          std::uint64_t seed);
-
-/// A body with such a lens, with corner noise as in images.
+/// A body with a lens as a calibration leaves it, with corner noise as in images: its parameters'
+/// errors move corners by `error_px` per coordinate over the image, without the effect of a
+/// rotation.
 /// @param configured_px  configured lens error, with matching sigmas of its parameters; 0: exact
 [[nodiscard]] EstimationData with_calibrated_lens(SimulatedDataSetup setup, double error_px,
                                                   double configured_px);

@@ -86,11 +86,6 @@ std::vector<std::string> with_demo(std::vector<std::string> more) {
   return more;
 }
 
-TEST(Fiducapd, AcceptsTheShippedDemo) {
-  FiducapdProcess program(with_demo({"--check-config"}));
-  EXPECT_EQ(program.exit_code(), 0) << program.output();
-}
-
 TEST(Fiducapd, RefusesATokenThatOthersCanRead) {
   const TemporaryFolder folder;
   const std::string token = folder.file("token");

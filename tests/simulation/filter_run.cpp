@@ -22,47 +22,53 @@ double normalised(const Eigen::VectorXd& e, const Eigen::MatrixXd& P) {
   return e.dot(P.ldlt().solve(e));
 }
 
-MapErrors map_errors(std::span<const KnownTag> map, const EstimationData& data, const Pose& X_WR,
-                     const Pose& X_WT) {
-  const Pose X_WT_true = X_WR * data.tag(data.reference_tag)->X_WT;
-  MapErrors out;
-  for (const KnownTag& entry : map) {
-    const RecordedTag* tag = data.tag(entry.tag_id);
-    if (tag == nullptr) continue;
-    const Pose truth = X_WR * tag->X_WT;
-    const Vector6d level = pose_error(entry.X_WT, truth);
-    out.position_m += level.head<3>().squaredNorm();
-    out.rotation_rad += level.tail<3>().squaredNorm();
-    out.ids.push_back(tag->tag_id);
-    if (tag->tag_id == data.reference_tag) continue;
-    const Vector6d near = pose_error(X_WT.inverse() * entry.X_WT, X_WT_true.inverse() * truth);
-    out.near_position_m += near.head<3>().squaredNorm();
-    out.near_rotation_rad += near.tail<3>().squaredNorm();
-    out.nees += normalised(level, entry.covariance) / 6;
-    ++out.others;
-  }
-  const double n = static_cast<double>(std::max<std::size_t>(1, out.ids.size()));
-  const double others = std::max(1, out.others);
-  out.position_m = std::sqrt(out.position_m / n);
-  out.rotation_rad = std::sqrt(out.rotation_rad / n);
-  out.near_position_m = std::sqrt(out.near_position_m / others);
-  out.near_rotation_rad = std::sqrt(out.near_rotation_rad / others);
-  out.nees /= others;
-  return out;
-}
-
-namespace {
-
-// Tags are compared at every tenth image: they hardly move in between.
-constexpr int kImagesPerTagCheck = 10;
-
-/// As BodyTracker decides it.
 bool may_be_shown(const Matrix15d& P) {
   const BodyLimits limits;
   const auto sigmas = P.diagonal().head<6>().cwiseSqrt();
   return P.diagonal().allFinite() && sigmas.head<3>().maxCoeff() <= limits.max_position_sigma_m &&
          sigmas.tail<3>().maxCoeff() <= limits.max_rotation_sigma_rad;
 }
+
+namespace {
+
+/// RMSE of a map's tags; those that the data does not have are left out.
+struct MapErrors {
+  double position_m{};       ///< In the workspace.
+  double near_position_m{};  ///< In the reference tag's axes, without that tag.
+  double nees{};             ///< Without it, in the workspace: mean per degree of freedom.
+};
+
+/// @param X_WR  room axes → workspace
+/// @param X_WT  the reference tag as the map has it
+template <typename Tags>
+MapErrors map_errors(const Tags& map, const EstimationData& data, const Pose& X_WR,
+                     const Pose& X_WT) {
+  const Pose X_WT_true = X_WR * data.tag(data.reference_tag)->X_WT;
+  MapErrors out;
+  int all = 0;
+  int others = 0;
+  for (const auto& entry : map) {
+    const KnownTag& found = entry.tag;
+    const RecordedTag* tag = data.tag(found.tag_id);
+    if (tag == nullptr) continue;
+    const Pose truth = X_WR * tag->X_WT;
+    const Vector6d level = pose_error(found.X_WT, truth);
+    out.position_m += level.head<3>().squaredNorm();
+    ++all;
+    if (tag->tag_id == data.reference_tag) continue;
+    const Vector6d near = pose_error(X_WT.inverse() * found.X_WT, X_WT_true.inverse() * truth);
+    out.near_position_m += near.head<3>().squaredNorm();
+    out.nees += normalised(level, found.covariance) / 6;
+    ++others;
+  }
+  out.position_m = std::sqrt(out.position_m / std::max(1, all));
+  out.near_position_m = std::sqrt(out.near_position_m / std::max(1, others));
+  out.nees /= std::max(1, others);
+  return out;
+}
+
+// Tags are compared at every tenth image: they hardly move in between.
+constexpr int kImagesPerTagCheck = 10;
 
 /// Compares one body with the truth, image by image.
 class Run {
@@ -92,8 +98,6 @@ class Run {
     at.nis = update.report.nis;
     at.nis_dof = update.report.nis_dof;
     at.valid &= !update.doubted;
-    if (closes_loop_) result_.gap_after_m = at.position_m;
-    closes_loop_ = false;
     result_.at.push_back(at);
     if (choice_.watch)
       choice_.watch({at.t_s, pipeline.filter(), estimate, data_.truth_near(estimate.at), X_WR_,
@@ -101,9 +105,6 @@ class Run {
   }
 
   FilterRun finish(const BodyPipeline& pipeline) {
-    const PipelineStatistics cost = pipeline.statistics();
-    result_.propagate_cpu_s = to_seconds(cost.propagate_cpu);
-    result_.update_cpu_s = to_seconds(cost.update_cpu);
     result_.clock = pipeline.filter().clock(0);
     result_.seconds = to_seconds(time_of(data_.samples.back()) - time_of(data_.samples.front()));
     finish_map(pipeline.filter());
@@ -131,7 +132,6 @@ class Run {
     result_.tags_used += report.tags_used;
     result_.tags_dropped += report.tags_dropped;
     result_.landmarks_used += report.landmarks_used;
-    result_.landmarks_rejected += report.landmarks_rejected;
     result_.landmark_nis += report.landmark_nis;
     result_.landmark_nis_dof += report.landmark_nis_dof;
   }
@@ -142,10 +142,8 @@ class Run {
         reference_seen_ && to_seconds(corners.exposed_at - *reference_seen_) > kAway_s;
     if (returns && result_.gap_path_m == 0 && !result_.at.empty()) {
       result_.gap_m = result_.at.back().position_m;
-      result_.gap_rotation_rad = result_.at.back().rotation_rad;
       result_.gap_path_m = data_.path_m(corners.exposed_at);
       result_.gap_t_s = to_seconds(corners.exposed_at - time_of(data_.samples.front()));
-      closes_loop_ = true;
     }
     reference_seen_ = corners.exposed_at;
   }
@@ -213,15 +211,10 @@ class Run {
   void finish_map(const BodyFilter& filter) {
     filter.tag_beliefs(beliefs_);
     result_.tags_mapped = static_cast<int>(beliefs_.size());
-    std::vector<KnownTag> tags;
-    for (const TagBelief& belief : beliefs_) tags.push_back(belief.tag);
     const MapErrors errors =
-        map_errors(tags, data_, X_WR_, seen_reference(X_WR_ * reference().X_WT));
+        map_errors(beliefs_, data_, X_WR_, seen_reference(X_WR_ * reference().X_WT));
     result_.map_position_m = errors.position_m;
-    result_.map_rotation_rad = errors.rotation_rad;
     result_.near_map_position_m = errors.near_position_m;
-    result_.near_map_rotation_rad = errors.near_rotation_rad;
-    result_.map_ids = errors.ids;
   }
 
   const EstimationData& data_;
@@ -232,7 +225,6 @@ class Run {
   std::vector<TagBelief> beliefs_;
   std::optional<Pose> last_reference_;
   std::optional<Instant> reference_seen_;
-  bool closes_loop_{false};
   FilterRun result_;
 };
 
@@ -263,8 +255,6 @@ PipelineSetup pipeline_of(const EstimationData& data, const FilterChoice& choice
   PipelineSetup setup;
   setup.sensors.cameras = {data.camera};
   if (!choice.knowledge.extrinsics_known()) setup.sensors.cameras.front().X_BV = data.nominal_X_BV;
-  setup.sensors.cameras.insert(setup.sensors.cameras.end(), data.other_cameras.begin(),
-                               data.other_cameras.end());
   setup.sensors.imu = data.imu;
   setup.sensors.gravity_m_s2 = data.gravity_m_s2;
   setup.sensors.gravity_sigma_m_s2 = data.gravity_sigma_m_s2;
@@ -331,11 +321,8 @@ TogetherRun run_together(std::span<const EstimationData> data, const FilterChoic
   for (std::size_t i = 0; i < runs.size(); ++i)
     out.bodies.push_back(runs[i].finish(replay.pipeline(i)));
   out.map = *replay.map().snapshot();
-  std::vector<KnownTag> tags;
-  for (const MapTag& entry : out.map.tags) tags.push_back(entry.tag);
-  const MapErrors errors = map_errors(tags, data.front(), runs.front().X_WR(), Pose{});
+  const MapErrors errors = map_errors(out.map.tags, data.front(), runs.front().X_WR(), Pose{});
   out.map_position_m = errors.position_m;
-  out.map_rotation_rad = errors.rotation_rad;
   out.map_nees = errors.nees;
   return out;
 }

@@ -22,20 +22,8 @@ namespace fiducap {
 /// eᵀ P⁻¹ e
 [[nodiscard]] double normalised(const Eigen::VectorXd& e, const Eigen::MatrixXd& P);
 
-/// RMSE of a map's tags; those that the data does not have are left out.
-struct MapErrors {
-  std::vector<int> ids;
-  double position_m{};  ///< In the workspace.
-  double rotation_rad{};
-  int others{};              ///< But the reference tag.
-  double near_position_m{};  ///< Of those, in the reference tag's axes.
-  double near_rotation_rad{};
-  double nees{};  ///< Of those, in the workspace: mean per degree of freedom.
-};
-/// @param X_WR  room axes → workspace
-/// @param X_WT  the reference tag as the map has it
-[[nodiscard]] MapErrors map_errors(std::span<const KnownTag> map, const EstimationData& data,
-                                   const Pose& X_WR, const Pose& X_WT);
+/// Whether BodyTracker would show a pose with this covariance.
+[[nodiscard]] bool may_be_shown(const Matrix15d& P);
 
 /// An image of a run, just corrected.
 struct FilterMoment {
@@ -108,24 +96,16 @@ struct FilterRun {
   int tags_dropped{};
   int tags_mapped{};
   long landmarks_used{};
-  long landmarks_rejected{};
   double landmark_nis{};
   long long landmark_nis_dof{};
-  double map_position_m{};  ///< RMSE of the tags in the state at the end, workspace.
-  double map_rotation_rad{};
+  double map_position_m{};       ///< RMSE of the tags in the state at the end, workspace.
   double near_map_position_m{};  ///< The same in the reference tag's axes, without that tag.
-  double near_map_rotation_rad{};
-  std::vector<int> map_ids;  ///< Of those tags.
   /// position_m just before the reference tag is seen again after kAway_s; 0: never was.
   double gap_m{};
-  double gap_rotation_rad{};
-  double gap_after_m{};      ///< By the image that shows it.
-  double gap_path_m{};       ///< Travelled until then.
-  double gap_t_s{};          ///< When it is seen again, since the first sample.
-  ClockEstimate clock;       ///< At the end.
-  double seconds{};          ///< Of data.
-  double propagate_cpu_s{};  ///< IMU samples.
-  double update_cpu_s{};
+  double gap_path_m{};            ///< Travelled until then.
+  double gap_t_s{};               ///< When it is seen again, since the first sample.
+  ClockEstimate clock;            ///< At the end.
+  double seconds{};               ///< Of data.
   int resets{};                   ///< The filter has forgotten everything.
   std::vector<std::string> said;  ///< Each sentence of the body's events and doubts once.
 
@@ -158,7 +138,6 @@ struct TogetherRun {
   std::vector<FilterRun> bodies;
   TagMap map;               ///< At the end; W is that of the reference tag.
   double map_position_m{};  ///< RMSE of its tags.
-  double map_rotation_rad{};
   std::vector<MapEvent> map_events;
   double map_nees{};  ///< Mean over its tags but the reference, per degree of freedom.
 };

@@ -67,8 +67,6 @@ struct Robot {
     }
     pipeline_setup.gauge.reference_tag = setup.reference_tag;
     pipeline_setup.records_segments = true;
-    sensors = pipeline_setup.sensors;
-    estimator = pipeline_setup.estimator;
     BodyPipeline pipeline(pipeline_setup);
     const MapView view{std::make_shared<const TagMap>(), setup.may_define_workspace};
     for (auto sample = source->next({}); sample && *sample; sample = source->next({})) {
@@ -83,8 +81,6 @@ struct Robot {
   }
 
   int id;
-  BodySensors sensors;
-  EstimatorConfig estimator;
   std::map<int, Pose> truth;
   std::vector<MotionSegment> segments;
 };

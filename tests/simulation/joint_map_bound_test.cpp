@@ -3,7 +3,6 @@
 
 #include <Eigen/Dense>
 #include <cmath>
-#include <numbers>
 
 #include "base/pose.hpp"
 #include "mapping/tag_map.hpp"
@@ -22,17 +21,16 @@ constexpr int kReference = 4;
 const std::vector<int> kOfFirst{4, 9};
 const std::vector<int> kOfSecond{9, 14};
 
-/// Two bodies with different motions, in a room at an arbitrary pose.
+/// Two bodies with different motions.
 struct Scene {
-  Pose X_WR;  ///< Level: a shift and a turn about the vertical.
   [[nodiscard]] TruthSample truth(int body, int k) const {
     const double t = k * kStep_s;
     const double way = body == 0 ? 1 : -1;
     TruthSample s;
     s.at = instant_from_ns(0) + from_seconds(t);
-    s.X_WB = X_WR * Pose{exp_so3({0.2 * t, way * 0.5 * t, -way * 0.6 * t}),
-                         {0.4 * t * t, -way * 0.3 * t, 0.2 * t * t}};
-    s.v_WB = X_WR.q * Eigen::Vector3d(0.8 * t, -way * 0.3, 0.4 * t);
+    s.X_WB = {exp_so3({0.2 * t, way * 0.5 * t, -way * 0.6 * t}),
+              {0.4 * t * t, -way * 0.3 * t, 0.2 * t * t}};
+    s.v_WB = {0.8 * t, -way * 0.3, 0.4 * t};
     return s;
   }
   [[nodiscard]] BoundProblem problem() const {
@@ -42,9 +40,9 @@ struct Scene {
     Eigen::Matrix3d facing;  // tag z against x, tag y up
     facing << 0, 0, -1, -1, 0, 0, 0, 1, 0;
     const Eigen::Quaterniond q(facing);
-    p.tags = {{4, 0.2, X_WR * Pose{q * exp_so3({0.4, 0.2, 0}), {1.5, 0.2, 0.1}}, 0, 0},
-              {9, 0.2, X_WR * Pose{q * exp_so3({-0.3, 0.5, 0.4}), {1.7, -0.3, 0.2}}, 0, 0},
-              {14, 0.2, X_WR * Pose{q * exp_so3({0.3, -0.4, 0.2}), {1.9, 0.1, -0.3}}, 0, 0}};
+    p.tags = {{4, 0.2, {q * exp_so3({0.4, 0.2, 0}), {1.5, 0.2, 0.1}}, 0, 0},
+              {9, 0.2, {q * exp_so3({-0.3, 0.5, 0.4}), {1.7, -0.3, 0.2}}, 0, 0},
+              {14, 0.2, {q * exp_so3({0.3, -0.4, 0.2}), {1.9, 0.1, -0.3}}, 0, 0}};
     p.reference_tag = kReference;
     return p;
   }
@@ -89,21 +87,8 @@ constexpr double kRounding = 1e-6;
 
 class JointMapBoundTest : public testing::Test {
  protected:
-  const Scene scene_;
+  const Scene scene_{};
 };
-
-TEST_F(JointMapBoundTest, OfOneBodyIsItsOwnMap) {
-  const std::vector<TagsCovariance> alone{scene_.knowledge(0, {4, 9, 14})};
-  const JointMap map = scene_.map(alone);
-  ASSERT_EQ(map.tags.size(), 3u);
-  for (std::size_t i = 0; i < 3; ++i) {
-    const auto own = against_first(alone.front().P, scene_.problem().tags, i);
-    const auto at = static_cast<Eigen::Index>(6 * i);
-    // All of it against the largest: place and heading of the first are zero.
-    EXPECT_LT((map.P.block<6, 6>(at, at) - own).cwiseAbs().maxCoeff(),
-              kRounding * map.P.cwiseAbs().maxCoeff());
-  }
-}
 
 /// All states of two bodies, their cameras and the tags at once: information in, tags out.
 MatrixXd tags_at_once(const Scene& scene) {
@@ -178,41 +163,6 @@ TEST_F(JointMapBoundTest, FixesPlaceAndHeadingOfTheReferenceTag) {
   EXPECT_GT(tilt, 1e-8);
   EXPECT_LT((map.P.topLeftCorner<3, 3>().trace()), kRounding * tilt);
   EXPECT_LT((heading * map.P.block<3, 3>(3, 3) * heading.transpose()).value(), kRounding * tilt);
-}
-
-// The definition of W has no information about the room: errors relative to it halve as well.
-TEST_F(JointMapBoundTest, HalvesWhenAllIsSeenTwice) {
-  std::vector<TagsCovariance> bodies = scene_.both();
-  const JointMap once = scene_.map(bodies);
-  for (const TagsCovariance& body : scene_.both()) bodies.push_back(body);
-  expect_near(scene_.map(bodies).P, 0.5 * once.P, kRounding);
-}
-
-TEST_F(JointMapBoundTest, DoesNotDependOnTheStartOfABody) {
-  std::vector<TagsCovariance> bodies = scene_.both();
-  const JointMap map = scene_.map(bodies);
-  // The second one's start is uncertain by half a metre and half a radian, in one direction of all
-  // four.
-  MatrixXd common = MatrixXd::Zero(12, 1);
-  for (int i = 0; i < 2; ++i) {
-    const Eigen::Vector3d p = scene_.problem().tags[static_cast<std::size_t>(i + 1)].X_WT.p;
-    common.middleRows<3>(6 * i) =
-        Eigen::Vector3d(0.3, -0.4, 0.1) + 0.5 * Eigen::Vector3d::UnitZ().cross(p);
-    common(6 * i + 5) = 0.5;
-  }
-  bodies[1].P += common * common.transpose();
-  expect_near(scene_.map(bodies).P, map.P, kRounding);
-}
-
-TEST_F(JointMapBoundTest, DoesNotDependOnThePoseOfTheRoom) {
-  const Scene elsewhere{{exp_so3({0, 0, 1.2}), {7, -5, 3}}};
-  const JointMap here = scene_.map(scene_.both());
-  const JointMap there = elsewhere.map(elsewhere.both());
-  const std::vector<int> all{4, 9, 14};
-  const auto one = figures_of(here, all);
-  const auto other = figures_of(there, all);
-  EXPECT_NEAR(other.raw_m, one.raw_m, kRounding * one.raw_m);
-  EXPECT_NEAR(other.level_m, one.level_m, kRounding * one.level_m);
 }
 
 TEST_F(JointMapBoundTest, LeavesOutABodyThatSharesNoTag) {

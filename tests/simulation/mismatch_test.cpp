@@ -5,10 +5,11 @@
 
 #include <algorithm>
 
+#include "base/numeric.hpp"
+#include "estimation/checks/size_check.hpp"
 #include "simulation/filter_run.hpp"
 #include "simulation/mismatch_changes.hpp"
 #include "simulation/mismatch_worlds.hpp"
-#include "simulation/size_run.hpp"
 
 namespace fiducap {
 namespace {
@@ -42,12 +43,41 @@ MismatchOutcome outcome_of(const std::string& mismatch, const std::string& world
   std::vector<double> errors;
   for (const FilterRun::At& at : whole.scored_after(kScoredAfter_s).at)
     errors.push_back(at.level_position_m);
-  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
-  std::nth_element(errors.begin(), middle, errors.end());
-  if (!errors.empty()) out.median_m = *middle;
+  out.median_m = quantile(std::move(errors), 0.5);
   out.resets = whole.resets;
   out.said = whole.said;
   return out;
+}
+
+bool are_equal(const EstimationData& a, const EstimationData& b) {
+  const auto same_tag = [](const TagSighting& s, const TagSighting& t) {
+    return s.tag_id == t.tag_id && s.corners_px == t.corners_px;
+  };
+  const auto same_sample = [&](const SensorSample& s, const SensorSample& t) {
+    const auto* imu = std::get_if<ImuSample>(&s);
+    const auto* other_imu = std::get_if<ImuSample>(&t);
+    if (imu != nullptr && other_imu != nullptr)
+      return imu->w_WB_B == other_imu->w_WB_B && imu->f_B == other_imu->f_B;
+    const auto* image = std::get_if<CornerFrame>(&s);
+    const auto* other_image = std::get_if<CornerFrame>(&t);
+    return image != nullptr && other_image != nullptr &&
+           image->exposed_at == other_image->exposed_at &&
+           std::ranges::equal(image->tags, other_image->tags, same_tag);
+  };
+  return a.camera.model.fu == b.camera.model.fu && a.camera.model.cu == b.camera.model.cu &&
+         a.tag_set.sizes_m == b.tag_set.sizes_m &&
+         a.nominal_X_BV.q.coeffs() == b.nominal_X_BV.q.coeffs() &&
+         std::ranges::equal(a.samples, b.samples, same_sample);
+}
+
+TEST(MismatchWorlds, AllRowsButTheFirstDifferFromTheirBase) {
+  const SimulatedDataSetup setup{.world = "sparse", .seconds = 10};
+  for (const Mismatch& mismatch : mismatches()) {
+    const EstimationData base = unmodified_world(setup, mismatch);
+    const EstimationData wrong = mismatched_world(setup, mismatch);
+    EXPECT_EQ(are_equal(base, wrong), mismatch.name == "nothing") << mismatch.name;
+    EXPECT_EQ(base.reference_tag, wrong.reference_tag) << mismatch.name;
+  }
 }
 
 struct MismatchCost {
@@ -222,41 +252,66 @@ TEST(CalibratedLens, WithConfiguredErrorContradictsNoTag) {
   EXPECT_GT(with_lens_error(0).map_nees, 3.0);
 }
 
-constexpr double kRatio = 0.03;
+/// Reports of a size check that gets the images of a pipeline.
+struct SizeReports {
+  int tag{};  ///< The one seen most.
+  std::vector<SizeFinding> findings;
+  bool of_rejections{false};
+};
 
-SizeRun run_misprint(const Misprint& misprint, bool has_imu = true) {
-  return run_sizes({.world = "table", .seconds = 40, .seed = 2, .has_imu = has_imu}, "world",
-                   misprint);
+SizeReports size_reports(const std::function<void(EstimationData&, int tag)>& misprint,
+                         const SimulatedDataSetup& world = {.seconds = 40, .seed = 2}) {
+  EstimationData data = simulate(world);
+  SizeReports out{.tag = most_seen_tag(data)};
+  misprint(data, out.tag);
+  const PipelineSetup setup = pipeline_of(data, kLive);
+  BodyPipeline pipeline(setup);
+  SizeCheck check(setup.sensors, data.corner_noise_px);
+  RejectionWatch rejections;
+  const MapView empty{std::make_shared<const TagMap>()};
+  for (const SensorSample& sample : data.samples) {
+    pipeline.push(sample);
+    while (const SensorSample* next = pipeline.next()) {
+      if (const auto* imu = std::get_if<ImuSample>(next)) check.add(*imu);
+      const BodyUpdate* update = pipeline.take(empty);
+      if (update == nullptr) continue;
+      out.of_rejections |= rejections.add(update->report).has_value();
+      if (!update->estimate) continue;
+      check.add({update->seen, *update->estimate, update->report, update->beliefs, {}});
+      if (const auto event = check.take_event()) out.findings.push_back(*event);
+    }
+  }
+  return out;
 }
 
-TEST(SizeCheckSimulation, DoesNotReportRightSizes) {
-  for (const bool has_imu : {true, false}) {
-    const SizeRun all = run_misprint({"right"}, has_imu);
-    EXPECT_TRUE(all.said.empty());
-    EXPECT_TRUE(all.rejection_said_at_s.empty());
+constexpr auto kRight = [](EstimationData&, int) {};
+constexpr double kRatio = 0.03;
+
+TEST(SizeCheckSimulation, ReportsNeitherRightSizesNorWrongStamps) {
+  SimulatedDataSetup without_imu{.seconds = 40, .seed = 2, .has_imu = false};
+  SimulatedDataSetup late{.seconds = 40, .seed = 2};
+  late.faults.image_stamp_error_s = 0.05;
+  for (const SizeReports& all :
+       {size_reports(kRight), size_reports(kRight, without_imu), size_reports(kRight, late)}) {
+    EXPECT_TRUE(all.findings.empty());
+    EXPECT_FALSE(all.of_rejections);
   }
 }
 
 TEST(SizeCheckSimulation, ReportsThatAllTagsAreAQuarterLarger) {
-  const SizeRun all = run_misprint({"all", 1.25});
-  ASSERT_FALSE(all.said.empty());
-  EXPECT_FALSE(all.said.back().finding.tag_id);
-  EXPECT_NEAR(all.said.back().finding.ratio, 1.25, kRatio);
+  const SizeReports all =
+      size_reports([](EstimationData& data, int) { mismatch::print_larger(data, 1.25); });
+  ASSERT_FALSE(all.findings.empty());
+  EXPECT_FALSE(all.findings.back().tag_id);
+  EXPECT_NEAR(all.findings.back().ratio, 1.25, kRatio);
 }
 
 TEST(SizeCheckSimulation, NamesTheTagThatIsTenPercentSmaller) {
-  const SizeRun one = run_misprint({"one", 1, 0.9});
-  ASSERT_FALSE(one.said.empty());
-  for (const auto& said : one.said) EXPECT_EQ(said.finding.tag_id, one.tag);
-  EXPECT_NEAR(one.said.back().finding.ratio, 0.9, kRatio);
-}
-
-TEST(SizeCheckSimulation, DoesNotReportWrongStamps) {
-  const SizeRun off = run_misprint({"stamps", 1, 1, [](simulation::FaultConfig& f, int, double) {
-                                      f.image_stamp_error_s = 0.05;
-                                    }});
-  EXPECT_TRUE(off.said.empty());
-  EXPECT_TRUE(off.rejection_said_at_s.empty());
+  const SizeReports one =
+      size_reports([](EstimationData& data, int tag) { mismatch::print_larger(data, 0.9, tag); });
+  ASSERT_FALSE(one.findings.empty());
+  for (const SizeFinding& found : one.findings) EXPECT_EQ(found.tag_id, one.tag);
+  EXPECT_NEAR(one.findings.back().ratio, 0.9, kRatio);
 }
 
 }  // namespace

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <stdexcept>
 
+#include "base/numeric.hpp"
 #include "simulation/mismatch_changes.hpp"
 
 namespace fiducap {
@@ -12,8 +12,6 @@ namespace fiducap {
 namespace {
 
 using namespace mismatch;
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 void outages(SimulatedDataSetup& setup, const EstimationData& clean) {
   setup.faults.wrong_id = 0.02;
@@ -141,8 +139,7 @@ const Mismatch& mismatch_named(const std::string& name) {
   return *found;
 }
 
-EstimationData unmodified_world(SimulatedDataSetup setup, const Mismatch& mismatch) {
-  if (mismatch.base_setup) mismatch.base_setup(setup);
+EstimationData unmodified_world(const SimulatedDataSetup& setup, const Mismatch& mismatch) {
   EstimationData data = simulate(setup);
   if (mismatch.base_data) mismatch.base_data(data, setup.seed);
   return data;
@@ -151,7 +148,6 @@ EstimationData unmodified_world(SimulatedDataSetup setup, const Mismatch& mismat
 EstimationData mismatched_world(SimulatedDataSetup setup, const Mismatch& mismatch) {
   EstimationData data = unmodified_world(setup, mismatch);
   if (mismatch.faults) {
-    if (mismatch.base_setup) mismatch.base_setup(setup);
     const int reference_tag = data.reference_tag;
     mismatch.faults(setup, data);
     data = simulate(setup);

@@ -11,7 +11,6 @@ namespace fiducap {
 
 /// One difference between world and configuration.
 struct Mismatch {
-  using Setup = std::function<void(SimulatedDataSetup&)>;
   using Faults = std::function<void(SimulatedDataSetup&, const EstimationData& clean)>;
   using Data = std::function<void(EstimationData&, std::uint64_t seed)>;
 
@@ -20,7 +19,6 @@ struct Mismatch {
   Data data{};      ///< Changes of its samples or of the configuration.
   /// Name of the unmodified run that this row is compared with. It has the changes below, too.
   std::string base{};
-  Setup base_setup{};
   Data base_data{};
 };
 
@@ -29,7 +27,8 @@ struct Mismatch {
 [[nodiscard]] const Mismatch& mismatch_named(const std::string& name);
 
 /// The world of `setup` without the mismatch, and with it. The truth stays the truth in both.
-[[nodiscard]] EstimationData unmodified_world(SimulatedDataSetup setup, const Mismatch& mismatch);
+[[nodiscard]] EstimationData unmodified_world(const SimulatedDataSetup& setup,
+                                              const Mismatch& mismatch);
 [[nodiscard]] EstimationData mismatched_world(SimulatedDataSetup setup, const Mismatch& mismatch);
 
 }  // namespace fiducap

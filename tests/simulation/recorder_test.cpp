@@ -9,16 +9,16 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "base/log.hpp"
 #include "base/whole_file.hpp"
+#include "fiducap/control.hpp"
 #include "mapping/store/map_store.hpp"
+#include "support/command_run.hpp"
 #include "support/fault_disk.hpp"
 #include "support/fiducapd_process.hpp"
 #include "support/frozen_file.hpp"
+#include "support/new_log.hpp"
 #include "support/running_server.hpp"
 #include "support/temporary_folder.hpp"
-#include "tools/live/live_verbs.hpp"
-#include "tools/replay/replay_inputs.hpp"
 #include "tools/replay/replay_verbs.hpp"
 
 namespace fiducap {
@@ -35,21 +35,13 @@ constexpr std::size_t kDisk_bytes = 150'000;  // a second or two of one robot's 
 class Operator final {
  public:
   explicit Operator(std::uint16_t port) {
-    arguments_.server = "127.0.0.1:" + std::to_string(port);
-    arguments_.token = kOperatorToken;
     options_.port = port;
     options_.token = kOperatorToken;
   }
-  int record(const std::string& name) {
-    arguments_.name = name;
-    return run(run_control_record);
-  }
-  int stop(double timeout_s = 30) {
-    arguments_.timeout_s = timeout_s;
-    return run(run_control_stop);
-  }
-  int list() { return run(run_control_list); }
-  [[nodiscard]] std::string output() const { return out_.str() + err_.str(); }
+  int record(const std::string& name) { return run({"record", name}); }
+  int stop(double timeout_s = 30) { return run({"stop", "--patience", std::to_string(timeout_s)}); }
+  int list() { return run({"list"}); }
+  [[nodiscard]] std::string output() const { return last_.out + last_.err; }
   /// The newest recording; empty: the server does not answer.
   Recording newest() {
     ControlState state;
@@ -62,15 +54,15 @@ class Operator final {
   }
 
  private:
-  int run(int (*verb)(const ControlArguments&, const Terminal&)) {
-    out_.str("");
-    err_.str("");
-    return verb(arguments_, {out_, err_});
+  int run(std::vector<std::string> words) {
+    words.insert(words.begin(), "control");
+    words.insert(words.end(), {"--server", "127.0.0.1:" + std::to_string(options_.port), "--token",
+                               kOperatorToken});
+    last_ = run_fiducap(words);
+    return last_.code;
   }
-  ControlArguments arguments_;
   ControlOptions options_;
-  std::ostringstream out_;
-  std::ostringstream err_;
+  CommandRun last_;
 };
 
 class RecorderTest : public testing::Test {
@@ -169,20 +161,11 @@ TEST_F(RecorderTest, KilledServerLosesASecondAtMost) {
   for (const auto& [name, stamp] : stamps) EXPECT_LT(stamps.at(imu) - stamp, kApart_ns) << name;
 }
 
-std::uint64_t newest_line() {
-  const auto lines = log::lines_after(0);
-  return lines.empty() ? 0 : lines.back().number;
-}
-
-bool log_has(const std::string& text, std::uint64_t after = 0) {
-  const auto lines = log::lines_after(after);
-  return std::any_of(lines.begin(), lines.end(), [&](const log::Line& line) {
-    return line.text.find(text) != std::string::npos;
-  });
-}
+bool has(const NewLog& log, const char* text) { return log.text().find(text) != std::string::npos; }
 
 TEST(RecorderOnAStuckDisk, LetsTheServerContinueAndStoreItsMap) {
   const TemporaryFolder folder;
+  const NewLog log;
   ServerConfig config = corner_demo();
   config.operators.token = kOperatorToken;
   config.recorder.folder = folder.file("recordings");
@@ -198,7 +181,7 @@ TEST(RecorderOnAStuckDisk, LetsTheServerContinueAndStoreItsMap) {
   Operator person(server->ports().native);
   const Client client(server.client_options());
   Frame frame;
-  ASSERT_TRUE(wait_until([&] { return client.latest(frame) && log_has("joined the map"); }))
+  ASSERT_TRUE(wait_until([&] { return client.latest(frame) && has(log, "joined the map"); }))
       << "frames are sent, and tags are mapped";
   EXPECT_EQ(person.stop(0.2), 1) << person.output();
   EXPECT_THAT(person.output(), HasSubstr("its disk has taken nothing for 0.2 s"));
@@ -216,6 +199,7 @@ TEST(RecorderOnAStuckDisk, LetsTheServerContinueAndStoreItsMap) {
 
 TEST(RecorderWithoutADisk, LetsTheServerStart) {
   const TemporaryFolder folder;
+  const NewLog log;
   ServerConfig config = corner_demo();
   config.operators.token = kOperatorToken;
   config.recorder.folder = folder.write("no_folder", "a file");
@@ -224,7 +208,7 @@ TEST(RecorderWithoutADisk, LetsTheServerStart) {
   Operator person(server->ports().native);
   EXPECT_EQ(person.list(), 0);
   EXPECT_THAT(person.output(), HasSubstr("recording \"flight\" failed"));
-  EXPECT_TRUE(log_has("the recording \"flight\" has failed"));
+  EXPECT_TRUE(has(log, "the recording \"flight\" has failed"));
   server.stop();
   EXPECT_TRUE(server.clean());
 }
@@ -235,15 +219,15 @@ TEST(MapOnAStuckDisk, DelaysTheEndBySecondsOnly) {
   config.map.store = "map.sqlite";
   config.map.builder.commit_period_s = 3600;  // only at the end
   std::promise<void> repaired;
-  const auto begin = newest_line();
+  const NewLog log;
   RunningServer server(config);
-  ASSERT_TRUE(wait_until([&] { return log_has("joined the map", begin); }));
+  ASSERT_TRUE(wait_until([&] { return has(log, "joined the map"); }));
   disk.on_sync([wait = repaired.get_future().share()] { wait.wait(); });
   // Otherwise the server could not be destroyed.
   const std::shared_ptr<void> repair(nullptr, [&](void*) { repaired.set_value(); });
   server.stop();
   EXPECT_FALSE(server.clean());
-  EXPECT_TRUE(log_has("the disk of the map is stuck"));
+  EXPECT_TRUE(has(log, "the disk of the map is stuck"));
 }
 
 class RefinedSessionTest : public testing::Test {

@@ -1,11 +1,6 @@
 // The whole server on loopback, in real time.
 #include <gmock/gmock.h>
 
-#include <boost/asio/connect.hpp>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/ip/tcp.hpp>
-#include <boost/asio/read.hpp>
-#include <boost/asio/write.hpp>
 #include <filesystem>
 
 #include "capture/recording/recording.hpp"
@@ -17,7 +12,6 @@ namespace fiducap {
 namespace {
 
 using namespace std::chrono_literals;
-using boost::asio::ip::tcp;
 using testing::HasSubstr;
 
 /// A running server with a client.
@@ -36,28 +30,6 @@ struct Served {
   RunningServer server;
   Client client;
 };
-
-TEST(ServerOnLoopback, AnswersVrpnClientsAndBrowsers) {
-  RunningServer server(corner_demo());
-  const auto greeting = [](std::uint16_t port, const std::string& request, std::size_t bytes) {
-    boost::asio::io_context io;
-    tcp::socket socket(io);
-    socket.connect({boost::asio::ip::address_v4::loopback(), port});
-    boost::asio::write(socket, boost::asio::buffer(request));
-    std::string text(bytes, '\0');
-    boost::asio::read(socket, boost::asio::buffer(text));
-    return text;
-  };
-  EXPECT_THAT(greeting(server->ports().vrpn, std::string("vrpn: ver. 07.35  0\0\0\0\0\0", 24), 12),
-              HasSubstr("vrpn: ver. 0"));
-  // 503 until the first frame is out.
-  std::string health;
-  for (int i = 0; i < 100 && health.find("200") == std::string::npos; ++i) {
-    std::this_thread::sleep_for(50ms);
-    health = greeting(server->ports().web, "GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", 15);
-  }
-  EXPECT_THAT(health, HasSubstr("200"));
-}
 
 TEST(ServerOnLoopback, ObeysAnOperatorAndRecords) {
   const TemporaryFolder folder;
@@ -207,13 +179,6 @@ TEST_F(ServerBuildTest, FailsWhenNoSourceCanBeOpened) {
   config_.bodies[0].source.type = SourceType::kCamera;
   config_.bodies[0].source.camera.open = "/no/such/video.mp4";
   EXPECT_THAT(error(), HasSubstr("/no/such/video.mp4"));
-}
-
-TEST_F(ServerBuildTest, WaitsForAMissingDevice) {
-  config_.bodies.resize(1);
-  config_.bodies[0].source.type = SourceType::kCamera;
-  config_.bodies[0].source.camera.open = "/dev/no-such-camera";
-  EXPECT_EQ(error(), "");
 }
 
 }  // namespace

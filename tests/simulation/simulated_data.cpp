@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <functional>
-#include <numbers>
 #include <random>
 
 #include <Eigen/Dense>
@@ -35,35 +34,6 @@ CameraMount simulated_camera(const SimulatedDataSetup& setup) {
   mount.position_sigma_m = setup.extrinsics_sigma_m;
   mount.rotation_sigma_rad = setup.extrinsics_sigma_rad;
   return mount;
-}
-
-/// As the camera is, looking along x, -x, y and -y in turn, 10 cm from the middle of the body.
-std::vector<CameraMount> simulated_rig(const SimulatedDataSetup& setup) {
-  constexpr double kRadius_m = 0.1;
-  const CameraMount first = simulated_camera(setup);
-  std::vector<CameraMount> rig{first};
-  for (const double turn : {std::numbers::pi, 0.5 * std::numbers::pi, -0.5 * std::numbers::pi}) {
-    if (static_cast<int>(rig.size()) >= setup.cameras) break;
-    CameraMount mount = first;
-    const Eigen::Quaterniond q = exp_so3({0, 0, turn});
-    mount.X_BV.q = q * first.X_BV.q;
-    mount.X_BV.p = first.X_BV.p + kRadius_m * (q * Eigen::Vector3d::UnitX());
-    rig.push_back(mount);
-  }
-  return rig;
-}
-
-/// The configured lens.
-CameraModel drawn_lens(CameraModel lens, const SimulatedDataSetup& setup, std::uint64_t camera) {
-  std::mt19937_64 random(setup.seed * 131 + camera);
-  std::normal_distribution<double> gauss;
-  const double longer = 1 + setup.focal_error * gauss(random);
-  lens.fu *= longer;
-  lens.fv *= longer;
-  lens.cu += setup.centre_error_px * gauss(random);
-  lens.cv += setup.centre_error_px * gauss(random);
-  return setup.lens_error_px > 0 ? calibrated_lens(lens, setup.lens_error_px, setup.seed + camera)
-                                 : lens;
 }
 
 /// Tags and followed points of rendered images, found as the server finds them, but led by the
@@ -236,6 +206,32 @@ CameraModel changed_lens(CameraModel lens, const Eigen::VectorXd& by) {
   return lens;
 }
 
+/// @see with_calibrated_lens
+CameraModel calibrated_lens(const CameraModel& lens, double rms_px, std::uint64_t seed) {
+  const Eigen::VectorXd true_px = projected(lens, Eigen::Matrix3d::Identity());
+  Eigen::MatrixXd turns(true_px.size(), 3);
+  for (int axis = 0; axis < 3; ++axis)
+    turns.col(axis) =
+        (projected(lens, exp_so3(kSmall * Eigen::Vector3d::Unit(axis)).toRotationMatrix()) -
+         true_px) /
+        kSmall;
+  const auto of_pictures = [&](const Eigen::VectorXd& by) {
+    const Eigen::VectorXd off =
+        projected(changed_lens(lens, by), Eigen::Matrix3d::Identity()) - true_px;
+    const Eigen::VectorXd rest = off - turns * turns.colPivHouseholderQr().solve(off);
+    return std::sqrt(rest.squaredNorm() / static_cast<double>(rest.size()));
+  };
+  std::mt19937_64 random(seed * 977 + 3);
+  std::normal_distribution<double> gauss;
+  Eigen::VectorXd by(kNumbers);
+  for (int k = 0; k < kNumbers; ++k) {
+    const Eigen::VectorXd unit = kSmall * Eigen::VectorXd::Unit(kNumbers, k);
+    by(k) = gauss(random) * kSmall / of_pictures(unit);
+  }
+  const double scale = rms_px / (of_pictures(kSmall * by) / kSmall);
+  return changed_lens(lens, scale * by);
+}
+
 }  // namespace
 
 CameraMount forward_mount() {
@@ -265,14 +261,11 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   room.daylight = setup.daylight;
   room.ring = setup.ring;
   room.gravity_m_s2 = setup.gravity_m_s2;
-  constexpr int kIdsOf36h11 = 587;
-  if (room.ring.tags > kIdsOf36h11) room.family = "tagStandard41h12";
   simulation::SimulatedBodyConfig body;
-  body.cameras = simulated_rig(setup);
+  body.cameras = {simulated_camera(setup)};
   body.has_imu = setup.has_imu;
   body.camera.images = !setup.images_for.empty() || !setup.texture.empty();
   body.camera.exposure_s = setup.exposure_s;
-  body.camera.min_side_px = setup.min_side_px;
   body.camera.corner_noise_px = setup.corner_noise_px;
   body.trajectory.kind = motion_in(setup.world);
   if (!setup.texture.empty()) room.texture = setup.texture;
@@ -285,11 +278,8 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   body.seed = setup.seed;
   const ImuNoise configured = body.imu.noise;
   body.imu.noise = scaled(configured, setup.imu_noise_factor);
-  auto motion =
-      value_of(simulation::make_trajectory(body.trajectory, room, body.cameras.front().X_BV));
-  if (setup.tag_size_m > 0) room.tag_size_m = setup.tag_size_m;
-  const auto source = value_of(
-      simulation::make_simulated_source(room, body, kFirstSample, nullptr, std::move(motion)));
+  const auto source =
+      value_of(simulation::make_simulated_source(room, body, kFirstSample, nullptr));
 
   EstimationData data;
   data.name = setup.world + " " + std::to_string(setup.seed);
@@ -300,44 +290,14 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   data.camera.readout_s = setup.readout_configured_s;
   data.camera.readout_sigma_s = setup.readout_sigma_s;
   data.nominal_X_BV = drawn_extrinsics(data.camera, setup.seed);
-  data.camera.model = drawn_lens(data.camera.model, setup, 0);
-  for (std::size_t k = 1; k < body.cameras.size(); ++k) {
-    CameraMount mount = body.cameras[k];
-    mount.model = drawn_lens(mount.model, setup, k);
-    mount.X_BV = drawn_extrinsics(mount, setup.seed * 4 + k);
-    data.other_cameras.push_back(mount);
-  }
+  if (setup.lens_error_px > 0)
+    data.camera.model = calibrated_lens(data.camera.model, setup.lens_error_px, setup.seed);
   if (setup.has_imu) data.imu = configured;
   collect(data, setup, room, *source);
   data.reference_tag = first_tag(data);
 
   data.truth = true_states(data, *source, setup.seconds, body.imu.noise.rate_hz);
   return data;
-}
-
-CameraModel calibrated_lens(const CameraModel& lens, double rms_px, std::uint64_t seed) {
-  const Eigen::VectorXd true_px = projected(lens, Eigen::Matrix3d::Identity());
-  Eigen::MatrixXd turns(true_px.size(), 3);
-  for (int axis = 0; axis < 3; ++axis)
-    turns.col(axis) =
-        (projected(lens, exp_so3(kSmall * Eigen::Vector3d::Unit(axis)).toRotationMatrix()) -
-         true_px) /
-        kSmall;
-  const auto of_pictures = [&](const Eigen::VectorXd& by) {
-    const Eigen::VectorXd off =
-        projected(changed_lens(lens, by), Eigen::Matrix3d::Identity()) - true_px;
-    const Eigen::VectorXd rest = off - turns * turns.colPivHouseholderQr().solve(off);
-    return std::sqrt(rest.squaredNorm() / static_cast<double>(rest.size()));
-  };
-  std::mt19937_64 random(seed * 977 + 3);
-  std::normal_distribution<double> gauss;
-  Eigen::VectorXd by(kNumbers);
-  for (int k = 0; k < kNumbers; ++k) {
-    const Eigen::VectorXd unit = kSmall * Eigen::VectorXd::Unit(kNumbers, k);
-    by(k) = gauss(random) * kSmall / of_pictures(unit);
-  }
-  const double scale = rms_px / (of_pictures(kSmall * by) / kSmall);
-  return changed_lens(lens, scale * by);
 }
 
 EstimationData with_calibrated_lens(SimulatedDataSetup setup, double error_px,

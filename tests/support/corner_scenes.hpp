@@ -18,9 +18,6 @@ struct CornerScene {
   CameraModel model;
   std::shared_ptr<const GrayImage> image;
   std::vector<ExpectedTag> tags;  ///< Exact; only those well inside of the image.
-  std::vector<double> cos_tilt;   ///< Of each, between its normal and the direction to the camera.
-  double blur_px{};               ///< Motion of the image within the exposure.
-  double pixel_noise{};
 };
 
 class RandomScene final {
@@ -34,7 +31,7 @@ class RandomScene final {
     scene.model = number_ % 2 == 1 ? lens_camera() : plain_camera();
     CameraSimulation settings;
     settings.exposure_s = 0.01;
-    settings.pixel_noise = scene.pixel_noise = scaled(0.8, 20);
+    settings.pixel_noise = scaled(0.8, 20);
     settings.vignetting = within(0, 0.8);
     const double distance = scaled(0.55, 7);
     std::vector<RecordedTag> tags;
@@ -45,7 +42,6 @@ class RandomScene final {
     X_WV.q = X_WV.q * exp_so3({yaw, pitch, within(-0.03, 0.03)});
     const double rate = within(0, 1) < 0.4 ? 0.0 : scaled(0.05, 2);
     const double about = within(0, 2 * M_PI);
-    scene.blur_px = rate * settings.exposure_s * scene.model.fu;
     const EvenMotion motion(X_WV, Eigen::Vector3d::Zero(),
                             {rate * std::cos(about), rate * std::sin(about), 0});
     const DaylightConfig lamp{light, {-9, -9, -0.5}, {9, 9, 0.5}};  // the camera is outside
@@ -90,9 +86,7 @@ class RandomScene final {
         return;
       expected.corners_px[i] = *px;
     }
-    const Eigen::Vector3d to_camera = (X_WV.p - tag.X_WT.p).normalized();
     scene.tags.push_back(expected);
-    scene.cos_tilt.push_back((tag.X_WT.q * Eigen::Vector3d::UnitZ()).dot(to_camera));
   }
 
   unsigned number_;

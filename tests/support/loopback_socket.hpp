@@ -12,18 +12,21 @@
 #include <optional>
 #include <span>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 /// Plain non-blocking sockets on 127.0.0.1, for clients that share no code with the server.
 namespace fiducap {
 
-inline sockaddr_in loopback(std::uint16_t port) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  address.sin_port = htons(port);
-  return address;
+inline sockaddr_in ipv4(const std::string& address, int port) {
+  sockaddr_in all{};
+  all.sin_family = AF_INET;
+  all.sin_port = htons(static_cast<std::uint16_t>(port));
+  if (::inet_pton(AF_INET, address.c_str(), &all.sin_addr) != 1)
+    throw std::invalid_argument("no IPv4 address: " + address);
+  return all;
 }
+inline sockaddr_in loopback(std::uint16_t port) { return ipv4("127.0.0.1", port); }
 
 /// On a port that the kernel chooses. @param type  SOCK_STREAM or SOCK_DGRAM
 inline int bound_socket(int type) {

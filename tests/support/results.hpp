@@ -16,11 +16,11 @@
 namespace fiducap {
 
 template <typename Fault>
-auto text_of(const Fault& fault) -> decltype(fault.text()) {
+auto fault_text(const Fault& fault) -> decltype(fault.text()) {
   return fault.text();
 }
 template <typename Fault>
-std::string text_of(const std::vector<Fault>& faults) {
+std::string fault_text(const std::vector<Fault>& faults) {
   std::string all;
   for (const Fault& fault : faults) all += fault.text() + "\n";
   return all;
@@ -29,12 +29,12 @@ std::string text_of(const std::vector<Fault>& faults) {
 /// The value of a result; an error fails the test with its text.
 template <typename T, typename E>
 T value_of(tl::expected<T, E> result) {
-  if (!result) throw std::runtime_error(text_of(result.error()));
+  if (!result) throw std::runtime_error(fault_text(result.error()));
   return std::move(*result);
 }
 template <typename E>
 void value_of(tl::expected<void, E> result) {
-  if (!result) throw std::runtime_error(text_of(result.error()));
+  if (!result) throw std::runtime_error(fault_text(result.error()));
 }
 template <typename T>
 T value_of(std::optional<T> result) {
@@ -45,7 +45,7 @@ T value_of(std::optional<T> result) {
 /// Text of a result's error; "no error" without one.
 template <typename T, typename E>
 std::string error_of(const tl::expected<T, E>& result) {
-  return result ? "no error" : text_of(result.error());
+  return result ? "no error" : fault_text(result.error());
 }
 
 /// Paths of broken rules.

@@ -152,7 +152,12 @@ class Calibration final {
           search_time_shift([this](double s) { return cost_of(s); }, options_.time_range_s);
       if (!time) return tl::unexpected(time.error());
       result_.time = *time;
-      free_clocks();
+      // With the poses, from the searched shift on: fixed clocks would make the covariance of the
+      // poses too small.
+      setup_.estimator.estimate_clocks = true;
+      if (time->determined)
+        for (CameraMount& camera : setup_.sensors.cameras)
+          camera.time_shift_sigma_s = kSearchSigma_s;
     }
     OfflineResult last;
     double replayed_shift_s = 0;
@@ -175,14 +180,6 @@ class Calibration final {
   }
 
  private:
-  /// Estimates the clocks with the poses, from the searched shift on: fixed clocks would make the
-  /// covariance of the poses too small.
-  void free_clocks() {
-    setup_.estimator.estimate_clocks = true;
-    if (!result_.time.determined) return;
-    for (CameraMount& camera : setup_.sensors.cameras) camera.time_shift_sigma_s = kSearchSigma_s;
-  }
-
   /// Mean of all cameras, beyond the replayed shift; the largest sigma is the result's.
   double learned_shift_s(const OfflineResult& run) {
     double sum_s = 0, sigma_s = 0;

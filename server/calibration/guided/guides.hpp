@@ -51,7 +51,6 @@ class LensGuide final {
  private:
   bool consider(std::optional<CalibrationView> view);
   [[nodiscard]] bool is_sharp(const CalibrationView& view);
-  [[nodiscard]] bool is_new(const CalibrationView& view) const;
   void count(const CalibrationView& view);
   void advise();
   [[nodiscard]] std::string missing_part() const;
@@ -88,8 +87,6 @@ class RestGuide final {
   void begin();
 
  private:
-  [[nodiscard]] bool has_moved(const ImuSample& sample) const;
-
   std::vector<ImuSample> samples_;
   Eigen::Vector3d mean_w_{Eigen::Vector3d::Zero()};  ///< Of the first second.
   Eigen::Vector3d mean_f_{Eigen::Vector3d::Zero()};

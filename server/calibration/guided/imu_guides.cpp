@@ -47,7 +47,11 @@ double share_of(double seconds, double enough) { return std::min(1.0, seconds / 
 void RestGuide::take(const ImuSample& sample) {
   if (!sample.w_WB_B.allFinite() || !sample.f_B.allFinite() || is_enough()) return;
   if (!samples_.empty() && sample.sampled_at <= samples_.back().sampled_at) return;
-  if (has_moved(sample) || samples_.size() >= kMostReadings) {
+  const bool is_averaged = !samples_.empty() && share() * kLongEnough_s >= kAveraged_s;
+  const bool has_moved =
+      is_averaged && ((sample.w_WB_B - mean_w_).cwiseAbs().maxCoeff() > kTouched_rad_s ||
+                      (sample.f_B - mean_f_).cwiseAbs().maxCoeff() > kTouched_m_s2);
+  if (has_moved || samples_.size() >= kMostReadings) {
     begin();
     moved_ = true;
   }
@@ -57,12 +61,6 @@ void RestGuide::take(const ImuSample& sample) {
     mean_f_ += (sample.f_B - mean_f_) / averaged_;
   }
   samples_.push_back(sample);
-}
-
-bool RestGuide::has_moved(const ImuSample& sample) const {
-  if (samples_.empty() || share() * kLongEnough_s < kAveraged_s) return false;
-  return (sample.w_WB_B - mean_w_).cwiseAbs().maxCoeff() > kTouched_rad_s ||
-         (sample.f_B - mean_f_).cwiseAbs().maxCoeff() > kTouched_m_s2;
 }
 
 double RestGuide::share() const {

@@ -81,7 +81,9 @@ bool LensGuide::consider(std::optional<CalibrationView> view) {
     problem_ = "Hold it still for a moment.";
   } else if (!is_sharp(*view)) {
     problem_ = "It is blurred: hold it still, in focus, with more light.";
-  } else if (is_new(*view)) {
+  } else if (std::ranges::all_of(views_, [&](const CalibrationView& other) {
+               return distance(other, *view, width_) > kMinDistance;
+             })) {
     count(*view);
     views_.push_back(std::move(*view));
     progress_.views = views_.size();
@@ -96,12 +98,6 @@ bool LensGuide::is_sharp(const CalibrationView& view) {
   if (sharpness <= 0) return true;  // unknown for a checkerboard
   sharpest_ = std::max(sharpest_, sharpness);
   return sharpness >= kMinSharpness * sharpest_;
-}
-
-bool LensGuide::is_new(const CalibrationView& view) const {
-  return std::ranges::all_of(views_, [&](const CalibrationView& kept) {
-    return distance(kept, view, width_) > kMinDistance;
-  });
 }
 
 void LensGuide::count(const CalibrationView& view) {

@@ -1,7 +1,6 @@
 #include "calibration/imu/imu_calibration.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -9,6 +8,7 @@
 #include <ceres/ceres.h>
 #include <Eigen/Eigenvalues>
 
+#include "base/numeric.hpp"
 #include "base/pose.hpp"
 #include "base/text.hpp"
 
@@ -197,11 +197,10 @@ std::optional<AccelFit> best_accel(std::span<const ImuSample> samples,
   const auto least = static_cast<std::size_t>(kMinRest_s * rate);
   std::vector<double> start = scatter;
   start.resize(std::min(start.size(), first));
-  const auto middle = start.begin() + static_cast<std::ptrdiff_t>(start.size() / 2);
-  std::nth_element(start.begin(), middle, start.end());
+  const double usual = nth_smallest(start, start.size() / 2);
   std::optional<AccelFit> best;
   for (double factor = 1.5; factor < 12; factor *= 1.25) {
-    auto rests = find_rests(samples, scatter, factor * *middle, samples_per_second, least);
+    auto rests = find_rests(samples, scatter, factor * usual, samples_per_second, least);
     most = std::max(most, static_cast<int>(rests.size()));
     if (static_cast<int>(rests.size()) < kMinRests) continue;
     auto fit = fit_accel(std::move(rests), gravity);

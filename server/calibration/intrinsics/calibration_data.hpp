@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include "base/numeric.hpp"
 #include "base/pose.hpp"
 #include "capture/lens/camera_model.hpp"
 
@@ -68,15 +69,6 @@ struct CalibrationData {
   for (const CalibrationView& view : data.views)
     for (const TargetSighting& s : view.sightings) ++counts[to_index(s.target)];
   return counts;
-}
-
-/// Up to `count` elements at even distances.
-template <typename T>
-[[nodiscard]] std::vector<T> thinned(const std::vector<T>& all, std::size_t count) {
-  if (all.size() <= count) return all;
-  std::vector<T> some;
-  for (std::size_t i = 0; i < count; ++i) some.push_back(all[i * all.size() / count]);
-  return some;
 }
 
 /// A camera with the poses of all targets. Targets of one group do not move relative to each other.

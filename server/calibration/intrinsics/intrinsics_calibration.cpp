@@ -6,7 +6,6 @@
 #include <optional>
 
 #include "calibration/intrinsics/bundle.hpp"
-#include "calibration/intrinsics/lens_fit.hpp"
 #include "calibration/intrinsics/lens_model.hpp"
 
 namespace fiducap {
@@ -167,18 +166,9 @@ IntrinsicsCalibration result_of(LensFit fit) {
   IntrinsicsCalibration out;
   out.held_out = hold_out(fit);
   out.shape = estimate_target_shape(fit.data, fit.state, fit.free);
-  for (const int t : fit.misfits)
-    out.misfits.push_back(fit.data.targets[static_cast<std::size_t>(t)].name);
   out.residuals = residuals(fit.data, fit.state);
   out.uncertainty = uncertainty_of(fit.data, fit.state, fit.free, fit.sigma_px);
-  out.sigma_px = fit.sigma_px;
-  out.free = fit.free;
-  out.rejected = fit.rejected;
-  out.targets_joined = fit.joined;
-  out.targets_disagree = fit.disagree;
-  out.joined_sigma_px = fit.joined_sigma_px;
-  out.state = std::move(fit.state);
-  out.data = std::move(fit.data);
+  static_cast<LensFit&>(out) = std::move(fit);
   return out;
 }
 

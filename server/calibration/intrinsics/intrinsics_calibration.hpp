@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "base/expected.hpp"
-#include "calibration/intrinsics/calibration_data.hpp"
+#include "calibration/intrinsics/lens_fit.hpp"
 #include "calibration/intrinsics/lens_uncertainty.hpp"
 
 namespace fiducap {
@@ -27,19 +27,9 @@ struct LensTrial {
 };
 
 /// A camera's intrinsics with all evidence.
-struct IntrinsicsCalibration {
-  CalibrationState state;  ///< state.camera is the result.
-  CalibrationData data;    ///< As used; points without the bias of fitted sides.
-  std::vector<int> free;   ///< Estimated ones of the nine lens parameters; the others are 0.
+struct IntrinsicsCalibration : LensFit {   ///< state.camera is the result.
   std::vector<Eigen::Vector2d> residuals;  ///< Measured − predicted, in the order of `data`.
-  double sigma_px{};                       ///< Noise per coordinate, from the residuals.
   LensUncertainty uncertainty;
-  std::size_t rejected{};      ///< Sightings that did not fit.
-  bool targets_joined{false};  ///< Constant relative poses of several targets were used.
-  /// Targets moved, are not flat or have another size; each sighting has its own pose.
-  bool targets_disagree{false};
-  double joined_sigma_px{};          ///< Noise with constant relative poses; 0: not tried.
-  std::vector<std::string> misfits;  ///< Names of targets with most sightings rejected.
   HeldOut held_out;
   TargetShape shape;              ///< Of the board, if any.
   std::vector<LensTrial> trials;  ///< All lenses tried, the used one first.

@@ -98,9 +98,8 @@ constexpr double kTilted_rad = 25 * std::numbers::pi / 180;
 
 double value_at_share(std::vector<double> values, double share) {
   if (values.empty()) return 0;
-  const auto place = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + place, values.end());
-  return values[static_cast<std::size_t>(place)];
+  return nth_smallest(values,
+                      static_cast<std::size_t>(share * static_cast<double>(values.size() - 1)));
 }
 
 void count(const IntrinsicsCalibration& c, IntrinsicsVerdict& v) {

@@ -43,13 +43,6 @@ void unbend(CalibrationData& data, const CameraModel& camera) {
     }
 }
 
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 /// Removes sightings for which `is_wrong(view, sighting)`, and poses of groups without sightings.
 template <typename Wrong>
 std::size_t drop(CalibrationData& data, CalibrationState& state, const Wrong& is_wrong) {
@@ -76,7 +69,8 @@ std::size_t reject(CalibrationData& data, CalibrationState& state) {
   for (std::size_t v = 0; v < data.views.size(); ++v)
     for (const TargetSighting& s : data.views[v].sightings)
       all.push_back(sighting_rms(data, state, v, s));
-  const double limit = std::max(kRejectRatio * median(all), kRejectMin_px);
+  if (all.empty()) return 0;
+  const double limit = std::max(kRejectRatio * nth_smallest(all, all.size() / 2), kRejectMin_px);
   return drop(data, state, [&](std::size_t v, const TargetSighting& s) {
     return !(sighting_rms(data, state, v, s) <= limit);
   });
@@ -124,13 +118,13 @@ std::size_t total_sightings(const CalibrationData& data) {
 }
 
 /// Targets with most of their sightings removed.
-std::vector<int> misfits_of(const CalibrationData& kept, const CalibrationData& all) {
+std::vector<std::string> misfits_of(const CalibrationData& kept, const CalibrationData& all) {
   constexpr int kMinSightings = 3;
   const auto left = count_sightings(kept);
   const auto there = count_sightings(all);
-  std::vector<int> out;
+  std::vector<std::string> out;
   for (std::size_t t = 0; t < there.size(); ++t)
-    if (there[t] >= kMinSightings && 2 * left[t] < there[t]) out.push_back(static_cast<int>(t));
+    if (there[t] >= kMinSightings && 2 * left[t] < there[t]) out.push_back(all.targets[t].name);
   return out;
 }
 
@@ -192,10 +186,10 @@ LensFit fit_joined(const LensFit& separate) {
   fit.misfits = misfits_of(fit.data, separate.data);
   const bool lost_many = count_points(fit.data) * 10 < count_points(separate.data) * 8;
   fit.joined_sigma_px = fit.sigma_px;
-  fit.joined = fit.sigma_px <= limit && !lost_many;
-  if (fit.joined) return fit;
+  fit.targets_joined = fit.sigma_px <= limit && !lost_many;
+  if (fit.targets_joined) return fit;
   LensFit apart = separate;
-  apart.disagree = true;
+  apart.targets_disagree = true;
   apart.joined_sigma_px = fit.sigma_px;
   apart.misfits = fit.misfits;
   return apart;
@@ -204,7 +198,7 @@ LensFit fit_joined(const LensFit& separate) {
 LensFit fit_third_radial(const LensFit& fit) {
   LensFit freer = fit;
   freer.free = {0, 1, 2, 3, 4, 5, 6, 7, 8};
-  settle(freer, !fit.joined);
+  settle(freer, !fit.targets_joined);
   return freer;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "calibration/intrinsics/calibration_data.hpp"
@@ -11,13 +12,14 @@ namespace fiducap {
 struct LensFit {
   CalibrationData data;  ///< Used sightings, corners without the bias of fitted sides.
   CalibrationState state;
-  std::vector<int> free;  ///< Indices of the estimated lens parameters.
-  double sigma_px{};      ///< Per coordinate, with degrees of freedom.
-  std::size_t rejected{};
-  bool joined{false};
-  bool disagree{false};      ///< Targets were to be joined, but contradict each other.
-  double joined_sigma_px{};  ///< Sigma with joined targets; 0: not tried.
-  std::vector<int> misfits;  ///< Targets with most sightings rejected by joining.
+  std::vector<int> free;       ///< Indices of the estimated lens parameters; the others are 0.
+  double sigma_px{};           ///< Per coordinate, with degrees of freedom.
+  std::size_t rejected{};      ///< Sightings that did not fit.
+  bool targets_joined{false};  ///< Constant relative poses of several targets were used.
+  /// Targets moved, are not flat or have another size; each sighting has its own pose.
+  bool targets_disagree{false};
+  double joined_sigma_px{};          ///< Sigma with joined targets; 0: not tried.
+  std::vector<std::string> misfits;  ///< Names of targets with most sightings rejected by joining.
 };
 
 /// Fits a lens with independent poses of all sightings.
@@ -25,7 +27,7 @@ struct LensFit {
 [[nodiscard]] std::optional<LensFit> fit_separate(const CalibrationData& data, Distortion kind);
 
 /// The same with constant relative poses of targets; when the images contradict that, `separate`
-/// with `disagree` set.
+/// with `targets_disagree` set.
 [[nodiscard]] LensFit fit_joined(const LensFit& separate);
 
 /// Frees the third radial coefficient as well.

@@ -4,17 +4,21 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
+#include <tuple>
+#include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
-#include "base/pose.hpp"
+#include "calibration/intrinsics/bundle.hpp"
+#include "calibration/intrinsics/initial_state.hpp"
+#include "calibration/intrinsics/lens_fit.hpp"
+#include "estimation/known_tag.hpp"
 
 namespace fiducap {
 namespace {
 
-using Matrix6d = Eigen::Matrix<double, 6, 6>;
-using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix2Xd = Eigen::Matrix<double, 2, Eigen::Dynamic>;
 
 /// Free shape of a target, relative to half of its longer side, L. Coordinates ξ, η from its middle
@@ -53,7 +57,22 @@ class ReducedSystem final {
  public:
   /// @param shaped  the target with a free shape; -1: none
   ReducedSystem(const CalibrationData& data, const CalibrationState& state,
-                const std::vector<int>& free, int shaped = -1);
+                const std::vector<int>& free, int shaped = -1)
+      : data_(data), state_(state), free_(free), shaped_(shaped), column_(data.targets.size(), -1) {
+    size_ = static_cast<Eigen::Index>(free.size());
+    const std::vector<int> sightings = count_sightings(data);
+    for (std::size_t t = 0; t < data.targets.size(); ++t)
+      if (!state.defines_group(t) && sightings[t] > 0) {
+        column_[t] = size_;
+        size_ += 6;
+      }
+    if (shaped_ >= 0) {
+      half_side_ = half_side(data.targets[to_index(shaped_)], middle_);
+      size_ += kShapeNumbers;
+    }
+    S_ = Eigen::MatrixXd::Zero(size_, size_);
+    for (std::size_t v = 0; v < data.views.size(); ++v) add_view(v);
+  }
 
   /// Per view: the gradient of its squared residuals / 2, poses marginalised.
   [[nodiscard]] const std::vector<Eigen::VectorXd>& gradients() const { return gradients_; }
@@ -61,19 +80,102 @@ class ReducedSystem final {
   [[nodiscard]] double squares() const { return squares_; }
   [[nodiscard]] double freedom() const { return freedom_ - static_cast<double>(size_); }
   /// Inverse of the information. @return false when singular
-  [[nodiscard]] bool invert(Eigen::MatrixXd& inverse) const;
+  [[nodiscard]] bool invert(Eigen::MatrixXd& inverse) const {
+    const Eigen::VectorXd scale = scale_of(S_);
+    const Eigen::MatrixXd scaled = scale.asDiagonal() * S_ * scale.asDiagonal();
+    const Eigen::LDLT<Eigen::MatrixXd> solver(scaled);
+    constexpr double kSingular = 1e-13;
+    if (solver.info() != Eigen::Success || !(solver.vectorD().minCoeff() > kSingular)) return false;
+    inverse = scale.asDiagonal() *
+              solver.solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.rows())) *
+              scale.asDiagonal();
+    return true;
+  }
   /// Condition of the information, its diagonal scaled to 1; infinite when singular.
-  [[nodiscard]] double condition() const;
+  [[nodiscard]] double condition() const {
+    const Eigen::VectorXd scale = scale_of(S_);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
+        scale.asDiagonal() * S_ * scale.asDiagonal(), Eigen::EigenvaluesOnly);
+    if (solver.info() != Eigen::Success || !(solver.eigenvalues()(0) > 0))
+      return std::numeric_limits<double>::infinity();
+    return solver.eigenvalues().tail<1>()(0) / solver.eigenvalues()(0);
+  }
 
  private:
-  void add_view(std::size_t v);
+  void add_view(std::size_t v) {
+    Eigen::VectorXd gradient = Eigen::VectorXd::Zero(size_);
+    std::map<int, GroupTerms> groups;
+    for (const TargetSighting& sighting : data_.views[v].sightings) {
+      const int group = state_.group(sighting);
+      GroupTerms& terms = groups[group];
+      if (terms.H_cross.size() == 0) terms.H_cross = Eigen::MatrixXd::Zero(size_, 6);
+      for (const SeenPoint& seen : sighting.points)
+        add_point(seen, to_index(sighting.target), state_.X_VG[v].at(group), terms, gradient);
+    }
+    for (const auto& [group, terms] : groups) {
+      const Eigen::LDLT<Matrix6d> H(terms.H_pose);
+      S_.noalias() -= terms.H_cross * H.solve(terms.H_cross.transpose());
+      gradient.noalias() -= terms.H_cross * H.solve(terms.g_pose);
+      freedom_ -= 6;
+    }
+    if (!groups.empty()) gradients_.push_back(std::move(gradient));
+  }
+
   void add_point(const SeenPoint& seen, std::size_t target, const Pose& X_VG, GroupTerms& terms,
-                 Eigen::VectorXd& gradient);
+                 Eigen::VectorXd& gradient) {
+    const Eigen::Vector3d p_T = data_.targets[target].points[to_index(seen.point)];
+    const Eigen::Vector3d turned_GT = state_.X_GT[target].q * p_T;
+    const Eigen::Vector3d turned_VG = X_VG.q * (turned_GT + state_.X_GT[target].p);
+    const LensDerivative at = differentiate(state_.camera, turned_VG + X_VG.p);
+    const Eigen::Vector2d y = seen.px - at.px;
+    squares_ += y.squaredNorm();
+    freedom_ += 2;
+    Eigen::Matrix<double, 2, 6> J_pose;
+    J_pose << at.d_point, -at.d_point * skew(turned_VG);
+    Matrix2Xd J_lens(2, free_.size());
+    for (std::size_t i = 0; i < free_.size(); ++i)
+      J_lens.col(static_cast<Eigen::Index>(i)) = at.d_lens.col(free_[i]);
+    const Eigen::Index n = J_lens.cols();
+    terms.H_pose += J_pose.transpose() * J_pose;
+    terms.g_pose += J_pose.transpose() * y;
+    terms.H_cross.topRows(n) += J_lens.transpose() * J_pose;
+    S_.topLeftCorner(n, n) += J_lens.transpose() * J_lens;
+    gradient.head(n) += J_lens.transpose() * y;
+    const Eigen::Matrix<double, 2, 3> to_group = at.d_point * X_VG.rotation();
+    if (column_[target] >= 0) {
+      Eigen::Matrix<double, 2, 6> J_target;
+      J_target << to_group, -to_group * skew(turned_GT);
+      add_block(column_[target], J_target, J_lens, J_pose, y, terms, gradient);
+    }
+    if (static_cast<int>(target) == shaped_)
+      add_block(size_ - kShapeNumbers, to_group * state_.X_GT[target].rotation() * shape_at(p_T),
+                J_lens, J_pose, y, terms, gradient);
+  }
+
   /// Adds unknowns with the derivative `J` of a point's pixel.
   void add_block(Eigen::Index column, const Matrix2Xd& J, const Matrix2Xd& J_lens,
                  const Eigen::Matrix<double, 2, 6>& J_pose, const Eigen::Vector2d& y,
-                 GroupTerms& terms, Eigen::VectorXd& gradient);
-  [[nodiscard]] Eigen::Matrix<double, 3, kShapeNumbers> shape_at(const Eigen::Vector3d& p_T) const;
+                 GroupTerms& terms, Eigen::VectorXd& gradient) {
+    const Eigen::Index n = J_lens.cols();
+    const Eigen::Index m = J.cols();
+    terms.H_cross.middleRows(column, m) += J.transpose() * J_pose;
+    S_.block(column, column, m, m) += J.transpose() * J;
+    S_.block(0, column, n, m) += J_lens.transpose() * J;
+    S_.block(column, 0, m, n) += J.transpose() * J_lens;
+    gradient.segment(column, m) += J.transpose() * y;
+  }
+
+  [[nodiscard]] Eigen::Matrix<double, 3, kShapeNumbers> shape_at(const Eigen::Vector3d& p_T) const {
+    const double x = p_T.x() - middle_.x();
+    const double y = p_T.y() - middle_.y();
+    const double along = x / half_side_;
+    const double up = y / half_side_;
+    Eigen::Matrix<double, 3, kShapeNumbers> d;
+    d << 0, 0, 0, x / 2, y / 2,  //
+        0, 0, 0, -y / 2, x / 2,  //
+        half_side_ * along * along, half_side_ * along * up, half_side_ * up * up, 0, 0;
+    return d;
+  }
 
   const CalibrationData& data_;
   const CalibrationState& state_;
@@ -88,119 +190,6 @@ class ReducedSystem final {
   double squares_{0};
   double freedom_{0};  ///< Without lens, targets and shape.
 };
-
-ReducedSystem::ReducedSystem(const CalibrationData& data, const CalibrationState& state,
-                             const std::vector<int>& free, int shaped)
-    : data_(data), state_(state), free_(free), shaped_(shaped), column_(data.targets.size(), -1) {
-  size_ = static_cast<Eigen::Index>(free.size());
-  const std::vector<int> sightings = count_sightings(data);
-  for (std::size_t t = 0; t < data.targets.size(); ++t)
-    if (!state.defines_group(t) && sightings[t] > 0) {
-      column_[t] = size_;
-      size_ += 6;
-    }
-  if (shaped_ >= 0) {
-    half_side_ = half_side(data.targets[to_index(shaped_)], middle_);
-    size_ += kShapeNumbers;
-  }
-  S_ = Eigen::MatrixXd::Zero(size_, size_);
-  for (std::size_t v = 0; v < data.views.size(); ++v) add_view(v);
-}
-
-void ReducedSystem::add_view(std::size_t v) {
-  Eigen::VectorXd gradient = Eigen::VectorXd::Zero(size_);
-  std::map<int, GroupTerms> groups;
-  for (const TargetSighting& sighting : data_.views[v].sightings) {
-    const int group = state_.group(sighting);
-    GroupTerms& terms = groups[group];
-    if (terms.H_cross.size() == 0) terms.H_cross = Eigen::MatrixXd::Zero(size_, 6);
-    for (const SeenPoint& seen : sighting.points)
-      add_point(seen, to_index(sighting.target), state_.X_VG[v].at(group), terms, gradient);
-  }
-  for (const auto& [group, terms] : groups) {
-    const Eigen::LDLT<Matrix6d> H(terms.H_pose);
-    S_.noalias() -= terms.H_cross * H.solve(terms.H_cross.transpose());
-    gradient.noalias() -= terms.H_cross * H.solve(terms.g_pose);
-    freedom_ -= 6;
-  }
-  if (!groups.empty()) gradients_.push_back(std::move(gradient));
-}
-
-void ReducedSystem::add_point(const SeenPoint& seen, std::size_t target, const Pose& X_VG,
-                              GroupTerms& terms, Eigen::VectorXd& gradient) {
-  const Eigen::Vector3d p_T = data_.targets[target].points[to_index(seen.point)];
-  const Eigen::Vector3d turned_GT = state_.X_GT[target].q * p_T;
-  const Eigen::Vector3d turned_VG = X_VG.q * (turned_GT + state_.X_GT[target].p);
-  const LensDerivative at = differentiate(state_.camera, turned_VG + X_VG.p);
-  const Eigen::Vector2d y = seen.px - at.px;
-  squares_ += y.squaredNorm();
-  freedom_ += 2;
-  Eigen::Matrix<double, 2, 6> J_pose;
-  J_pose << at.d_point, -at.d_point * skew(turned_VG);
-  Matrix2Xd J_lens(2, free_.size());
-  for (std::size_t i = 0; i < free_.size(); ++i)
-    J_lens.col(static_cast<Eigen::Index>(i)) = at.d_lens.col(free_[i]);
-  const Eigen::Index n = J_lens.cols();
-  terms.H_pose += J_pose.transpose() * J_pose;
-  terms.g_pose += J_pose.transpose() * y;
-  terms.H_cross.topRows(n) += J_lens.transpose() * J_pose;
-  S_.topLeftCorner(n, n) += J_lens.transpose() * J_lens;
-  gradient.head(n) += J_lens.transpose() * y;
-  const Eigen::Matrix<double, 2, 3> to_group = at.d_point * X_VG.rotation();
-  if (column_[target] >= 0) {
-    Eigen::Matrix<double, 2, 6> J_target;
-    J_target << to_group, -to_group * skew(turned_GT);
-    add_block(column_[target], J_target, J_lens, J_pose, y, terms, gradient);
-  }
-  if (static_cast<int>(target) == shaped_)
-    add_block(size_ - kShapeNumbers, to_group * state_.X_GT[target].rotation() * shape_at(p_T),
-              J_lens, J_pose, y, terms, gradient);
-}
-
-void ReducedSystem::add_block(Eigen::Index column, const Matrix2Xd& J, const Matrix2Xd& J_lens,
-                              const Eigen::Matrix<double, 2, 6>& J_pose, const Eigen::Vector2d& y,
-                              GroupTerms& terms, Eigen::VectorXd& gradient) {
-  const Eigen::Index n = J_lens.cols();
-  const Eigen::Index m = J.cols();
-  terms.H_cross.middleRows(column, m) += J.transpose() * J_pose;
-  S_.block(column, column, m, m) += J.transpose() * J;
-  S_.block(0, column, n, m) += J_lens.transpose() * J;
-  S_.block(column, 0, m, n) += J.transpose() * J_lens;
-  gradient.segment(column, m) += J.transpose() * y;
-}
-
-Eigen::Matrix<double, 3, kShapeNumbers> ReducedSystem::shape_at(const Eigen::Vector3d& p_T) const {
-  const double x = p_T.x() - middle_.x();
-  const double y = p_T.y() - middle_.y();
-  const double along = x / half_side_;
-  const double up = y / half_side_;
-  Eigen::Matrix<double, 3, kShapeNumbers> d;
-  d << 0, 0, 0, x / 2, y / 2,  //
-      0, 0, 0, -y / 2, x / 2,  //
-      half_side_ * along * along, half_side_ * along * up, half_side_ * up * up, 0, 0;
-  return d;
-}
-
-bool ReducedSystem::invert(Eigen::MatrixXd& inverse) const {
-  const Eigen::VectorXd scale = scale_of(S_);
-  const Eigen::MatrixXd scaled = scale.asDiagonal() * S_ * scale.asDiagonal();
-  const Eigen::LDLT<Eigen::MatrixXd> solver(scaled);
-  constexpr double kSingular = 1e-13;
-  if (solver.info() != Eigen::Success || !(solver.vectorD().minCoeff() > kSingular)) return false;
-  inverse = scale.asDiagonal() *
-            solver.solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.rows())) *
-            scale.asDiagonal();
-  return true;
-}
-
-double ReducedSystem::condition() const {
-  const Eigen::VectorXd scale = scale_of(S_);
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
-      scale.asDiagonal() * S_ * scale.asDiagonal(), Eigen::EigenvaluesOnly);
-  if (solver.info() != Eigen::Success || !(solver.eigenvalues()(0) > 0))
-    return std::numeric_limits<double>::infinity();
-  return solver.eigenvalues().tail<1>()(0) / solver.eigenvalues()(0);
-}
 
 /// Scatter of the images' steps of the first `n` unknowns.
 Eigen::MatrixXd scatter_of(const ReducedSystem& system, const Eigen::MatrixXd& inverse,
@@ -235,6 +224,56 @@ double largest_bend(const Eigen::Vector3d& abc) {
   const double mean = (abc(0) + abc(2)) / 2;
   const double spread = std::hypot((abc(0) - abc(2)) / 2, abc(1) / 2);
   return std::max(std::abs(mean + spread), std::abs(mean - spread)) / 2;
+}
+
+constexpr std::size_t kMinPartViews = 5;
+
+/// A part of the images with their poses.
+template <typename Wanted>
+LensFit part_of(const LensFit& fit, const Wanted& wanted) {
+  LensFit part = fit;
+  part.data.views.clear();
+  part.state.X_VG.clear();
+  std::size_t used = 0;
+  for (std::size_t v = 0; v < fit.data.views.size(); ++v) {
+    if (fit.data.views[v].sightings.empty() || !wanted(used++)) continue;
+    part.data.views.push_back(fit.data.views[v]);
+    part.state.X_VG.push_back(fit.state.X_VG[v]);
+  }
+  split_groups(part.data, part.state);
+  return part;
+}
+
+double rms_of(const LensFit& fit) { return rms_per_coordinate(residuals(fit.data, fit.state)); }
+
+/// Sums of squared residuals of the images of `others`, with the lens of `fitted` and with their
+/// own.
+struct Validation {
+  double squares{};
+  double own{};
+};
+
+std::optional<Validation> validate_with(const LensFit& fitted, const LensFit& others) {
+  LensFit lens = fitted;
+  if (!adjust(lens.data, {lens.free}, lens.state)) return std::nullopt;
+  LensFit tested = others;
+  if (!adjust(tested.data, {{}}, tested.state)) return std::nullopt;
+  const auto points = static_cast<double>(count_points(tested.data));
+  Validation out;
+  out.own = points * std::pow(rms_of(tested), 2);
+  tested.state.camera = lens.state.camera;
+  if (!adjust(tested.data, {{}}, tested.state)) return std::nullopt;
+  out.squares = points * std::pow(rms_of(tested), 2);
+  return out;
+}
+
+/// Focal length and its sigma, px.
+std::optional<std::pair<double, double>> focal_of(LensFit part) {
+  if (part.data.views.size() < kMinPartViews) return std::nullopt;
+  if (!adjust(part.data, {part.free}, part.state)) return std::nullopt;
+  const auto uncertainty = uncertainty_of(part.data, part.state, part.free, part.sigma_px);
+  if (!uncertainty.determined) return std::nullopt;
+  return std::pair{part.state.camera.fu, std::sqrt(uncertainty.covariance(0, 0))};
 }
 
 }  // namespace
@@ -286,6 +325,31 @@ TargetShape estimate_target_shape(const CalibrationData& data, const Calibration
   out.stretch = shape(3);
   out.stretch_sigma = sigma(3);
   out.known = true;
+  return out;
+}
+
+double HeldOut::focal_step_sigma() const {
+  const double sigma = std::hypot(first_sigma, second_sigma);
+  return sigma > 0 ? std::abs(second_focal - first_focal) / sigma : 0;
+}
+
+HeldOut hold_out(const LensFit& fit) {
+  HeldOut out;
+  const LensFit even = part_of(fit, [](std::size_t i) { return i % 2 == 0; });
+  const LensFit odd = part_of(fit, [](std::size_t i) { return i % 2 == 1; });
+  const std::size_t used = even.data.views.size() + odd.data.views.size();
+  if (used < 2 * kMinPartViews) return out;
+  const auto forth = validate_with(even, odd);
+  const auto back = validate_with(odd, even);
+  if (!forth || !back) return out;
+  out.tried = true;
+  const double own = forth->own + back->own;
+  out.ratio = own > 0 ? std::sqrt((forth->squares + back->squares) / own) : 1;
+  const auto first = focal_of(part_of(fit, [&](std::size_t i) { return 2 * i < used; }));
+  const auto second = focal_of(part_of(fit, [&](std::size_t i) { return 2 * i >= used; }));
+  if (!first || !second) return out;
+  std::tie(out.first_focal, out.first_sigma) = *first;
+  std::tie(out.second_focal, out.second_sigma) = *second;
   return out;
 }
 

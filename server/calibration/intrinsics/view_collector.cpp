@@ -20,10 +20,7 @@ double sharp_enough(const CalibrationData& all) {
   for (const CalibrationView& view : all.views)
     for (const TargetSighting& s : view.sightings)
       if (s.sharpness > 0) sharpness.push_back(s.sharpness);
-  if (sharpness.empty()) return 0;
-  const auto quarter = sharpness.begin() + static_cast<std::ptrdiff_t>(sharpness.size() * 3 / 4);
-  std::nth_element(sharpness.begin(), quarter, sharpness.end());
-  return kBlurred * *quarter;
+  return sharpness.empty() ? 0 : kBlurred * nth_smallest(sharpness, sharpness.size() * 3 / 4);
 }
 
 }  // namespace
@@ -40,28 +37,21 @@ ViewCollector::ViewCollector(CalibrationTargets targets) : targets_(std::move(ta
 
 std::optional<CalibrationView> ViewCollector::look(const std::string& name,
                                                    const std::shared_ptr<const GrayImage>& image) {
-  if (targets_.checkerboard) return look_for_checkerboard(name, *image);
-  return look(name, detector_for(*image).detect(CameraFrame{0, {}, image}));
-}
-
-std::optional<CalibrationView> ViewCollector::look_for_checkerboard(const std::string& name,
-                                                                    const GrayImage& image) const {
-  const auto corners =
-      find_checkerboard(image, targets_.checkerboard->columns, targets_.checkerboard->rows);
-  if (!corners) return std::nullopt;
-  TargetSighting sighting;
-  for (std::size_t i = 0; i < corners->size(); ++i)
-    sighting.points.push_back({static_cast<int>(i), (*corners)[i], (*corners)[i]});
-  return CalibrationView{name, {std::move(sighting)}};
-}
-
-TagDetector& ViewCollector::detector_for(const GrayImage& image) {
+  if (targets_.checkerboard) {
+    const auto corners =
+        find_checkerboard(*image, targets_.checkerboard->columns, targets_.checkerboard->rows);
+    if (!corners) return std::nullopt;
+    TargetSighting sighting;
+    for (std::size_t i = 0; i < corners->size(); ++i)
+      sighting.points.push_back({static_cast<int>(i), (*corners)[i], (*corners)[i]});
+    return CalibrationView{name, {std::move(sighting)}};
+  }
   if (!detector_) {
     DetectorConfig config;
-    config.decimate = image.width * image.height > kUndecimated_px ? 2.0 : 1.0;
+    config.decimate = image->width * image->height > kUndecimated_px ? 2.0 : 1.0;
     detector_.emplace(targets_.tags, config);
   }
-  return *detector_;
+  return look(name, detector_->detect(CameraFrame{0, {}, image}));
 }
 
 std::optional<CalibrationView> ViewCollector::look(const std::string& name,

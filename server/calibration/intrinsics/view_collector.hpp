@@ -42,9 +42,6 @@ class ViewCollector final {
   [[nodiscard]] const std::vector<CalibrationTarget>& targets() const { return seen_; }
 
  private:
-  [[nodiscard]] std::optional<CalibrationView> look_for_checkerboard(const std::string& name,
-                                                                     const GrayImage& image) const;
-  [[nodiscard]] TagDetector& detector_for(const GrayImage& image);
   [[nodiscard]] bool is_good(const CornerFrame& frame, const TagSighting& tag) const;
   [[nodiscard]] int target_of(int tag_id, bool fitted_sides);
 

@@ -129,23 +129,21 @@ std::vector<ListedImage> pictures_by_number(const std::string& folder, std::int6
   for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
     ListedImage image;
     const std::string stem = entry.path().stem().string();
-    if (!parse(std::string_view(stem), image.ns) || image.ns < 0) continue;
+    if (!parse_number(stem, image.ns) || image.ns < 0) continue;
     if (image.ns > 4'000'000'000'000'000'000 / unit_ns) continue;
     image.ns *= unit_ns;
     image.file = entry.path().string();
     images.push_back(std::move(image));
   }
-  std::ranges::sort(images, [](const ListedImage& a, const ListedImage& b) { return a.ns < b.ns; });
+  std::ranges::sort(images, {}, &ListedImage::ns);
   return images;
 }
 
-Expected<std::unique_ptr<ImportSource>> open_asl_import(const std::string& path,
-                                                        const ImportOptions& options) {
+OpenedImport open_asl_import(const std::string& path, const ImportOptions& options) {
   auto layout = RecordingLayout::find(path);
   if (!layout) return tl::unexpected(layout.error());
   auto source = std::make_unique<AslImport>(std::move(*layout));
-  if (const auto looked = source->look(options); !looked) return tl::unexpected(looked.error());
-  return source;
+  return source->look(options).map([&] { return std::move(source); });
 }
 
 }  // namespace fiducap

@@ -18,10 +18,6 @@ constexpr std::uint64_t kLargestConnection_bytes = 16 << 20;
 
 enum BagOp : std::uint8_t { kMessage = 2, kBagHeader = 3, kChunk = 5, kConnection = 7 };
 
-std::string_view bag_text(std::span<const std::byte> bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-}
-
 /// The fields `name=value` of a record's header.
 class BagFields final {
  public:
@@ -31,16 +27,17 @@ class BagFields final {
     LittleEndianReader from(bytes);
     while (from.left() > 0) {
       const auto field = from.bytes(from.u32());
-      const std::size_t equals = bag_text(field).find('=');
+      const std::size_t equals = text_of_bytes(field).find('=');
       if (from.failed() || equals == std::string_view::npos) return std::nullopt;
-      fields.values_[std::string(bag_text(field).substr(0, equals))] = field.subspan(equals + 1);
+      fields.values_[std::string(text_of_bytes(field).substr(0, equals))] =
+          field.subspan(equals + 1);
     }
     return fields;
   }
 
   [[nodiscard]] std::string_view text(const std::string& name) const {
     const auto found = values_.find(name);
-    return found == values_.end() ? std::string_view() : bag_text(found->second);
+    return found == values_.end() ? std::string_view() : text_of_bytes(found->second);
   }
   [[nodiscard]] std::uint8_t op() const {
     const std::string_view value = text("op");
@@ -63,7 +60,6 @@ class BagFields final {
   std::map<std::string, std::span<const std::byte>> values_;
 };
 
-/// One record: fields of its header, and its data.
 struct BagRecord {
   std::uint8_t op{};
   BagFields fields;
@@ -77,11 +73,12 @@ class BagLog final : public RecordLog {
   Expected<void> begin() {
     std::vector<std::byte> magic;
     if (!file_.read(std::min<std::uint64_t>(kBagVersion2.size(), file_.size()), magic) ||
-        !bag_text(magic).starts_with(kBagBegin))
+        !text_of_bytes(magic).starts_with(kBagBegin))
       return fail(ErrorCode::kInvalid, "is no bag of ROS 1", file_.path());
-    if (bag_text(magic) != kBagVersion2)
+    if (text_of_bytes(magic) != kBagVersion2)
       return fail(ErrorCode::kUnsupported,
-                  "is a bag of format " + printable_name(bag_text(magic).substr(kBagBegin.size())) +
+                  "is a bag of format " +
+                      printable_name(text_of_bytes(magic).substr(kBagBegin.size())) +
                       "; only 2.0 is read: run `rosbag fix` on it where ROS 1 is installed",
                   file_.path());
     BagRecord record;

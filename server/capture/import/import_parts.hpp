@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -16,38 +15,32 @@
 namespace fiducap {
 
 /// Messages of ROS from a bag, rosbag2 or MCAP.
-[[nodiscard]] Expected<std::unique_ptr<ImportSource>> open_log_import(
-    const std::string& path, const ImportOptions& options, const ImportProgress& progress);
+[[nodiscard]] OpenedImport open_log_import(const std::string& path, const ImportOptions& options,
+                                           const ImportProgress& progress);
 
-/// A folder in the EuRoC/ASL layout of another program, also without calibration or lists of
-/// images, or with images of 16 bits (TUM-VI). Includes truth and tags.
-[[nodiscard]] Expected<std::unique_ptr<ImportSource>> open_asl_import(const std::string& path,
-                                                                      const ImportOptions& options);
+/// A EuRoC/ASL folder of another program, also without calibration or lists (TUM-VI).
+[[nodiscard]] OpenedImport open_asl_import(const std::string& path, const ImportOptions& options);
 
 /// A video file, alone or with a table of an IMU (`options.imu_csv`).
 ///
 /// A video has no absolute time. A table whose first time is within a minute of zero counts from
 /// the video's first image; any other begins with it. `options.imu_offset` is added.
-[[nodiscard]] Expected<std::unique_ptr<ImportSource>> open_video_import(
-    const std::string& path, const ImportOptions& options);
+[[nodiscard]] OpenedImport open_video_import(const std::string& path, const ImportOptions& options);
 
 /// A recording of the app Sensor Logger (iOS, Android): its ZIP archive, or the folder with
 /// Gyroscope.csv, Accelerometer.csv and Gravity.csv (or TotalAcceleration.csv) and Camera/.
 ///
 /// Axes are the phone's (x right, y up, z out of the screen), and specific force has Android's
 /// sign; iOS has the other one unless the app standardises it, which Metadata.csv records.
-[[nodiscard]] Expected<std::unique_ptr<ImportSource>> open_sensor_logger(
-    const std::string& path, const ImportOptions& options);
+[[nodiscard]] OpenedImport open_sensor_logger(const std::string& path,
+                                              const ImportOptions& options);
 
 /// Gyroscope.csv is there.
 [[nodiscard]] bool is_sensor_logger_folder(const std::string& path);
 
-/// Messages of ROS that are imported.
 enum class RosType { kImage, kCompressedImage, kImu, kCameraInfo, kOther };
-
 [[nodiscard]] RosType ros_type(const LoggedTopic& topic);
 
-/// Content of a log.
 struct LogSurvey {
   std::vector<FoundStream> streams;  ///< In order of appearance.
   std::vector<std::string> others;
@@ -59,15 +52,13 @@ struct LogSurvey {
 [[nodiscard]] Expected<LogSurvey> survey_log(MessageLog& log, bool log_stamps,
                                              const ImportProgress& progress);
 
-/// An image file and its stamp.
 struct ListedImage {
   std::int64_t ns{};
   std::string file;
 };
 
-/// An import whose readings and images are in different files. Its source has first the IMU, then
-/// one camera after the other. Unreadable images and those of another size are left out and logged
-/// once.
+/// An import whose readings and images are in different files: first the IMU, then one camera after
+/// the other. Unreadable images and those of another size are left out and logged once.
 class PartsImport : public ImportSource {
  public:
   const std::vector<FoundStream>& streams() const final { return streams_; }
@@ -84,11 +75,17 @@ class PartsImport : public ImportSource {
   /// @param clock  of videos
   explicit PartsImport(const Clock* clock) : clock_(clock) {}
 
-  void add_camera(FoundStream found, Camera camera);
+  void add_camera(FoundStream found, Camera camera) {
+    streams_.push_back(std::move(found));
+    cameras_.push_back(std::move(camera));
+  }
   /// A stream of `files`, which are not empty. @return Error when the first is not readable
   [[nodiscard]] static Expected<FoundStream> stream_of(std::string name,
                                                        const std::vector<ListedImage>& files);
-  void add_imu(FoundStream found, std::vector<ImuSample> samples);
+  void add_imu(FoundStream found, std::vector<ImuSample> samples) {
+    add_camera(std::move(found), {});
+    imu_ = std::move(samples);
+  }
 
   std::vector<FoundStream> streams_;
   std::vector<std::string> remarks_;
@@ -104,12 +101,6 @@ class PartsImport : public ImportSource {
 [[nodiscard]] std::vector<ListedImage> pictures_by_number(const std::string& folder,
                                                           std::int64_t unit_ns);
 
-/// A video file, not paced; its images are stamped by their time in it.
-/// @param model  width 0: any size
-[[nodiscard]] OpenedSource open_video_file(const std::string& path, const CameraModel& model,
-                                           const Clock& clock);
-
-/// Name, size and rate of a video.
 [[nodiscard]] Expected<FoundStream> look_at_video(const std::string& path, const Clock& clock);
 
 }  // namespace fiducap

@@ -12,9 +12,8 @@
 namespace fiducap {
 namespace {
 
-Expected<std::unique_ptr<ImportSource>> open_folder_import(const std::string& path,
-                                                           const ImportOptions& options,
-                                                           const ImportProgress& progress) {
+OpenedImport open_folder_import(const std::string& path, const ImportOptions& options,
+                                const ImportProgress& progress) {
   if (RecordingLayout::find(path)) return open_asl_import(path, options);
   if (is_sensor_logger_folder(path)) return open_sensor_logger(path, options);
   auto log = open_log_import(path, options, progress);
@@ -75,21 +74,8 @@ Expected<void> apply_to_camera(const std::string& file, FoundStream& camera) {
 
 }  // namespace
 
-std::string FoundStream::text() const {
-  std::string all = name + " (" + type;
-  if (mount.model.width > 0) all += ", " + size_text(mount.model.width, mount.model.height);
-  if (!encoding.empty()) all += ", " + encoding;
-  return all + ")";
-}
-
-double FoundStream::rate_hz() const {
-  if (count < 2 || last_ns <= first_ns) return 0;
-  return static_cast<double>(count - 1) * 1e9 / static_cast<double>(last_ns - first_ns);
-}
-
-Expected<std::unique_ptr<ImportSource>> open_import(const std::string& path,
-                                                    const ImportOptions& options,
-                                                    const ImportProgress& progress) {
+OpenedImport open_import(const std::string& path, const ImportOptions& options,
+                         const ImportProgress& progress) {
   const std::string head = is_file(path) ? first_bytes(path) : "";
   const bool is_archive = head.starts_with("PK\x03\x04");
   const bool is_log = head.starts_with("#ROSBAG") || head.starts_with("\x89MCAP") ||

@@ -40,9 +40,17 @@ struct FoundStream {
   std::optional<ImuNoise> noise;
 
   /// In messages: kind, name, count.
-  [[nodiscard]] std::string text() const;
+  [[nodiscard]] std::string text() const {
+    std::string all = name + " (" + type;
+    if (mount.model.width > 0) all += ", " + size_text(mount.model.width, mount.model.height);
+    if (!encoding.empty()) all += ", " + encoding;
+    return all + ")";
+  }
   /// Mean; 0 when there are less than two.
-  [[nodiscard]] double rate_hz() const;
+  [[nodiscard]] double rate_hz() const {
+    if (count < 2 || last_ns <= first_ns) return 0;
+    return static_cast<double>(count - 1) * 1e9 / static_cast<double>(last_ns - first_ns);
+  }
 };
 
 /// The imported streams. Cameras are numbered in this order.
@@ -74,6 +82,8 @@ class ImportSource {
                                           const std::vector<CameraMount>& cameras) = 0;
 };
 
+using OpenedImport = Expected<std::unique_ptr<ImportSource>>;
+
 struct ImportOptions {
   const Clock* clock{nullptr};  ///< Of videos, which are not paced; outlives them.
   bool log_stamps{false};       ///< The recorder's time instead of the sensor's.
@@ -88,13 +98,11 @@ using ImportProgress = std::function<void(double share)>;
 
 /// Reads the content of a bag, MCAP, rosbag2, video, EuRoC folder or phone log.
 /// @return Error with the expected formats
-[[nodiscard]] Expected<std::unique_ptr<ImportSource>> open_import(const std::string& path,
-                                                                  const ImportOptions& options,
-                                                                  const ImportProgress& progress);
+[[nodiscard]] OpenedImport open_import(const std::string& path, const ImportOptions& options,
+                                       const ImportProgress& progress);
 
-/// Replaces the calibration of a source by files: Kalibr's camchain (lens, extrinsics, clock of all
-/// cameras), Kalibr's imu.yaml, or one file per camera in the order of the cameras (OpenCV, ROS,
-/// EuRoC, JSON; EuRoC's with its T_BS).
+/// Replaces the calibration by files: Kalibr's camchain (lens, extrinsics, clock of all cameras),
+/// Kalibr's imu.yaml, or one file per camera in order (OpenCV, ROS, EuRoC with T_BS, JSON).
 /// @return Error with the file, also when it is for another size of images
 [[nodiscard]] Expected<void> apply_calibrations(const std::vector<std::string>& files,
                                                 std::vector<FoundStream>& cameras,

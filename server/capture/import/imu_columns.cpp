@@ -4,7 +4,9 @@
 #include <cctype>
 #include <optional>
 
+#include "base/gravity.hpp"
 #include "base/numeric.hpp"
+#include "base/text.hpp"
 #include "capture/import/message_log.hpp"
 
 namespace fiducap {
@@ -14,14 +16,13 @@ constexpr std::size_t kMostHeaderColumns = 64;  // as CsvReader has
 
 enum class ColumnKind { kTime, kGyro, kAccel, kNone };
 
-/// Parsed name of a column.
 struct ColumnName {
   std::vector<std::string> words;  ///< Lower case, without axis and unit.
   int axis{-1};
   std::string unit;  ///< Text in brackets, lower case.
 
   [[nodiscard]] bool has(std::string_view word) const {
-    return std::find(words.begin(), words.end(), word) != words.end();
+    return std::ranges::find(words, word) != words.end();
   }
   [[nodiscard]] bool mentions(std::string_view part) const {
     return std::ranges::any_of(
@@ -133,12 +134,6 @@ Value unit_of(const ColumnName& name, Value silent, Value (*meaning)(const std::
   return silent;
 }
 
-std::string list_of_names(const std::vector<std::string>& names) {
-  std::string all;
-  for (const std::string& name : names) all += (all.empty() ? "" : ", ") + printable_name(name);
-  return all;
-}
-
 /// @param at  time, gyro x y z, accelerometer x y z
 ImuColumns columns_at(const std::array<std::size_t, 7>& at) {
   ImuColumns columns;
@@ -162,7 +157,7 @@ Expected<ImuColumns> columns_by_name(const std::vector<std::string>& header,
     const auto found = std::find(header.begin(), header.end(), wanted[i]);
     if (found == header.end())
       return fail(ErrorCode::kNotFound, "no column '" + printable_name(wanted[i]) +
-                                            "'; there is: " + list_of_names(header));
+                                            "'; there is: " + comma_list(header, printable_name));
     at[i] = static_cast<std::size_t>(found - header.begin());
   }
   return columns_at(at);
@@ -187,7 +182,7 @@ Expected<ImuColumns> guessed_columns(const std::vector<std::string>& header) {
     if (!found[i]) missing += (missing.empty() ? "" : ", ") + std::string(kWhat[i]);
   if (!missing.empty())
     return fail(ErrorCode::kNotFound, "no column for " + missing +
-                                          "; there is: " + list_of_names(header) +
+                                          "; there is: " + comma_list(header, printable_name) +
                                           ". Name the seven with --imu-columns");
   std::array<std::size_t, 7> at{};
   for (std::size_t i = 0; i < 7; ++i) at[i] = *found[i];
@@ -217,12 +212,6 @@ Expected<void> set_units(const std::vector<std::string>& header, const std::stri
 
 }  // namespace
 
-std::size_t ImuColumns::last() const {
-  std::size_t last = time;
-  for (std::size_t i = 0; i < 3; ++i) last = std::max({last, gyro[i], accel[i]});
-  return last;
-}
-
 std::vector<std::string> split_header(std::string_view line) {
   constexpr std::string_view kAround = " \t\r\n\"'";
   std::vector<std::string> names;
@@ -245,8 +234,7 @@ Expected<ImuColumns> find_imu_columns(const std::vector<std::string>& header,
                                       const std::string& names, const std::string& units) {
   auto columns = names.empty() ? guessed_columns(header) : columns_by_name(header, names);
   if (!columns) return columns;
-  if (const auto set = set_units(header, units, *columns); !set) return tl::unexpected(set.error());
-  return columns;
+  return set_units(header, units, *columns).map([&] { return *columns; });
 }
 
 }  // namespace fiducap

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <limits>
 
+#include "base/gravity.hpp"
 #include "base/numeric.hpp"
 #include "base/text.hpp"
 #include "capture/import/message_log.hpp"
@@ -14,13 +15,10 @@
 namespace fiducap {
 
 std::size_t put_in_order(std::vector<VectorReading>& readings) {
-  std::ranges::stable_sort(
-      readings, [](const VectorReading& a, const VectorReading& b) { return a.ns < b.ns; });
-  const auto kept =
-      std::unique(readings.begin(), readings.end(),
-                  [](const VectorReading& a, const VectorReading& b) { return a.ns == b.ns; });
-  const auto struck = static_cast<std::size_t>(readings.end() - kept);
-  readings.erase(kept, readings.end());
+  std::ranges::stable_sort(readings, {}, &VectorReading::ns);
+  const auto repeated = std::ranges::unique(readings, {}, &VectorReading::ns);
+  const std::size_t struck = repeated.size();
+  readings.erase(repeated.begin(), repeated.end());
   return struck;
 }
 
@@ -61,20 +59,19 @@ struct RawRow {
 };
 
 bool parse_row(std::span<const std::string_view> fields, const ImuColumns& columns, RawRow& row) {
-  if (fields.size() <= columns.last() || !parse(fields[columns.time], row.time)) return false;
+  if (fields.size() <= columns.last() || !parse_number(fields[columns.time], row.time))
+    return false;
   for (std::size_t i = 0; i < 3; ++i) {
-    if (!parse(fields[columns.gyro[i]], row.w[static_cast<Eigen::Index>(i)]) ||
-        !parse(fields[columns.accel[i]], row.f[static_cast<Eigen::Index>(i)]))
+    if (!parse_number(fields[columns.gyro[i]], row.w[static_cast<Eigen::Index>(i)]) ||
+        !parse_number(fields[columns.accel[i]], row.f[static_cast<Eigen::Index>(i)]))
       return false;
   }
   return std::isfinite(row.time) && row.w.allFinite() && row.f.allFinite();
 }
 
 double quantile_of(std::vector<double>& values, double share) {
-  const auto at =
-      values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
+  return nth_smallest(values,
+                      static_cast<std::size_t>(share * static_cast<double>(values.size() - 1)));
 }
 
 class ImuCsv final {
@@ -112,7 +109,7 @@ class ImuCsv final {
     if (!line) return tl::unexpected(line.error());
     std::vector<std::string> header = split_header(*line);
     double number = 0;
-    if (header.size() >= 7 && parse(std::string_view(header[1]), number)) {
+    if (header.size() >= 7 && parse_number(header[1], number)) {
       has_header_ = false;
       header = {"time", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"};
       remark("has no header; its columns are assumed to be time, gyro x y z, accelerometer x y z");
@@ -219,7 +216,7 @@ class ImuCsv final {
 bool parse_time(std::string_view field, int exponent, std::int64_t& ns) {
   if (field.find_first_of("eE") != std::string_view::npos) {
     double value = 0;
-    if (!parse(field, value)) return false;
+    if (!parse_number(field, value)) return false;
     const double in_ns = value * std::pow(10.0, exponent);
     if (!(std::abs(in_ns) < 4e18)) return false;
     ns = static_cast<std::int64_t>(std::llround(in_ns));
@@ -234,7 +231,7 @@ bool parse_time(std::string_view field, int exponent, std::int64_t& ns) {
   digits += behind;
   digits.append(static_cast<std::size_t>(exponent) - behind.size(), '0');
   constexpr std::int64_t kFarthest = 4'000'000'000'000'000'000;
-  return parse(std::string_view(digits), ns) && ns > -kFarthest && ns < kFarthest;
+  return parse_number(digits, ns) && ns > -kFarthest && ns < kFarthest;
 }
 
 Expected<std::string> first_line(const std::string& path) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -16,7 +17,6 @@
 
 namespace fiducap {
 
-/// Columns and units of an IMU's table.
 struct ImuColumns {
   std::size_t time{};
   std::array<std::size_t, 3> gyro{};
@@ -26,13 +26,12 @@ struct ImuColumns {
   double accel_unit{0};         ///< In m/s²; 0: not in the header.
 
   static constexpr int kNotSaid = -1;
-  [[nodiscard]] std::size_t last() const;
+  [[nodiscard]] std::size_t last() const {
+    return std::max({time, std::ranges::max(gyro), std::ranges::max(accel)});
+  }
 };
 
-inline constexpr double kStandardGravity_m_s2 = 9.80665;
-
-/// Finds the columns by their names in many spellings: `gx`, `GyroX [deg/s]`,
-/// `angular_velocity.x`, `w_RS_S_x [rad s^-1]`, `omega_x` …
+/// Finds the columns by many spellings: `gx`, `GyroX [deg/s]`, `angular_velocity.x`, `omega_x` …
 /// @param names  seven of them, in the order time, gyro x y z, accelerometer x y z; empty: guess
 /// @param units  three, e.g. `ms,deg/s,g`; empty: by the header
 /// @return Error with the missing and the present columns
@@ -43,7 +42,6 @@ inline constexpr double kStandardGravity_m_s2 = 9.80665;
 /// Fields of a line without blanks and quotes around them.
 [[nodiscard]] std::vector<std::string> split_header(std::string_view line);
 
-/// A reading of one of the sensors of an IMU.
 struct VectorReading {
   std::int64_t ns{};
   Eigen::Vector3d v{Eigen::Vector3d::Zero()};
@@ -70,8 +68,7 @@ struct ImuTable {
   std::vector<std::string> remarks;
 };
 
-/// Reads a CSV file of an IMU. Columns are found by their header (see find_imu_columns), units by
-/// the header, else by the numbers: the step of time, the size of gravity.
+/// Reads a CSV file of an IMU; units by the header, else by the step of time and size of gravity.
 /// @return Error with file and missing column
 [[nodiscard]] Expected<ImuTable> read_imu_csv(const std::string& path,
                                               const ImportOptions& options);

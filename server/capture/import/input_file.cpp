@@ -35,16 +35,6 @@ bool InputFile::read(std::uint64_t n, std::vector<std::byte>& out) {
   return true;
 }
 
-bool InputFile::skip(std::uint64_t n) { return n <= left() && seek(at_ + n); }
-
-bool InputFile::seek(std::uint64_t at) {
-  if (at > size_) return false;
-  file_.clear();
-  if (!file_.seekg(static_cast<std::streamoff>(at))) return false;
-  at_ = at;
-  return true;
-}
-
 namespace {
 
 constexpr std::uint32_t kZipEnd = 0x06054b50;
@@ -86,7 +76,7 @@ class ZipOutput final {
       return fail(ErrorCode::kInvalid, "unpacks to more than its stated size");
     crc_ = static_cast<std::uint32_t>(
         crc32_z(crc_, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
-    return file_.write({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+    return file_.write(text_of_bytes(bytes));
   }
   Expected<void> finish() {
     if (written_ != entry_.bytes || crc_ != entry_.crc)
@@ -146,8 +136,7 @@ Expected<void> inflate_entry(InputFile& archive, const ZipEntry& entry, ZipOutpu
 
 Expected<ZipArchive> ZipArchive::open(const std::string& path) {
   ZipArchive archive(path);
-  if (const auto read = archive.read_directory(); !read) return tl::unexpected(read.error());
-  return archive;
+  return archive.read_directory().map([&] { return std::move(archive); });
 }
 
 Expected<void> ZipArchive::read_directory() {
@@ -194,8 +183,7 @@ Expected<void> ZipArchive::read_entries(std::vector<std::byte> directory, std::s
     const std::size_t comment = from.u16();
     from.bytes(8);
     entry.at = from.u32();
-    const auto text = from.bytes(name);
-    entry.name.assign(reinterpret_cast<const char*>(text.data()), text.size());
+    entry.name = text_of_bytes(from.bytes(name));
     read_zip64(from.bytes(extra), entry);
     from.bytes(comment);
     if (from.failed()) break;

@@ -11,17 +11,22 @@
 
 namespace fiducap {
 
-/// A file read from its start. Requests beyond its end are refused before memory is allocated: a
-/// few bytes may claim gigabytes.
+/// A file read from its start. Requests beyond its end are refused before memory is allocated.
 class InputFile final {
  public:
   [[nodiscard]] static Expected<InputFile> open(const std::string& path);
 
   /// The next `n` bytes. @return false, and nothing is read, when fewer are left
   [[nodiscard]] bool read(std::uint64_t n, std::vector<std::byte>& out);
-  [[nodiscard]] bool skip(std::uint64_t n);
+  [[nodiscard]] bool skip(std::uint64_t n) { return n <= left() && seek(at_ + n); }
   /// Moves to `at`. @return false beyond the end
-  [[nodiscard]] bool seek(std::uint64_t at);
+  [[nodiscard]] bool seek(std::uint64_t at) {
+    if (at > size_) return false;
+    file_.clear();
+    if (!file_.seekg(static_cast<std::streamoff>(at))) return false;
+    at_ = at;
+    return true;
+  }
 
   [[nodiscard]] const std::string& path() const { return path_; }
   [[nodiscard]] std::uint64_t size() const { return size_; }
@@ -51,15 +56,13 @@ struct ZipEntry {
   std::uint64_t at{};  ///< Of its head in the archive.
 };
 
-/// Directory and files of a ZIP archive. Stored and deflated files; not encrypted, not split, at
-/// most 4 GB.
+/// Directory and files (stored, deflated) of a ZIP archive; not encrypted, not split, at most 4 GB.
 class ZipArchive final {
  public:
   [[nodiscard]] static Expected<ZipArchive> open(const std::string& path);
 
   [[nodiscard]] const std::vector<ZipEntry>& entries() const { return entries_; }
-  /// Writes the content of `entry` to a new file `to`. Fails when it is larger than in the
-  /// directory, or when the archive unpacks to 1 GiB more than its own size.
+  /// Writes `entry` to a new file. Fails beyond its stated size, or 1 GiB beyond the archive.
   [[nodiscard]] Expected<void> unpack(const ZipEntry& entry, const std::filesystem::path& to);
 
  private:

@@ -8,7 +8,6 @@
 namespace fiducap {
 namespace {
 
-/// An imported topic of the log.
 struct TakenTopic {
   std::string name;
   std::string type;
@@ -88,16 +87,13 @@ class LogSource final : public SensorSource {
 
   static Expected<void> decode(const LoggedTopic& topic, const LoggedMessage& message,
                                const CameraModel& model, std::int64_t& header_ns, GrayImage& gray) {
-    if (ros_type(topic) == RosType::kImage) {
-      const auto read = ros::read_image(topic.format, message.bytes);
-      if (!read) return tl::unexpected(read.error());
-      header_ns = read->stamp_ns;
-      return ros::to_gray(read->image, model, gray);
-    }
-    const auto read = ros::read_compressed(topic.format, message.bytes);
+    const bool is_raw = ros_type(topic) == RosType::kImage;
+    const auto read = is_raw ? ros::read_image(topic.format, message.bytes)
+                             : ros::read_compressed(topic.format, message.bytes);
     if (!read) return tl::unexpected(read.error());
     header_ns = read->stamp_ns;
-    return ros::decode_gray(read->data, model, gray);
+    return is_raw ? ros::to_gray(read->image, model, gray)
+                  : ros::decode_gray(read->image.data, model, gray);
   }
 
   std::unique_ptr<MessageLog> log_;
@@ -141,9 +137,8 @@ class LogImport final : public ImportSource {
 
 }  // namespace
 
-Expected<std::unique_ptr<ImportSource>> open_log_import(const std::string& path,
-                                                        const ImportOptions& options,
-                                                        const ImportProgress& progress) {
+OpenedImport open_log_import(const std::string& path, const ImportOptions& options,
+                             const ImportProgress& progress) {
   auto log = open_message_log(path);
   if (!log) return tl::unexpected(log.error());
   auto survey = survey_log(**log, options.log_stamps, progress);

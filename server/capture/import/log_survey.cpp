@@ -1,8 +1,7 @@
-#include "capture/import/import_parts.hpp"
-
 #include <array>
 
 #include "capture/gray_image.hpp"
+#include "capture/import/import_parts.hpp"
 #include "capture/import/ros_messages.hpp"
 
 namespace fiducap {
@@ -78,9 +77,8 @@ class LogSurveyor final {
     ++topic.count;
     switch (topic.type) {
       case RosType::kImage:
-        return image(survey_.streams[topic.stream], message);
       case RosType::kCompressedImage:
-        return compressed(survey_.streams[topic.stream], message);
+        return image(survey_.streams[topic.stream], message, topic.type == RosType::kImage);
       case RosType::kImu:
         return imu(survey_.streams[topic.stream], message);
       case RosType::kCameraInfo:
@@ -90,27 +88,20 @@ class LogSurveyor final {
     }
   }
 
-  void image(FoundStream& stream, const LoggedMessage& message) {
-    const auto read = ros::read_image(format(message), message.bytes);
+  void image(FoundStream& stream, const LoggedMessage& message, bool is_raw) {
+    const auto read = is_raw ? ros::read_image(format(message), message.bytes)
+                             : ros::read_compressed(format(message), message.bytes);
     if (!read) return unreadable(stream, read.error());
+    const ros::RawImage& raw = read->image;
     if (stream.count == 0) {
-      stream.encoding = printable_name(read->image.encoding);
-      stream.is_depth = is_depth_encoding(read->image.encoding);
+      stream.encoding = printable_name(raw.encoding);
+      stream.is_depth = is_depth_encoding(raw.encoding) ||
+                        (!is_raw && is_depth_encoding(raw.encoding.substr(0, 5)));
     }
-    set_size(stream, read->image.width, read->image.height);
-    stamp(stream, read->stamp_ns, message.logged_ns);
-  }
-
-  void compressed(FoundStream& stream, const LoggedMessage& message) {
-    const auto read = ros::read_compressed(format(message), message.bytes);
-    if (!read) return unreadable(stream, read.error());
-    if (stream.count == 0) {
-      stream.encoding = printable_name(read->format);
-      stream.is_depth =
-          is_depth_encoding(read->format.substr(0, 5)) || is_depth_encoding(read->format);
-    }
-    if (stream.mount.model.width == 0)
-      if (const auto size = encoded_size(std::as_bytes(read->data)))
+    if (is_raw)
+      set_size(stream, raw.width, raw.height);
+    else if (stream.mount.model.width == 0)
+      if (const auto size = encoded_size(std::as_bytes(raw.data)))
         set_size(stream, size->width, size->height);
     stamp(stream, read->stamp_ns, message.logged_ns);
   }

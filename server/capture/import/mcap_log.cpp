@@ -1,6 +1,5 @@
 #include "capture/import/message_log.hpp"
 
-#include <array>
 #include <map>
 
 #include <zlib.h>
@@ -12,7 +11,7 @@
 namespace fiducap {
 namespace {
 
-constexpr std::array<std::uint8_t, 8> kMcapMagic{0x89, 'M', 'C', 'A', 'P', '0', '\r', '\n'};
+constexpr std::string_view kMcapMagic = "\x89MCAP0\r\n";
 constexpr std::uint64_t kPiece_bytes = 1 << 20;
 
 enum McapOp : std::uint8_t {
@@ -30,8 +29,7 @@ std::uint32_t crc_of(std::span<const std::byte> bytes, std::uint32_t before = 0)
 }
 
 std::string mcap_text(LittleEndianReader& from) {
-  const auto bytes = from.bytes(from.u32());
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+  return std::string(text_of_bytes(from.bytes(from.u32())));
 }
 
 struct McapRecord {
@@ -44,9 +42,7 @@ class McapLog final : public RecordLog {
   explicit McapLog(InputFile file) : RecordLog(std::move(file)) {}
 
   Expected<void> begin() {
-    if (!file_.read(kMcapMagic.size(), head_) ||
-        !std::equal(kMcapMagic.begin(), kMcapMagic.end(), head_.begin(),
-                    [](std::uint8_t a, std::byte b) { return std::byte{a} == b; }))
+    if (!file_.read(kMcapMagic.size(), head_) || text_of_bytes(head_) != kMcapMagic)
       return fail(ErrorCode::kInvalid, "is no MCAP file", file_.path());
     crc_ = crc_of(head_);
     return {};

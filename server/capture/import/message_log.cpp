@@ -6,6 +6,7 @@
 #include <lz4frame.h>
 #include <zstd.h>
 
+#include "base/bytes.hpp"
 #include "capture/import/input_file.hpp"
 #include "capture/recording/recording_layout.hpp"
 
@@ -24,13 +25,22 @@ std::string printable_name(std::string_view text) {
   return out;
 }
 
+std::size_t MessageLog::index_of(LoggedTopic topic) {
+  const auto known = std::ranges::find_if(topics_, [&](const LoggedTopic& one) {
+    return one.name == topic.name && one.type == topic.type;
+  });
+  const auto index = static_cast<std::size_t>(known - topics_.begin());
+  if (known == topics_.end()) topics_.push_back(std::move(topic));
+  return index;
+}
+
 Expected<std::unique_ptr<MessageLog>> open_message_log(const std::string& path) {
   if (is_folder(path)) return open_rosbag2_folder(path);
   auto file = InputFile::open(path);
   if (!file) return tl::unexpected(file.error());
   std::vector<std::byte> head;
   const bool read = file->read(std::min<std::uint64_t>(file->size(), 16), head);
-  const std::string_view begin(reinterpret_cast<const char*>(head.data()), read ? head.size() : 0);
+  const std::string_view begin = read ? text_of_bytes(head) : "";
   if (begin.starts_with("#ROSBAG")) return open_bag(path);
   if (begin.starts_with("\x89MCAP")) return open_mcap(path);
   if (begin.starts_with("SQLite format 3")) return open_db3(path);

@@ -12,7 +12,6 @@
 
 namespace fiducap {
 
-/// Serialisation of a message.
 enum class MessageFormat {
   kRos1,  ///< ROS 1: packed, little endian.
   kCdr,   ///< ROS 2: CDR with its encapsulation header.
@@ -34,35 +33,37 @@ struct LoggedMessage {
   std::span<const std::byte> bytes;  ///< Until the next call.
 };
 
-/// A file of messages in their recorded order. Damaged parts are left out; a truncated file is read
-/// up to there. Both appear in the remarks.
+/// A file of messages in recorded order. Damaged parts are left out, which appears in the remarks.
 class MessageLog {
  public:
   virtual ~MessageLog() = default;
   /// Those met so far, in order of appearance.
-  [[nodiscard]] virtual const std::vector<LoggedTopic>& topics() const = 0;
+  [[nodiscard]] const std::vector<LoggedTopic>& topics() const { return topics_; }
   /// @return false at the end; Error when the file cannot be read any more
   [[nodiscard]] virtual Expected<bool> next(LoggedMessage& out) = 0;
   /// Progress, 0 to 1.
   [[nodiscard]] virtual double share() const = 0;
   /// Remarks for the user, complete at the end of the file.
   [[nodiscard]] virtual std::vector<std::string> remarks() const = 0;
+
+ protected:
+  /// @return index of this topic; publishers of the same topic share it
+  std::size_t index_of(LoggedTopic topic);
+
+  std::vector<LoggedTopic> topics_;
 };
 
 /// A bag, an MCAP file, an SQLite file of rosbag2, or a folder of the latter two, by its content.
 /// @return Error that names the expected formats
 [[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_message_log(const std::string& path);
 
-/// A bag of ROS 1, format 2.0, chunks packed by none, bz2 or lz4. Read from front to back without
-/// its index.
+/// A bag of ROS 1, format 2.0, packed by none, bz2 or lz4. Its index is not used.
 [[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_bag(const std::string& path);
-/// An MCAP file, profiles ros1 and ros2, chunks packed by none, lz4 or zstd. Read from front to
-/// back without its summary. Checksums are tested if present.
+/// An MCAP file, profiles ros1 and ros2, packed by none, lz4 or zstd. Checksums are tested.
 [[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_mcap(const std::string& path);
 /// One SQLite file of rosbag2, read-only; a damaged one is read up to there.
 [[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_db3(const std::string& path);
-/// A folder of rosbag2: its files in the order of `metadata.yaml`, else of their names. Unpacks
-/// messages that are packed one by one (zstd).
+/// A folder of rosbag2: its files in the order of `metadata.yaml`, else of their names.
 [[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_rosbag2_folder(const std::string& path);
 
 /// `sensor_msgs/msg/Imu` → `sensor_msgs/Imu`.

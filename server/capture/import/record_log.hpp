@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -36,21 +35,11 @@ struct LogDamage {
 /// A log of records, some of them packed in chunks: bag and MCAP.
 class RecordLog : public MessageLog {
  public:
-  const std::vector<LoggedTopic>& topics() const final { return topics_; }
   double share() const final { return file_.share(); }
 
  protected:
   explicit RecordLog(InputFile file) : file_(std::move(file)) {}
 
-  /// @return index of this topic; publishers of the same topic share it
-  std::size_t index_of(LoggedTopic topic) {
-    const auto known = std::ranges::find_if(topics_, [&](const LoggedTopic& one) {
-      return one.name == topic.name && one.type == topic.type;
-    });
-    const auto index = static_cast<std::size_t>(known - topics_.begin());
-    if (known == topics_.end()) topics_.push_back(std::move(topic));
-    return index;
-  }
   /// Fills `chunk_`; empty when it is damaged.
   bool unpack(std::string_view compression, std::span<const std::byte> packed,
               std::uint64_t stated_bytes) {
@@ -72,7 +61,6 @@ class RecordLog : public MessageLog {
 
  private:
   std::vector<std::byte> unpacked_;
-  std::vector<LoggedTopic> topics_;
 };
 
 /// @tparam Log  a RecordLog with `Expected<void> begin()`
@@ -81,8 +69,7 @@ Expected<std::unique_ptr<MessageLog>> open_record_log(const std::string& path) {
   auto file = InputFile::open(path);
   if (!file) return tl::unexpected(file.error());
   auto log = std::make_unique<Log>(std::move(*file));
-  if (const auto begun = log->begin(); !begun) return tl::unexpected(begun.error());
-  return log;
+  return log->begin().map([&] { return std::move(log); });
 }
 
 }  // namespace fiducap

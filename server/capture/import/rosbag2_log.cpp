@@ -35,8 +35,6 @@ class Db3Log final : public MessageLog {
     return {};
   }
 
-  const std::vector<LoggedTopic>& topics() const override { return topics_; }
-
   Expected<bool> next(LoggedMessage& out) override {
     for (;;) {
       const int code = sqlite3_step(messages_.get());
@@ -124,7 +122,6 @@ class Db3Log final : public MessageLog {
   std::string path_;
   std::unique_ptr<sqlite3, CloseDb3> file_;
   Db3Rows messages_;
-  std::vector<LoggedTopic> topics_;
   std::map<std::int64_t, std::size_t> by_id_;
   std::int64_t row_{0};
   std::int64_t last_row_{0};
@@ -143,19 +140,22 @@ class Rosbag2Folder final : public MessageLog {
   explicit Rosbag2Folder(Rosbag2Parts parts) : parts_(std::move(parts)) {}
 
   Expected<void> begin() { return open_part(); }
-  const std::vector<LoggedTopic>& topics() const override { return topics_; }
 
   Expected<bool> next(LoggedMessage& out) override {
     while (log_) {
       const auto more = log_->next(out);
       if (!more) return more;
       if (!*more) {
-        keep_remarks();
+        for (const std::string& remark : log_->remarks())
+          parts_.remarks.push_back(parts_.files[part_].filename().string() + " " + remark);
+        log_.reset();
         if (++part_ == parts_.files.size()) return false;
         if (const auto opened = open_part(); !opened) return tl::unexpected(opened.error());
         continue;
       }
-      out.topic = topic_of(out.topic);
+      while (of_part_.size() <= out.topic)
+        of_part_.push_back(index_of(log_->topics()[of_part_.size()]));
+      out.topic = of_part_[out.topic];
       if (!parts_.messages_packed) return true;
       if (unpack_chunk("zstd", out.bytes, 0, unpacked_)) {
         out.bytes = unpacked_;
@@ -188,42 +188,21 @@ class Rosbag2Folder final : public MessageLog {
     return {};
   }
 
-  std::size_t topic_of(std::size_t in_part) {
-    while (of_part_.size() <= in_part) {
-      const LoggedTopic& topic = log_->topics()[of_part_.size()];
-      const auto known = std::ranges::find_if(topics_, [&](const LoggedTopic& t) {
-        return t.name == topic.name && t.type == topic.type;
-      });
-      of_part_.push_back(static_cast<std::size_t>(known - topics_.begin()));
-      if (known == topics_.end()) topics_.push_back(topic);
-    }
-    return of_part_[in_part];
-  }
-
-  void keep_remarks() {
-    for (const std::string& remark : log_->remarks())
-      parts_.remarks.push_back(parts_.files[part_].filename().string() + " " + remark);
-    log_.reset();
-  }
-
   Rosbag2Parts parts_;
   std::size_t part_{0};
   std::unique_ptr<MessageLog> log_;
-  std::vector<LoggedTopic> topics_;
   std::vector<std::size_t> of_part_;  ///< Our topic for each of the open file.
   std::vector<std::byte> unpacked_;
   std::uint64_t damaged_{0};
 };
 
-bool is_part(const std::filesystem::path& file) {
-  return file.extension() == ".db3" || file.extension() == ".mcap";
-}
-
 Expected<Rosbag2Parts> parts_by_name(const std::filesystem::path& folder) {
   Rosbag2Parts parts;
   std::error_code error;
   for (const auto& entry : std::filesystem::directory_iterator(folder, error))
-    if (is_part(entry.path()) && is_file(entry.path())) parts.files.push_back(entry.path());
+    if (const auto& file = entry.path();
+        (file.extension() == ".db3" || file.extension() == ".mcap") && is_file(file))
+      parts.files.push_back(file);
   if (error)
     return fail(ErrorCode::kUnavailable, "cannot be read: " + error.message(), folder.string());
   std::ranges::sort(parts.files);
@@ -266,8 +245,7 @@ Expected<Rosbag2Parts> parts_by_metadata(const std::filesystem::path& folder) {
 
 Expected<std::unique_ptr<MessageLog>> open_db3(const std::string& path) {
   auto log = std::make_unique<Db3Log>(path);
-  if (const auto begun = log->begin(); !begun) return tl::unexpected(begun.error());
-  return log;
+  return log->begin().map([&] { return std::move(log); });
 }
 
 Expected<std::unique_ptr<MessageLog>> open_rosbag2_folder(const std::string& path) {
@@ -277,8 +255,7 @@ Expected<std::unique_ptr<MessageLog>> open_rosbag2_folder(const std::string& pat
   if (parts->files.empty())
     return fail(ErrorCode::kNotFound, "contains no file of rosbag2 (.db3, .mcap)", path);
   auto folder = std::make_unique<Rosbag2Folder>(std::move(*parts));
-  if (const auto begun = folder->begin(); !begun) return tl::unexpected(begun.error());
-  return folder;
+  return folder->begin().map([&] { return std::move(folder); });
 }
 
 }  // namespace fiducap

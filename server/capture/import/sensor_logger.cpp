@@ -6,6 +6,7 @@
 #include <map>
 
 #include "base/expected.hpp"
+#include "base/gravity.hpp"
 #include "base/numeric.hpp"
 #include "base/text.hpp"
 #include "capture/import/imu_csv.hpp"
@@ -44,31 +45,18 @@ class TemporaryDirectory final {
   std::filesystem::path path_;
 };
 
-/// The app writes an empty file for a sensor that was switched on without readings.
-bool has_content(const std::filesystem::path& file) {
-  std::error_code error;
-  return is_file(file) && std::filesystem::file_size(file, error) > 0;
-}
-
-/// Columns by name: their order differs between versions of the app.
-Expected<std::map<std::string, std::size_t>> phone_columns(const std::string& path) {
+/// Columns are found by name: their order differs between versions of the app.
+Expected<std::vector<VectorReading>> read_vectors(const std::string& path, FoundStream& found) {
   const auto line = first_line(path);
   if (!line) return tl::unexpected(line.error());
-  std::map<std::string, std::size_t> columns;
-  for (const std::string& name : split_header(*line)) columns.emplace(name, columns.size());
-  return columns;
-}
-
-Expected<std::vector<VectorReading>> read_vectors(const std::string& path, FoundStream& found) {
-  const auto columns = phone_columns(path);
-  if (!columns) return tl::unexpected(columns.error());
+  const std::vector<std::string> header = split_header(*line);
   std::array<std::size_t, 4> at{};
   constexpr std::array<const char*, 4> kNames{"time", "x", "y", "z"};
   for (std::size_t i = 0; i < 4; ++i) {
-    const auto column = columns->find(kNames[i]);
-    if (column == columns->end())
+    const auto column = std::ranges::find(header, kNames[i]);
+    if (column == header.end())
       return fail(ErrorCode::kNotFound, std::string("has no column '") + kNames[i] + "'", path);
-    at[i] = column->second;
+    at[i] = static_cast<std::size_t>(column - header.begin());
   }
   auto rows = CsvReader::open(path);
   if (!rows) return tl::unexpected(rows.error());
@@ -78,8 +66,8 @@ Expected<std::vector<VectorReading>> read_vectors(const std::string& path, Found
     VectorReading reading;
     const bool whole =
         fields.size() > *std::ranges::max_element(at) && parse_time(fields[at[0]], 0, reading.ns) &&
-        parse(fields[at[1]], reading.v[0]) && parse(fields[at[2]], reading.v[1]) &&
-        parse(fields[at[3]], reading.v[2]) && reading.ns > 0 && reading.v.allFinite();
+        parse_number(fields[at[1]], reading.v[0]) && parse_number(fields[at[2]], reading.v[1]) &&
+        parse_number(fields[at[3]], reading.v[2]) && reading.ns > 0 && reading.v.allFinite();
     if (whole)
       readings.push_back(reading);
     else if (rows->line() > 1 && found.unreadable++ == 0)
@@ -142,9 +130,7 @@ class SensorLogger final : public PartsImport {
     };
     std::vector<double> sizes;
     for (const VectorReading& f : *force) sizes.push_back(f.v.norm());
-    std::nth_element(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2),
-                     sizes.end());
-    double factor = sizes[sizes.size() / 2] < 2 ? kStandardGravity_m_s2 : 1.0;
+    double factor = nth_smallest(sizes, sizes.size() / 2) < 2 ? kStandardGravity_m_s2 : 1.0;
     if (factor != 1.0) remarks_.emplace_back("its unit is g");
     const bool turned = value_of("platform") == "ios" && value_of("standardisation") != "true";
     if (turned) {
@@ -242,7 +228,11 @@ class SensorLogger final : public PartsImport {
   }
 
   [[nodiscard]] std::string file(const char* name) const { return (folder_ / name).string(); }
-  [[nodiscard]] bool has(const char* name) const { return has_content(folder_ / name); }
+  /// The app writes an empty file for a sensor that was switched on without readings.
+  [[nodiscard]] bool has(const char* name) const {
+    std::error_code error;
+    return is_file(folder_ / name) && std::filesystem::file_size(folder_ / name, error) > 0;
+  }
 
   std::filesystem::path folder_;
   std::unique_ptr<TemporaryDirectory> unpacked_;
@@ -266,8 +256,8 @@ Expected<std::unique_ptr<TemporaryDirectory>> unpack_log(const std::string& path
     const std::string last = name.filename().string();
     std::int64_t number = 0;
     const bool is_table = std::find(kTables.begin(), kTables.end(), last) != kTables.end();
-    const bool is_image = name.parent_path().filename() == "Camera" &&
-                          parse(std::string_view(name.stem().string()), number);
+    const bool is_image =
+        name.parent_path().filename() == "Camera" && parse_number(name.stem().string(), number);
     if ((!is_table && !is_image) || last.empty()) continue;
     any = any || last == "Gyroscope.csv" || last == "GyroscopeUncalibrated.csv";
     const auto to = (is_image ? (*folder)->path() / "Camera" : (*folder)->path()) / last;
@@ -287,8 +277,7 @@ bool is_sensor_logger_folder(const std::string& path) {
   return is_file(folder / "Gyroscope.csv") || is_file(folder / "GyroscopeUncalibrated.csv");
 }
 
-Expected<std::unique_ptr<ImportSource>> open_sensor_logger(const std::string& path,
-                                                           const ImportOptions& options) {
+OpenedImport open_sensor_logger(const std::string& path, const ImportOptions& options) {
   FIDUCAP_ASSERT(options.clock != nullptr);
   std::filesystem::path folder(path);
   std::unique_ptr<TemporaryDirectory> unpacked;
@@ -300,8 +289,7 @@ Expected<std::unique_ptr<ImportSource>> open_sensor_logger(const std::string& pa
   }
   auto source =
       std::make_unique<SensorLogger>(std::move(folder), std::move(unpacked), *options.clock);
-  if (const auto looked = source->look(options); !looked) return tl::unexpected(looked.error());
-  return source;
+  return source->look(options).map([&] { return std::move(source); });
 }
 
 }  // namespace fiducap

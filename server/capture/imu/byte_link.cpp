@@ -2,12 +2,9 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 #include <chrono>
 #include <cstring>
 
-#include <arpa/inet.h>
-#include <netinet/in.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -19,23 +16,11 @@ namespace {
 
 constexpr std::size_t kHeaders = 28;  // IPv4 and UDP
 
-net::Peer peer_of(const LinkPeer& peer) { return {peer.address, peer.port}; }
-
-sockaddr_in address_of(const LinkPeer& peer) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(peer.address);
-  address.sin_port = htons(peer.port);
-  return address;
-}
-
 Expected<int> open_udp_socket(const LinkConfig& config) {
-  const LinkPeer own{parse_peer(config.address).value_or(LinkPeer{}).address, config.port};
+  const net::Peer own(net::parse_address(config.address).value_or(0), config.port);
   const int descriptor = ::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-  const sockaddr_in address = address_of(own);
-  if (descriptor >= 0 &&
-      ::bind(descriptor, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0)
-    return descriptor;
+  net::SocketAddress address(own, true);
+  if (descriptor >= 0 && ::bind(descriptor, address.data(), address.size()) == 0) return descriptor;
   const int reason = errno;
   if (descriptor >= 0) ::close(descriptor);
   const std::string why =
@@ -44,7 +29,8 @@ Expected<int> open_udp_socket(const LinkConfig& config) {
       : reason == EADDRNOTAVAIL
           ? "this machine has no such address: use one of its own, or 0.0.0.0 for all"
           : std::string("the UDP port cannot be opened: ") + std::strerror(reason);
-  return fail(ErrorCode::kUnavailable, why, text_of(own));
+  return fail(ErrorCode::kUnavailable, why,
+              own.port > 0 ? net::text_of(own) : net::address_text(own));
 }
 
 constexpr std::size_t kEnoughBytes = 4096;
@@ -55,27 +41,9 @@ constexpr double kDisturbed = 0.01;
 
 }  // namespace
 
-std::optional<LinkPeer> parse_peer(std::string_view text) {
-  const auto colon = text.find(':');
-  const std::string host(text.substr(0, colon));
-  in_addr address{};
-  if (::inet_pton(AF_INET, host.c_str(), &address) != 1) return std::nullopt;
-  LinkPeer peer{ntohl(address.s_addr), 0};
-  if (colon == std::string_view::npos) return peer;
-  const std::string_view digits = text.substr(colon + 1);
-  const char* end = digits.data() + digits.size();
-  const auto [stopped, failure] = std::from_chars(digits.data(), end, peer.port);
-  return failure == std::errc{} && stopped == end && peer.port > 0 ? std::optional(peer)
-                                                                   : std::nullopt;
-}
-
-std::string text_of(const LinkPeer& peer) {
-  std::array<char, INET_ADDRSTRLEN> address{};
-  const in_addr raw{htonl(peer.address)};
-  ::inet_ntop(AF_INET, &raw, address.data(), address.size());
-  std::string text = address.data();
-  if (peer.port > 0) text.append(":").append(std::to_string(peer.port));
-  return text;
+std::optional<net::Peer> parse_link_peer(const std::string& text) {
+  if (const auto address = net::parse_address(text)) return net::Peer(*address, 0);
+  return net::parse_peer(text);
 }
 
 Expected<ByteLink> ByteLink::open(const LinkConfig& config) {
@@ -83,7 +51,7 @@ Expected<ByteLink> ByteLink::open(const LinkConfig& config) {
   auto descriptor =
       is_serial ? open_serial_port(config.device, config.baud) : open_udp_socket(config);
   if (!descriptor) return tl::unexpected(descriptor.error());
-  const auto peer = config.peer.empty() ? std::nullopt : parse_peer(config.peer);
+  const auto peer = config.peer.empty() ? std::nullopt : parse_link_peer(config.peer);
   ByteLink link(*descriptor, config.device, is_serial, peer);
   if (!is_serial) link.name_ = "UDP port " + std::to_string(link.port());
   return link;
@@ -97,51 +65,32 @@ Expected<ByteLink::Piece> ByteLink::read(Duration timeout) {
   pollfd wait{descriptor_, POLLIN, 0};
   const auto left_ms = std::chrono::ceil<std::chrono::milliseconds>(timeout).count();
   if (::poll(&wait, 1, static_cast<int>(left_ms)) <= 0) return Piece{};
-  return is_serial_ ? read_serial() : Expected<Piece>(read_datagram());
+  if (is_serial_) {
+    const ssize_t size = ::read(descriptor_, buffer_.data(), buffer_.size());
+    if (size > 0) return Piece{std::span(buffer_).first(static_cast<std::size_t>(size)), {}};
+    if (size < 0 && (errno == EAGAIN || errno == EINTR)) return Piece{};
+    return fail(ErrorCode::kClosed,
+                "the serial device is disconnected: was it unplugged, or did it restart?", name_);
+  }
+  net::SocketAddress address;
+  socklen_t length = address.size();
+  const ssize_t size =
+      ::recvfrom(descriptor_, buffer_.data(), buffer_.size(), 0, address.data(), &length);
+  const net::Peer from = address.peer();
+  if (size <= 0 || (peer_ && !is_configured(from))) return Piece{};
+  rule_.count_received(from, static_cast<std::size_t>(size) + kHeaders, {});
+  return Piece{std::span(buffer_).first(static_cast<std::size_t>(size)), from};
 }
 
-Expected<ByteLink::Piece> ByteLink::read_serial() {
-  const ssize_t size = ::read(descriptor_, buffer_.data(), buffer_.size());
-  if (size > 0) return Piece{std::span(buffer_).first(static_cast<std::size_t>(size)), {}};
-  if (size < 0 && (errno == EAGAIN || errno == EINTR)) return Piece{};
-  return fail(ErrorCode::kClosed,
-              "the serial device is disconnected: was it unplugged, or did it restart?", name_);
-}
-
-/// @return an empty piece for other senders
-ByteLink::Piece ByteLink::read_datagram() {
-  sockaddr_in address{};
-  socklen_t length = sizeof address;
-  const ssize_t size = ::recvfrom(descriptor_, buffer_.data(), buffer_.size(), 0,
-                                  reinterpret_cast<sockaddr*>(&address), &length);
-  if (size <= 0) return {};
-  const LinkPeer from{ntohl(address.sin_addr.s_addr), ntohs(address.sin_port)};
-  if (peer_ && !is_configured(from)) return {};
-  rule_.count_received(peer_of(from), static_cast<std::size_t>(size) + kHeaders, {});
-  return {std::span<const std::byte>(buffer_).first(static_cast<std::size_t>(size)), from};
-}
-
-bool ByteLink::is_configured(const LinkPeer& peer) const {
-  return peer_ && peer_->address == peer.address && (peer_->port == 0 || peer_->port == peer.port);
-}
-
-void ByteLink::write(std::span<const std::byte> bytes, const LinkPeer& to, bool proven) {
+void ByteLink::write(std::span<const std::byte> bytes, const net::Peer& to, bool proven) {
   const bool may_go = is_serial_ || proven || is_configured(to) ||
-                      rule_.may_answer_untrusted(peer_of(to), bytes.size() + kHeaders);
+                      rule_.may_answer_untrusted(to, bytes.size() + kHeaders);
   if (!may_go) return;
-  const sockaddr_in address = address_of(to);
+  net::SocketAddress address(to, true);
   [[maybe_unused]] const ssize_t sent =
-      is_serial_ ? ::write(descriptor_, bytes.data(), bytes.size())
-                 : ::sendto(descriptor_, bytes.data(), bytes.size(), 0,
-                            reinterpret_cast<const sockaddr*>(&address), sizeof address);
-}
-
-std::uint16_t ByteLink::port() const {
-  sockaddr_in address{};
-  socklen_t length = sizeof address;
-  if (is_serial_ || ::getsockname(descriptor_, reinterpret_cast<sockaddr*>(&address), &length) != 0)
-    return 0;
-  return ntohs(address.sin_port);
+      is_serial_
+          ? ::write(descriptor_, bytes.data(), bytes.size())
+          : ::sendto(descriptor_, bytes.data(), bytes.size(), 0, address.data(), address.size());
 }
 
 bool is_printable(std::byte byte) {

@@ -6,7 +6,6 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -18,23 +17,13 @@
 
 namespace fiducap {
 
-/// The other end of a UDP link; all zero: of a serial line.
-struct LinkPeer {
-  std::uint32_t address{0};  ///< In this machine's byte order.
-  std::uint16_t port{0};
-
-  friend bool operator==(const LinkPeer&, const LinkPeer&) = default;
-};
-
 /// `192.168.1.20` or `192.168.1.20:14580`; without a port it is 0. nullopt: neither.
-[[nodiscard]] std::optional<LinkPeer> parse_peer(std::string_view text);
-[[nodiscard]] std::string text_of(const LinkPeer& peer);
+[[nodiscard]] std::optional<net::Peer> parse_link_peer(const std::string& text);
 
 /// A serial line, for this process alone, or a UDP socket.
 ///
-/// Opening a serial line raises DTR, as Linux always does, which restarts boards with auto-reset.
-/// Closing it leaves DTR raised, so that opening it again does not restart them. Bytes received
-/// before the opening are discarded.
+/// Opening a serial line raises DTR, which restarts boards with auto-reset; closing leaves it
+/// raised, so that opening again does not. Bytes received before the opening are discarded.
 class ByteLink final {
  public:
   /// @return Error with device or port, and remedy
@@ -50,31 +39,36 @@ class ByteLink final {
 
   struct Piece {
     std::span<const std::byte> bytes;  ///< Empty: nothing came. Valid until the next read.
-    LinkPeer from{};
+    net::Peer from{};                  ///< All zero: a serial line.
   };
-  /// Waits for bytes.   @return Error kClosed when the line is disconnected
+  /// Waits for bytes; those of other senders are ignored. @return Error kClosed: disconnected line
   [[nodiscard]] Expected<Piece> read(Duration timeout);
   /// Never waits; bytes that the line does not accept are lost. Over UDP an address gets at most
   /// three times the bytes of IP that came in its name, unless it is the configured peer or proven.
   /// @param to  ignored by a serial line   @param proven  has answered a secret sent to its address
-  void write(std::span<const std::byte> bytes, const LinkPeer& to, bool proven = false);
+  void write(std::span<const std::byte> bytes, const net::Peer& to, bool proven = false);
 
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] bool is_serial() const { return is_serial_; }
   /// UDP: the port that it listens on.
-  [[nodiscard]] std::uint16_t port() const;
+  [[nodiscard]] std::uint16_t port() const {
+    net::SocketAddress address;
+    socklen_t length = address.size();
+    if (is_serial_ || ::getsockname(descriptor_, address.data(), &length) != 0) return 0;
+    return address.peer().port;
+  }
 
  private:
-  ByteLink(int descriptor, std::string name, bool is_serial, std::optional<LinkPeer> peer)
+  ByteLink(int descriptor, std::string name, bool is_serial, std::optional<net::Peer> peer)
       : descriptor_(descriptor), name_(std::move(name)), is_serial_(is_serial), peer_(peer) {}
-  [[nodiscard]] Expected<Piece> read_serial();
-  [[nodiscard]] Piece read_datagram();
-  [[nodiscard]] bool is_configured(const LinkPeer& peer) const;
+  [[nodiscard]] bool is_configured(const net::Peer& peer) const {
+    return peer_ && peer_->same_address(peer) && (peer_->port == 0 || peer_->port == peer.port);
+  }
 
   int descriptor_;
   std::string name_;
   bool is_serial_;
-  std::optional<LinkPeer> peer_;  ///< The only accepted sender; port 0: any of its ports.
+  std::optional<net::Peer> peer_;  ///< The only accepted sender; port 0: any of its ports.
   // An attached network is no proof: there is a better one (TIMESYNC).
   net::SenderRule rule_{net::random_key(),
                         net::TrustedNetworks({}, [] { return std::vector<net::Network>(); })};
@@ -114,7 +108,6 @@ class LinkWatch final {
   bool is_disturbed_{false};
 };
 
-/// Bytes of a text.
 [[nodiscard]] bool is_printable(std::byte byte);
 
 /// A source of IMU samples that come over a ByteLink. Never ends; lost with its link.

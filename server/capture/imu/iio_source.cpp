@@ -130,10 +130,67 @@ class Device final {
   /// @return Error with device and cause
   [[nodiscard]] static Expected<Device> open(iio_context* context, iio_device* device,
                                              bool has_gyro, bool has_accel,
-                                             const IioConfig& config);
+                                             const IioConfig& config) {
+    Device made(device, name_of_device(device));
+    made.is_local_ = std::string_view(iio_context_get_name(context)) == "local";
+    // Other users may have left channels enabled.
+    for (unsigned i = 0; i < iio_device_get_channels_count(device); ++i)
+      iio_channel_disable(iio_device_get_channel(device, i));
+    auto gyro = made.find_triad(has_gyro, "anglvel");
+    auto accel = made.find_triad(has_accel, "accel");
+    for (const auto* triad : {&gyro, &accel}) {
+      if (!*triad) return tl::unexpected(triad->error());
+      if (auto enabled = made.enable(**triad); !enabled) return tl::unexpected(enabled.error());
+    }
+    made.gyro_ = *gyro;
+    made.accel_ = *accel;
+    made.stamp_ = iio_device_find_channel(device, "timestamp", false);
+    if (made.stamp_ == nullptr)
+      return fail(ErrorCode::kUnsupported, "has no timestamp channel: its readings have no stamps",
+                  made.name_);
+    iio_channel_enable(made.stamp_);
+    if (auto set = made.set_trigger(context, config.trigger); !set)
+      return tl::unexpected(set.error());
+    made.set_rate(config.rate_hz);
+    made.set_clock();
+    iio_context_set_timeout(context, made.is_local_ ? kLocalTimeout_ms : kNetworkTimeout_ms);
+    made.buffer_.reset(
+        iio_device_create_buffer(device, static_cast<std::size_t>(config.samples), false));
+    if (made.buffer_) return made;
+    const int reason = errno;
+    return fail(
+        ErrorCode::kUnavailable,
+        "its buffer does not start (" + reason_of(reason) +
+            "): is it used by another program, may this user open /dev/iio:device*, and does "
+            "it need a trigger (`trigger`, e.g. of iio-trig-hrtimer)?",
+        made.name_);
+  }
 
   /// Waits for the next buffer. @return true: readings came; false: none in time; Error: lost
-  [[nodiscard]] Expected<bool> refill();
+  [[nodiscard]] Expected<bool> refill() {
+    const ssize_t size = iio_buffer_refill(buffer_.get());
+    const bool is_late = size == -ETIMEDOUT || size == -EAGAIN || size == -EINTR;
+    if (size < 0 && is_late && is_local_) return false;
+    if (size < 0)
+      return fail(
+          ErrorCode::kClosed,
+          "gives no more readings (" + reason_of(static_cast<int>(size)) + "): is it still there?",
+          name_);
+    const auto step = iio_buffer_step(buffer_.get());
+    const auto* begin = static_cast<const char*>(iio_buffer_start(buffer_.get()));
+    const auto* end = static_cast<const char*>(iio_buffer_end(buffer_.get()));
+    const auto count = step > 0 ? static_cast<std::size_t>((end - begin) / step) : 0;
+    readings_.resize(count);
+    for (std::size_t k = 0; k < count; ++k) {
+      Reading& reading = readings_[k];
+      const auto* stamps = static_cast<const char*>(iio_buffer_first(buffer_.get(), stamp_));
+      iio_channel_convert(stamp_, &reading.stamp_ns,
+                          stamps + static_cast<std::ptrdiff_t>(k) * step);
+      if (gyro_) reading.w = read(*gyro_, k);
+      if (accel_) reading.f = read(*accel_, k);
+    }
+    return count > 0;
+  }
   [[nodiscard]] const std::vector<Reading>& readings() const { return readings_; }
 
   [[nodiscard]] const std::string& name() const { return name_; }
@@ -251,66 +308,6 @@ class Device final {
   std::unique_ptr<iio_buffer, CloseIio> buffer_;
   std::vector<Reading> readings_;
 };
-
-Expected<Device> Device::open(iio_context* context, iio_device* device, bool has_gyro,
-                              bool has_accel, const IioConfig& config) {
-  Device made(device, name_of_device(device));
-  made.is_local_ = std::string_view(iio_context_get_name(context)) == "local";
-  // Other users may have left channels enabled.
-  for (unsigned i = 0; i < iio_device_get_channels_count(device); ++i)
-    iio_channel_disable(iio_device_get_channel(device, i));
-  auto gyro = made.find_triad(has_gyro, "anglvel");
-  auto accel = made.find_triad(has_accel, "accel");
-  for (const auto* triad : {&gyro, &accel}) {
-    if (!*triad) return tl::unexpected(triad->error());
-    if (auto enabled = made.enable(**triad); !enabled) return tl::unexpected(enabled.error());
-  }
-  made.gyro_ = *gyro;
-  made.accel_ = *accel;
-  made.stamp_ = iio_device_find_channel(device, "timestamp", false);
-  if (made.stamp_ == nullptr)
-    return fail(ErrorCode::kUnsupported, "has no timestamp channel: its readings have no stamps",
-                made.name_);
-  iio_channel_enable(made.stamp_);
-  if (auto set = made.set_trigger(context, config.trigger); !set)
-    return tl::unexpected(set.error());
-  made.set_rate(config.rate_hz);
-  made.set_clock();
-  iio_context_set_timeout(context, made.is_local_ ? kLocalTimeout_ms : kNetworkTimeout_ms);
-  made.buffer_.reset(
-      iio_device_create_buffer(device, static_cast<std::size_t>(config.samples), false));
-  if (made.buffer_) return made;
-  const int reason = errno;
-  return fail(ErrorCode::kUnavailable,
-              "its buffer does not start (" + reason_of(reason) +
-                  "): is it used by another program, may this user open /dev/iio:device*, and does "
-                  "it need a trigger (`trigger`, e.g. of iio-trig-hrtimer)?",
-              made.name_);
-}
-
-Expected<bool> Device::refill() {
-  const ssize_t size = iio_buffer_refill(buffer_.get());
-  const bool is_late = size == -ETIMEDOUT || size == -EAGAIN || size == -EINTR;
-  if (size < 0 && is_late && is_local_) return false;
-  if (size < 0)
-    return fail(
-        ErrorCode::kClosed,
-        "gives no more readings (" + reason_of(static_cast<int>(size)) + "): is it still there?",
-        name_);
-  const auto step = iio_buffer_step(buffer_.get());
-  const auto* begin = static_cast<const char*>(iio_buffer_start(buffer_.get()));
-  const auto* end = static_cast<const char*>(iio_buffer_end(buffer_.get()));
-  const auto count = step > 0 ? static_cast<std::size_t>((end - begin) / step) : 0;
-  readings_.resize(count);
-  for (std::size_t k = 0; k < count; ++k) {
-    Reading& reading = readings_[k];
-    const auto* stamps = static_cast<const char*>(iio_buffer_first(buffer_.get(), stamp_));
-    iio_channel_convert(stamp_, &reading.stamp_ns, stamps + static_cast<std::ptrdiff_t>(k) * step);
-    if (gyro_) reading.w = read(*gyro_, k);
-    if (accel_) reading.f = read(*accel_, k);
-  }
-  return count > 0;
-}
 
 class IioSource final : public SensorSource {
  public:

@@ -21,8 +21,7 @@ constexpr std::array<const char*, 2> kVersions{"", "_v1"};
 /// frd → flu.
 Eigen::Vector3d flu_from(const float (&v)[3]) { return {v[0], -v[1], -v[2]}; }
 
-/// PX4 over its uXRCE-DDS bridge (`SensorCombined`). Stamps are the agent's UTC (UXRCE_DDS_SYNCT,
-/// PX4's default), or the autopilot's clock, placed by arrival.
+/// PX4 by uXRCE-DDS. Stamps are the agent's UTC (UXRCE_DDS_SYNCT, PX4's default), or by arrival.
 class Px4Source final : public dds::TopicSource {
  public:
   Px4Source(std::shared_ptr<dds::Participant> participant, bool synchronized, const Clock& clock,
@@ -85,26 +84,21 @@ class TurnedSource final : public SensorSource {
   Eigen::Matrix3d accel_;
 };
 
-OpenedSource open_ros(const ImuTopicConfig& config, const ImuOpening& opening) {
+OpenedSource open_topic(bool is_ros, const ImuTopicConfig& config, const ImuOpening& opening) {
   auto participant = opening.join_dds();
   if (!participant) return tl::unexpected(participant.error());
-  const dds::RosSourceConfig ros{.images = {},
-                                 .imu = config.topic,
-                                 .reliable = config.reliable,
-                                 .synchronized = config.synchronized};
-  return dds::open_ros_source(std::move(*participant), ros, {}, opening.clock);
-}
-
-OpenedSource open_px4(const ImuTopicConfig& config, const ImuOpening& opening) {
-  auto participant = opening.join_dds();
-  if (!participant) return tl::unexpected(participant.error());
+  if (is_ros) {
+    const dds::RosSourceConfig ros{.images = {},
+                                   .imu = config.topic,
+                                   .reliable = config.reliable,
+                                   .synchronized = config.synchronized};
+    return dds::open_ros_source(std::move(*participant), ros, {}, opening.clock);
+  }
   auto arrivals = dds::WaitSet::make(**participant);
   if (!arrivals) return tl::unexpected(arrivals.error());
   auto source = std::make_unique<Px4Source>(std::move(*participant), config.synchronized,
                                             opening.clock, std::move(*arrivals));
-  if (auto subscribed = source->subscribe_all(config); !subscribed)
-    return tl::unexpected(subscribed.error());
-  return source;
+  return source->subscribe_all(config).map([&] { return std::move(source); });
 }
 
 OpenedSource open_chosen(const ImuSourceConfig& config, const ImuOpening& opening) {
@@ -114,9 +108,9 @@ OpenedSource open_chosen(const ImuSourceConfig& config, const ImuOpening& openin
     case ImuSourceType::kIio:
       return open_iio_source(config.iio, opening.clock);
     case ImuSourceType::kPx4:
-      return open_px4(config.px4, opening);
+      return open_topic(false, config.px4, opening);
     case ImuSourceType::kRos:
-      return open_ros(config.ros, opening);
+      return open_topic(true, config.ros, opening);
     case ImuSourceType::kLine:
       break;
   }

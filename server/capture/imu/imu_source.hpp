@@ -11,23 +11,20 @@
 
 namespace fiducap {
 
-/// Environment of IMU sources.
 struct ImuOpening {
   const Clock& clock;  ///< Outlives the source.
   std::function<Expected<std::shared_ptr<dds::Participant>>()> join_dds;
 };
 
 /// Opens an IMU: a source of ImuSample only, in the body's axes (x forward, y left, z up) and in SI
-/// units. It never ends; when it is lost (unplugged, closed), `next` gives an Error, and it may be
-/// opened again.
+/// units. It never ends; when it is lost, `next` gives an Error, and it may be opened again.
 /// @return Error with device and remedy
 [[nodiscard]] OpenedSource open_imu_source(const ImuSourceConfig& config,
                                            const ImuOpening& opening);
 
 // Of one type, in the axes and units of the sensor; MAVLink in flu.
 
-/// A microcontroller with the line protocol (docs/imu-line-protocol.md). Impossible readings are
-/// left out, counted, and logged once.
+/// A microcontroller with the line protocol (docs/imu-line-protocol.md).
 [[nodiscard]] OpenedSource open_line_source(const LinkConfig& config, const Clock& clock);
 
 /// An autopilot. It may be silent for any time; a disconnected serial line is lost.

@@ -1,11 +1,11 @@
 #include "capture/imu/imu_source_config.hpp"
 
-#include <charconv>
 #include <cmath>
 
 #include <yaml-cpp/yaml.h>
 #include <Eigen/Geometry>
 
+#include "base/text.hpp"
 #include "capture/imu/byte_link.hpp"
 #include "capture/ros/ros_config.hpp"
 
@@ -44,19 +44,11 @@ std::optional<Eigen::Matrix3d> by_axes(std::span<const std::string> words) {
 std::optional<Eigen::Matrix3d> by_quaternion(std::span<const std::string> words) {
   std::array<double, 4> q{};
   for (std::size_t i = 0; i < 4; ++i) {
-    const char* end = words[i].data() + words[i].size();
-    const auto [stopped, failure] = std::from_chars(words[i].data(), end, q[i]);
-    if (failure != std::errc{} || stopped != end || !std::isfinite(q[i])) return std::nullopt;
+    if (!parse_number(words[i], q[i]) || !std::isfinite(q[i])) return std::nullopt;
   }
   const Eigen::Quaterniond q_BS(q[0], q[1], q[2], q[3]);
   if (std::abs(q_BS.norm() - 1) > kUnit) return std::nullopt;
   return q_BS.normalized().toRotationMatrix();
-}
-
-std::string joined(std::span<const std::string> words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "[" : ", ") + word;
-  return text + "]";
 }
 
 }  // namespace
@@ -70,7 +62,7 @@ std::optional<ImuAxes> axes_from(std::span<const std::string> words) {
     if (words.size() == 1 && words[0] == word) return ImuAxes{*by_axes(axes), words[0]};
   if (words.size() == 3) R_BS = by_axes(words);
   if (words.size() == 4) R_BS = by_quaternion(words);
-  return R_BS ? std::optional(ImuAxes{*R_BS, joined(words)}) : std::nullopt;
+  return R_BS ? std::optional(ImuAxes{*R_BS, "[" + comma_list(words) + "]"}) : std::nullopt;
 }
 
 std::optional<std::string> read_value(const YAML::Node& node, ImuAxes& out) {
@@ -87,14 +79,10 @@ std::optional<std::string> read_value(const YAML::Node& node, ImuAxes& out) {
 
 std::string text_of(const ImuAxes& axes) { return axes.written; }
 
-bool LinkConfig::takes_the_first_sender() const {
-  return device.empty() && peer.empty() && !address.starts_with("127.");
-}
-
 void LinkConfig::check(Checker& checker) const {
   const bool by_udp = device.empty();
-  const auto other = parse_peer(peer);
-  const auto own = parse_peer(address);
+  const auto other = parse_link_peer(peer);
+  const auto own = parse_link_peer(address);
   const bool speaks_first = other && other->port > 0;
   checker
       .require(device.empty() || device.starts_with('/'), "device", '"' + device + '"',

@@ -39,7 +39,6 @@ struct ImuAxes {
 enum class GyroUnit { kRadians, kDegrees };
 enum class AccelUnit { kMetres, kG };
 
-/// The units of a device's readings.
 struct ImuUnits {
   GyroUnit gyro{GyroUnit::kRadians};
   AccelUnit accel{AccelUnit::kMetres};
@@ -86,13 +85,11 @@ void describe(V& v, IioConfig& c) {
   v.value("samples", c.samples);
 }
 
-/// A topic with an IMU. PX4: `px4_msgs/SensorCombined` over its uXRCE-DDS bridge; ROS 2:
-/// `sensor_msgs/Imu`.
+/// A topic with an IMU: `px4_msgs/SensorCombined` of PX4, or `sensor_msgs/Imu` of ROS 2.
 struct ImuTopicConfig {
   std::string topic;
   bool reliable{false};  ///< Reliable QoS; senders without it are not received then.
-  /// The sender's clock is this machine's or synchronised with it; otherwise stamps are placed by
-  /// arrival.
+  /// The sender's clock is synchronised with this machine's; else stamps are placed by arrival.
   bool synchronized{true};
 
   void check(Checker& checker) const;
@@ -107,8 +104,7 @@ void describe(V& v, ImuTopicConfig& c) {
 
 enum class ImuSourceType { kLine, kMavlink, kIio, kPx4, kRos };
 
-/// Source of a body's inertial readings. `type` decides which of the others is read; in the file
-/// their keys are beside it.
+/// Source of a body's inertial readings; in the file its keys are beside `type`.
 struct ImuSourceConfig {
   ImuSourceType type{ImuSourceType::kLine};
   LinkConfig line;
@@ -155,8 +151,7 @@ inline constexpr std::array<Word<ImuSourceType>, 5> kImuSourceType{
      {"ros", ImuSourceType::kRos}}};
 }  // namespace words
 
-/// Keys of a configuration, see daemon/config/config_schema.hpp. `type` is first: it decides which
-/// other keys there are.
+/// Keys of a configuration. `type` is first: it decides which other keys there are.
 template <class V>
 void describe(V& v, ImuSourceConfig& c) {
   v.word("type", c.type, words::kImuSourceType);

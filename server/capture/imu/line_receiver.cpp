@@ -4,23 +4,20 @@
 #include <chrono>
 
 #include "base/log.hpp"
+#include "base/text.hpp"
 #include "capture/imu/byte_link.hpp"
 #include "capture/imu/imu_source.hpp"
 
 namespace fiducap {
 namespace {
 
-/// Reads fields between commas.
 class Fields final {
  public:
   explicit Fields(std::string_view text) : rest_(text) {}
 
   template <typename T>
   bool read(T& out) {
-    const std::string_view field = next();
-    const char* end = field.data() + field.size();
-    const auto [stopped, failure] = std::from_chars(field.data(), end, out);
-    return failure == std::errc{} && stopped == end;
+    return parse_number(next(), out);
   }
   bool read(Eigen::Vector3d& out) {
     return read(out.x()) && read(out.y()) && read(out.z()) && out.allFinite();
@@ -38,13 +35,6 @@ class Fields final {
   std::string_view rest_;
   bool is_over_{false};
 };
-
-/// As in NMEA: exclusive or of all characters before the star.
-std::uint8_t line_checksum(std::string_view text) {
-  std::uint8_t sum = 0;
-  for (const char c : text) sum = static_cast<std::uint8_t>(sum ^ static_cast<unsigned char>(c));
-  return sum;
-}
 
 constexpr Duration kSlice = std::chrono::milliseconds(50);
 // After this silence another sender is accepted.
@@ -77,7 +67,7 @@ class LineSource final : public ByteSource {
   }
 
   /// The first sender, as long as it sends.
-  bool is_our_sender(const LinkPeer& from, Instant now) {
+  bool is_our_sender(const net::Peer& from, Instant now) {
     if (from == sender_) return true;
     if (received_at_ && now - *received_at_ < kGivenUp) {
       if (!std::exchange(foreign_reported_, true))
@@ -92,7 +82,7 @@ class LineSource final : public ByteSource {
   }
 
   LineReceiver receiver_;
-  LinkPeer sender_;
+  net::Peer sender_;
   std::optional<Instant> received_at_;
   bool foreign_reported_{false};
   std::uint64_t restarts_{0};
@@ -108,7 +98,10 @@ std::variant<ImuLine, TriggerLine, LineFault> parse_line(std::string_view line) 
   const auto [stopped, failure] = std::from_chars(line.data() + star + 1, end, checksum, 16);
   if (failure != std::errc{} || stopped != end) return LineFault::kForm;
   const std::string_view text = line.substr(0, star);
-  if (line_checksum(text) != checksum) return LineFault::kChecksum;
+  // As in NMEA: exclusive or of all characters before the star.
+  for (const char c : text)
+    checksum = static_cast<std::uint8_t>(checksum ^ static_cast<unsigned char>(c));
+  if (checksum != 0) return LineFault::kChecksum;
   Fields fields(text);
   const std::string_view kind = fields.next();
   if (kind == "IMU") {

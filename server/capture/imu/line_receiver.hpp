@@ -7,7 +7,6 @@
 #include <span>
 #include <string_view>
 #include <variant>
-#include <vector>
 
 #include "capture/imu_sample.hpp"
 #include "capture/stamp_mapper.hpp"
@@ -49,7 +48,6 @@ class LineReceiver final {
   };
 
   void receive(std::span<const std::byte> bytes, Instant arrived);
-  /// The oldest one not taken yet.
   [[nodiscard]] std::optional<ImuSample> take() { return waiting_.take(); }
   /// Another sender follows: discards the incomplete line.
   void restart() { length_ = kUnknown; }

@@ -18,11 +18,12 @@ struct LinkConfig {
   std::string peer;
 
   /// UDP from any machine: the first sender is accepted.
-  [[nodiscard]] bool takes_the_first_sender() const;
+  [[nodiscard]] bool takes_the_first_sender() const {
+    return device.empty() && peer.empty() && !address.starts_with("127.");
+  }
   void check(Checker& checker) const;
 };
 
-/// Keys of a configuration, see daemon/config/config_schema.hpp.
 template <class V>
 void describe(V& v, LinkConfig& c) {
   v.value("device", c.device);
@@ -32,8 +33,7 @@ void describe(V& v, LinkConfig& c) {
   v.value("peer", c.peer);
 }
 
-/// Messages of an autopilot. Best: HIGHRES_IMU, else RAW_IMU (of ArduPilot, which scales it), else
-/// SCALED_IMU.
+/// Messages of an autopilot. Best: HIGHRES_IMU, else RAW_IMU (of ArduPilot), else SCALED_IMU.
 enum class MavlinkImuMessage { kBest, kHighres, kRaw, kScaled, kScaled2, kScaled3 };
 
 /// The IMU of an autopilot, PX4 or ArduPilot, over UDP or a serial line.

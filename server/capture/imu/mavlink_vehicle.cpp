@@ -15,15 +15,11 @@ constexpr double kMilliG_m_s2 = 9.80665e-3;
 constexpr double kMilli = 1e-3;
 constexpr std::uint16_t kAccelAndGyro = 0x3f;  // of HIGHRES_IMU's fields_updated
 
-Eigen::Vector3d read_floats(LittleEndianReader& from) {
+/// @param number  reads one
+template <typename Number>
+Eigen::Vector3d read_vector(LittleEndianReader& from, Number (LittleEndianReader::*number)()) {
   Eigen::Vector3d v;
-  for (int i = 0; i < 3; ++i) v[i] = from.f32();
-  return v;
-}
-
-Eigen::Vector3d read_shorts(LittleEndianReader& from) {
-  Eigen::Vector3d v;
-  for (int i = 0; i < 3; ++i) v[i] = from.i16();
+  for (int i = 0; i < 3; ++i) v[i] = (from.*number)();
   return v;
 }
 
@@ -33,49 +29,35 @@ InertialReading decode_highres(const Frame& frame) {
   LittleEndianReader from(payload);
   InertialReading reading;
   reading.count = from.u64();
-  reading.f = read_floats(from);
-  reading.w = read_floats(from);
+  reading.f = read_vector(from, &LittleEndianReader::f32);
+  reading.w = read_vector(from, &LittleEndianReader::f32);
   from.bytes(kBetween);
   reading.is_new = (from.u16() & kAccelAndGyro) == kAccelAndGyro;
   return reading;
 }
 
-void read_scaled(LittleEndianReader& from, InertialReading& reading) {
-  reading.f = kMilliG_m_s2 * read_shorts(from);
-  reading.w = kMilli * read_shorts(from);
-}
-
-InertialReading decode_raw(const Frame& frame) {
+/// RAW_IMU and SCALED_IMU differ in the count only.
+InertialReading decode_scaled(const Frame& frame, bool counts_ms) {
   const auto payload = whole_payload<26>(frame);
   LittleEndianReader from(payload);
   InertialReading reading;
-  reading.count = from.u64();
-  read_scaled(from, reading);
-  return reading;
-}
-
-InertialReading decode_scaled(const Frame& frame) {
-  const auto payload = whole_payload<22>(frame);
-  LittleEndianReader from(payload);
-  InertialReading reading;
-  reading.count = from.u32();
-  reading.counts_ms = true;
-  read_scaled(from, reading);
+  reading.count = counts_ms ? from.u32() : from.u64();
+  reading.counts_ms = counts_ms;
+  reading.f = kMilliG_m_s2 * read_vector(from, &LittleEndianReader::i16);
+  reading.w = kMilli * read_vector(from, &LittleEndianReader::i16);
   return reading;
 }
 
 constexpr Duration kVehicleGone = std::chrono::seconds(10);
 constexpr Duration kMoved = std::chrono::seconds(3);  // until another port or address is accepted
 
-bool is_inertial(const Frame& frame) { return decode_inertial(frame).has_value(); }
-
 /// Not of a ground station, a companion computer or a camera.
 bool is_of_autopilot(const Frame& frame) {
-  if (frame.message != static_cast<std::uint32_t>(MessageId::kHeartbeat)) return is_inertial(frame);
+  if (!frame.is(MessageId::kHeartbeat)) return decode_inertial(frame).has_value();
   return decode_heartbeat(frame).autopilot != kNoAutopilot;
 }
 
-std::string text_of_system(std::uint8_t system, const LinkPeer& at) {
+std::string text_of_system(std::uint8_t system, const net::Peer& at) {
   const std::string text = "system " + std::to_string(system);
   return at.port == 0 ? text : text + " at " + text_of(at);
 }
@@ -86,22 +68,25 @@ constexpr Duration kSeldom = std::chrono::seconds(10);
 constexpr int kOftenTimes = 6;
 constexpr double kEnough = 0.8;  // of the request: autopilots divide their loop by whole numbers
 
-/// In the order of MavlinkImuMessage.
-constexpr std::array kIds{MessageId::kHighresImu, MessageId::kHighresImu, MessageId::kRawImu,
-                          MessageId::kScaledImu,  MessageId::kScaledImu2, MessageId::kScaledImu3};
-
 }  // namespace
+
+MessageId message_of(MavlinkImuMessage choice) {
+  constexpr std::array kInOrder{MessageId::kHighresImu, MessageId::kHighresImu,
+                                MessageId::kRawImu,     MessageId::kScaledImu,
+                                MessageId::kScaledImu2, MessageId::kScaledImu3};
+  return kInOrder[static_cast<std::size_t>(choice)];
+}
 
 std::optional<InertialReading> decode_inertial(const Frame& frame) {
   switch (static_cast<MessageId>(frame.message)) {
     case MessageId::kHighresImu:
       return decode_highres(frame);
     case MessageId::kRawImu:
-      return decode_raw(frame);
+      return decode_scaled(frame, false);
     case MessageId::kScaledImu:
     case MessageId::kScaledImu2:
     case MessageId::kScaledImu3:
-      return decode_scaled(frame);
+      return decode_scaled(frame, true);
     default:
       return std::nullopt;
   }
@@ -128,7 +113,7 @@ bool VehicleChoice::is_candidate(const Frame& frame) const {
   return is_of_autopilot(frame) && (wanted_ == 0 || frame.system == wanted_);
 }
 
-bool VehicleChoice::accept(const Frame& frame, const LinkPeer& from, Instant now,
+bool VehicleChoice::accept(const Frame& frame, const net::Peer& from, Instant now,
                            bool may_replace) {
   const bool is_ours = vehicle_ && frame.system == vehicle_->system &&
                        frame.component == vehicle_->component && from == vehicle_->at;
@@ -145,8 +130,7 @@ bool VehicleChoice::accept(const Frame& frame, const LinkPeer& from, Instant now
     vehicle_ = Vehicle{frame.system, frame.component, 0, from, now};
   }
   vehicle_->received_at = now;
-  if (frame.message == static_cast<std::uint32_t>(MessageId::kHeartbeat))
-    vehicle_->autopilot = decode_heartbeat(frame).autopilot;
+  if (frame.is(MessageId::kHeartbeat)) vehicle_->autopilot = decode_heartbeat(frame).autopilot;
   return true;
 }
 
@@ -154,7 +138,7 @@ std::string VehicleChoice::text_of_vehicle() const {
   return vehicle_ ? text_of_system(vehicle_->system, vehicle_->at) : "no vehicle";
 }
 
-void VehicleChoice::note_foreign(const Frame& frame, const LinkPeer& from) {
+void VehicleChoice::note_foreign(const Frame& frame, const net::Peer& from) {
   ++foreign_;
   if (named_.test(frame.system)) return;
   named_.set(frame.system);
@@ -166,11 +150,6 @@ void VehicleChoice::note_foreign(const Frame& frame, const LinkPeer& from) {
           : "another vehicle, " + sender + ", is ignored: set `system` to choose one";
 }
 
-void RateRequests::count(Instant now) {
-  measure(now);
-  ++in_window_;
-}
-
 void RateRequests::measure(Instant now) {
   if (!window_began_) window_began_ = now;
   const Duration passed = now - *window_began_;
@@ -180,18 +159,10 @@ void RateRequests::measure(Instant now) {
   in_window_ = 0;
 }
 
-void RateRequests::restart() {
-  window_began_.reset();
-  in_window_ = requests_sent_ = 0;
-  measured_hz_ = 0;
-  next_.reset();
-  is_reported_ = false;
-}
-
 /// Messages to request in turn, none worse than the one that comes already.
 std::vector<MessageId> RateRequests::candidates(std::uint8_t autopilot,
                                                 std::optional<MessageId> taken) const {
-  if (message_ != MavlinkImuMessage::kBest) return {kIds[static_cast<std::size_t>(message_)]};
+  if (message_ != MavlinkImuMessage::kBest) return {message_of(message_)};
   if (taken == MessageId::kHighresImu || autopilot == kPx4) return {MessageId::kHighresImu};
   if (autopilot == kArduPilot) return {MessageId::kHighresImu, MessageId::kRawImu};
   return {MessageId::kHighresImu, MessageId::kScaledImu};

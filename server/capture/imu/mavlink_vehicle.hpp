@@ -15,8 +15,7 @@
 #include "capture/imu/link_config.hpp"
 #include "middleware/mavlink/frame.hpp"
 
-/// The vehicle of an autopilot: its choice, its inertial messages (common.xml), and requests for
-/// them.
+/// An autopilot's vehicle: its choice, its inertial messages (common.xml), requests for them.
 namespace fiducap::mavlink {
 
 /// One reading, in the autopilot's axes: x forward, y right, z down.
@@ -28,11 +27,12 @@ struct InertialReading {
   Eigen::Vector3d f{Eigen::Vector3d::Zero()};  ///< m/s²
 };
 
-/// HIGHRES_IMU; RAW_IMU and SCALED_IMU, 2, 3 in thousandths of g and of rad/s (ArduPilot's RAW_IMU
-/// is scaled, too). @return nullopt: none of these
+/// HIGHRES_IMU; RAW_IMU and SCALED_IMU (1, 2, 3) in thousandths of g and rad/s. nullopt: none.
 [[nodiscard]] std::optional<InertialReading> decode_inertial(const Frame& frame);
 
-/// Receiver of a request.
+/// The chosen message; of `best` HIGHRES_IMU.
+[[nodiscard]] MessageId message_of(MavlinkImuMessage choice);
+
 struct Target {
   std::uint8_t system{};
   std::uint8_t component{};
@@ -45,9 +45,8 @@ void encode_message_interval(const Sender& from, const Target& to, MessageId mes
 void encode_sensor_stream_request(const Sender& from, const Target& to, double rate_hz,
                                   std::vector<std::byte>& out);
 
-/// Chooses one of the vehicles on a link: the configured one, else the first one, until it has been
-/// silent for ten seconds or another one has the better proof. Others are counted and reported
-/// once.
+/// Chooses a vehicle on a link: the configured one, else the first, until it has been silent for
+/// ten seconds or another one has the better proof. Others are counted and reported once.
 class VehicleChoice final {
  public:
   /// @param system  0: the first one
@@ -57,13 +56,13 @@ class VehicleChoice final {
     std::uint8_t system{};
     std::uint8_t component{};
     std::uint8_t autopilot{};  ///< MAV_AUTOPILOT; 0: generic, or no heartbeat yet.
-    LinkPeer at{};
+    net::Peer at{};
     Instant received_at{};
   };
 
   /// @param may_replace  the sender may replace the present vehicle
   /// @return whether the frame is of the chosen vehicle's autopilot
-  bool accept(const Frame& frame, const LinkPeer& from, Instant now, bool may_replace = false);
+  bool accept(const Frame& frame, const net::Peer& from, Instant now, bool may_replace = false);
   /// Its sender would be chosen if there were no vehicle.
   [[nodiscard]] bool is_candidate(const Frame& frame) const;
 
@@ -78,7 +77,7 @@ class VehicleChoice final {
   [[nodiscard]] std::string text_of_vehicle() const;
 
  private:
-  void note_foreign(const Frame& frame, const LinkPeer& from);
+  void note_foreign(const Frame& frame, const net::Peer& from);
 
   int wanted_;
   std::optional<Vehicle> vehicle_;
@@ -88,18 +87,25 @@ class VehicleChoice final {
   std::optional<std::string> message_;
 };
 
-/// Requests inertial readings at the configured rate until the vehicle sends them: by
-/// SET_MESSAGE_INTERVAL, then in the way of older ArduPilots. Once a second at first, then every
-/// ten seconds, which is reported once.
+/// Requests inertial readings until the vehicle sends them at the configured rate: every second,
+/// later every ten seconds (reported once). SET_MESSAGE_INTERVAL, then as older ArduPilots do.
 class RateRequests final {
  public:
   explicit RateRequests(const MavlinkImuConfig& config)
       : message_(config.message), wanted_hz_(config.rate_hz) {}
 
-  /// A reading came.
-  void count(Instant now);
+  void count(Instant now) {
+    measure(now);
+    ++in_window_;
+  }
   /// Another vehicle was chosen, or it has restarted.
-  void restart();
+  void restart() {
+    window_began_.reset();
+    in_window_ = requests_sent_ = 0;
+    measured_hz_ = 0;
+    next_.reset();
+    is_reported_ = false;
+  }
   /// @param taken  the message that readings come in now, if any
   void append_due(const Target& vehicle, std::uint8_t autopilot, std::optional<MessageId> taken,
                   Instant now, Sender& from, std::vector<std::byte>& out);

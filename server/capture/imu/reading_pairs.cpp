@@ -19,11 +19,6 @@ void ReadingPairs::Queue::add(const Timed& reading) {
   ++size;
 }
 
-void ReadingPairs::Queue::pop() {
-  first = (first + 1) % kMost;
-  --size;
-}
-
 std::optional<ReadingPairs::Pair> ReadingPairs::take() {
   while (gyro_.size > 0) {
     const Timed& gyro = gyro_.at(0);

@@ -11,8 +11,7 @@
 namespace fiducap {
 
 /// Combines gyroscope and accelerometer of two devices: interpolates the accelerometer linearly at
-/// the times of the gyroscope. A gyroscope reading waits for the next one of the accelerometer. At
-/// most 256 wait; older ones are dropped and counted.
+/// the times of the gyroscope. At most 256 wait for it; older ones are dropped and counted.
 class ReadingPairs final {
  public:
   struct Timed {
@@ -44,7 +43,10 @@ class ReadingPairs final {
     std::optional<std::int64_t> newest;
 
     void add(const Timed& reading);
-    void pop();
+    void pop() {
+      first = (first + 1) % kMost;
+      --size;
+    }
     [[nodiscard]] const Timed& at(std::size_t k) const { return ring[(first + k) % kMost]; }
     [[nodiscard]] std::int64_t newest_ns() const { return newest.value_or(INT64_MIN); }
   };
@@ -52,8 +54,7 @@ class ReadingPairs final {
   Queue accel_;
 };
 
-/// A mount_matrix of Linux's IIO, `0, 1, 0; 1, 0, 0; 0, 0, -1`: from the axes of the sensor to
-/// those of its device. @return nullopt: not nine numbers, or not orthonormal
+/// A mount_matrix of IIO: `0, 1, 0; 1, 0, 0; 0, 0, -1`. nullopt: not nine numbers, not orthonormal.
 [[nodiscard]] std::optional<Eigen::Matrix3d> parse_mount_matrix(std::string_view text);
 
 }  // namespace fiducap

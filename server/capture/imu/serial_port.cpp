@@ -1,5 +1,4 @@
-// Apart from the sockets: the kernel's termios, which supports any rate, excludes that of the C
-// library.
+// Apart: the kernel's termios, which supports any rate, excludes that of the C library.
 #include <asm/termbits.h>
 #include <fcntl.h>
 #include <linux/serial.h>

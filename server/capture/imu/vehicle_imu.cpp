@@ -26,10 +26,6 @@ constexpr Duration kSlot = std::chrono::seconds(1);
 
 std::int64_t slot_of(Instant now) { return to_ns(now) / kSlot.count(); }
 
-bool is_message(const Frame& frame, MessageId message) {
-  return frame.message == static_cast<std::uint32_t>(message);
-}
-
 /// frd → flu.
 Eigen::Vector3d flu_of(const Eigen::Vector3d& frd) { return {frd.x(), -frd.y(), -frd.z()}; }
 
@@ -38,13 +34,13 @@ Eigen::Vector3d flu_of(const Eigen::Vector3d& frd) { return {frd.x(), -frd.y(), 
 VehicleImu::VehicleImu(const MavlinkImuConfig& config)
     : config_(config), choice_(config.system), key_(net::random_key()), requests_(config) {}
 
-void VehicleImu::receive(std::span<const std::byte> bytes, const LinkPeer& from, Instant arrived) {
+void VehicleImu::receive(std::span<const std::byte> bytes, const net::Peer& from, Instant arrived) {
   if (from != last_from_) stream_.clear();  // an incomplete frame of the other sender
   last_from_ = from;
   stream_.add(bytes, [&](const Frame& frame) { take_frame(frame, from, arrived); });
 }
 
-void VehicleImu::take_frame(const Frame& frame, const LinkPeer& from, Instant arrived) {
+void VehicleImu::take_frame(const Frame& frame, const net::Peer& from, Instant arrived) {
   const bool may_replace = proven_rival_ == from && !is_proven(arrived);
   const bool is_ours = choice_.accept(frame, from, arrived, may_replace);
   if (auto event = choice_.take_event()) report(std::move(*event));
@@ -53,37 +49,7 @@ void VehicleImu::take_frame(const Frame& frame, const LinkPeer& from, Instant ar
     restart();
     report("uses the IMU of " + choice_.text_of_vehicle(), false);
   }
-  if (is_message(frame, MessageId::kTimesync)) {
-    take_timesync(frame, arrived);
-  } else {
-    take_reading(frame, arrived);
-  }
-}
-
-void VehicleImu::take_foreign(const Frame& frame, const LinkPeer& from, Instant arrived) {
-  if (is_proven(arrived)) return;
-  if (choice_.is_candidate(frame)) rival_ = from;
-  if (!is_message(frame, MessageId::kTimesync)) return;
-  const Timesync answer = decode_timesync(frame);
-  const std::int64_t slot = slot_of(arrived);
-  if (answer.tc1_ns == 0) return;
-  if (answer.ts1_ns == number_for(from, slot) || answer.ts1_ns == number_for(from, slot - 1))
-    proven_rival_ = from;
-}
-
-/// Stateless: forged rivals cannot displace the state of a real one.
-std::int64_t VehicleImu::number_for(const LinkPeer& rival, std::int64_t slot) const {
-  const std::array key{key_[0] ^ static_cast<std::uint64_t>(slot), key_[1]};
-  return static_cast<std::int64_t>(net::peer_hash(key, {rival.address, rival.port}) >> 1 | 1);
-}
-
-std::optional<LinkPeer> VehicleImu::challenge(Instant now, std::vector<std::byte>& out) {
-  const auto rival = std::exchange(rival_, std::nullopt);
-  if (rival) encode_timesync(next_sender(), {0, number_for(*rival, slot_of(now))}, out);
-  return rival;
-}
-
-void VehicleImu::take_timesync(const Frame& frame, Instant arrived) {
+  if (!frame.is(MessageId::kTimesync)) return take_reading(frame, arrived);
   const Timesync timesync = decode_timesync(frame);
   if (timesync.tc1_ns != 0) {
     sync_.accept_reply(timesync, arrived);
@@ -92,36 +58,37 @@ void VehicleImu::take_timesync(const Frame& frame, Instant arrived) {
   }
 }
 
-/// The higher the better; 0: not used.
-int VehicleImu::rank_of(MessageId message) const {
-  using Message = MavlinkImuMessage;
-  const auto only = [&](Message wanted) { return config_.message == wanted ? 1 : 0; };
-  const bool is_best = config_.message == Message::kBest;
-  const bool is_scaled = choice_.vehicle()->autopilot == kArduPilot;
-  switch (message) {
-    case MessageId::kHighresImu:
-      return is_best ? 3 : only(Message::kHighres);
-    case MessageId::kRawImu:
-      return is_best ? (is_scaled ? 2 : 0) : only(Message::kRaw);
-    case MessageId::kScaledImu:
-      return is_best ? 1 : only(Message::kScaled);
-    case MessageId::kScaledImu2:
-      return only(Message::kScaled2);
-    case MessageId::kScaledImu3:
-      return only(Message::kScaled3);
-    default:
-      return 0;
-  }
+void VehicleImu::take_foreign(const Frame& frame, const net::Peer& from, Instant arrived) {
+  if (is_proven(arrived)) return;
+  if (choice_.is_candidate(frame)) rival_ = from;
+  if (!frame.is(MessageId::kTimesync)) return;
+  const Timesync answer = decode_timesync(frame);
+  const std::int64_t slot = slot_of(arrived);
+  if (answer.tc1_ns == 0) return;
+  if (answer.ts1_ns == number_for(from, slot) || answer.ts1_ns == number_for(from, slot - 1))
+    proven_rival_ = from;
 }
 
-bool VehicleImu::is_taken(MessageId message, Instant arrived) {
-  const int rank = rank_of(message);
-  if (rank == 0) return false;
-  if (taken_ && *taken_ != message && rank < rank_of(*taken_) && arrived - taken_at_ < kMessageGone)
-    return false;
-  taken_ = message;
-  taken_at_ = arrived;
-  return true;
+/// Stateless: forged rivals cannot displace the state of a real one.
+std::int64_t VehicleImu::number_for(const net::Peer& rival, std::int64_t slot) const {
+  const std::array key{key_[0] ^ static_cast<std::uint64_t>(slot), key_[1]};
+  return static_cast<std::int64_t>(net::peer_hash(key, rival) >> 1 | 1);
+}
+
+std::optional<net::Peer> VehicleImu::challenge(Instant now, std::vector<std::byte>& out) {
+  const auto rival = std::exchange(rival_, std::nullopt);
+  if (rival) encode_timesync(next_sender(), {0, number_for(*rival, slot_of(now))}, out);
+  return rival;
+}
+
+/// The higher the better; 0: not used.
+int VehicleImu::rank_of(MessageId message) const {
+  if (config_.message != MavlinkImuMessage::kBest)
+    return message == message_of(config_.message) ? 1 : 0;
+  const bool is_scaled = choice_.vehicle()->autopilot == kArduPilot;
+  if (message == MessageId::kHighresImu) return 3;
+  if (message == MessageId::kRawImu) return is_scaled ? 2 : 0;
+  return message == MessageId::kScaledImu ? 1 : 0;
 }
 
 std::optional<Instant> VehicleImu::place(const InertialReading& reading, Instant arrived) {
@@ -147,10 +114,16 @@ std::optional<Instant> VehicleImu::place(const InertialReading& reading, Instant
 void VehicleImu::take_reading(const Frame& frame, Instant arrived) {
   const auto reading = decode_inertial(frame);
   if (!reading) return;
-  if (!is_taken(static_cast<MessageId>(frame.message), arrived)) {
+  const auto message = static_cast<MessageId>(frame.message);
+  const int rank = rank_of(message);
+  const bool is_worse =
+      taken_ && *taken_ != message && rank < rank_of(*taken_) && arrived - taken_at_ < kMessageGone;
+  if (rank == 0 || is_worse) {
     ++counts_.other_message;
     return;
   }
+  taken_ = message;
+  taken_at_ = arrived;
   if (!reading->is_new) {
     ++counts_.repeated;
     return;
@@ -175,13 +148,6 @@ void VehicleImu::restart() {
   foreign_clock_reported_ = false;
 }
 
-/// This computer is a component of the vehicle.
-Sender VehicleImu::next_sender() {
-  const auto& vehicle = choice_.vehicle();
-  const int system = vehicle ? vehicle->system : config_.system > 0 ? config_.system : 1;
-  return {static_cast<std::uint8_t>(system), kOnboardComputer, sequence_++};
-}
-
 void VehicleImu::append_due(Instant now, std::vector<std::byte>& out) {
   out.insert(out.end(), answers_.begin(), answers_.end());
   answers_.clear();
@@ -199,21 +165,10 @@ void VehicleImu::append_due(Instant now, std::vector<std::byte>& out) {
   if (auto event = requests_.take_event()) report(std::move(*event));
 }
 
-std::optional<LinkPeer> VehicleImu::address(Instant now) const {
+std::optional<net::Peer> VehicleImu::address(Instant now) const {
   const auto& vehicle = choice_.vehicle();
   return vehicle && now - vehicle->received_at < kAddressExpires ? std::optional(vehicle->at)
                                                                  : std::nullopt;
-}
-
-void VehicleImu::report(std::string text, bool is_bad) {
-  events_.push_back({std::move(text), is_bad});
-}
-
-std::optional<VehicleImu::Event> VehicleImu::take_event() {
-  if (events_.empty()) return std::nullopt;
-  Event first = std::move(events_.front());
-  events_.erase(events_.begin());
-  return first;
 }
 
 }  // namespace fiducap::mavlink
@@ -227,7 +182,7 @@ class MavlinkSource final : public ByteSource {
  public:
   MavlinkSource(ByteLink link, const MavlinkImuConfig& config, const Clock& clock)
       : ByteSource(std::move(link), "MAVLink frame", config.link.baud, kMavlinkPeriod, clock),
-        first_(parse_peer(config.link.peer)),
+        first_(parse_link_peer(config.link.peer)),
         vehicle_(config) {}
 
  private:
@@ -255,12 +210,12 @@ class MavlinkSource final : public ByteSource {
     const auto to = vehicle_.address(now);
     const bool may_call = link().is_serial() || (first_ && first_->port > 0);
     if (to || may_call)
-      link().write(out_, to.value_or(first_.value_or(LinkPeer{})), vehicle_.is_proven(now));
+      link().write(out_, to.value_or(first_.value_or(net::Peer{})), vehicle_.is_proven(now));
   }
 
-  std::optional<LinkPeer> first_;  ///< Configured address.
+  std::optional<net::Peer> first_;  ///< Configured address.
   mavlink::VehicleImu vehicle_;
-  LinkPeer last_{};
+  net::Peer last_{};
   std::vector<std::byte> out_;
 };
 

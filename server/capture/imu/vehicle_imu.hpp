@@ -16,15 +16,12 @@
 
 namespace fiducap::mavlink {
 
-/// The conversation with an autopilot, without socket: readings in, in our axes and on our clock;
-/// heartbeats, clock synchronisation and requests out.
+/// The conversation with an autopilot: readings in; heartbeats, clock questions, requests out.
 ///
-/// Stamps are the autopilot's, placed by the quickest round trip of TIMESYNC; by arrival as long as
-/// it does not answer, or when its stamps are of another clock.
+/// Stamps are placed by the quickest round trip of TIMESYNC, or by arrival if that does not fit.
 ///
 /// An answer to TIMESYNC proves the sender's address. A vehicle without proof is replaced by one
-/// with proof: the others are asked meanwhile, so a forged sender keeps the real autopilot out for
-/// one round trip at most.
+/// with proof, so a forged sender keeps the real autopilot out for one round trip at most.
 class VehicleImu final {
  public:
   explicit VehicleImu(const MavlinkImuConfig& config);
@@ -36,27 +33,32 @@ class VehicleImu final {
   };
 
   /// Bytes of one sender, any piece of its stream.
-  void receive(std::span<const std::byte> bytes, const LinkPeer& from, Instant arrived);
+  void receive(std::span<const std::byte> bytes, const net::Peer& from, Instant arrived);
   /// The oldest one not taken yet, in axes x forward, y left, z up.
   [[nodiscard]] std::optional<ImuSample> take() { return waiting_.take(); }
 
   /// Appends messages that are due, for `address`.
   void append_due(Instant now, std::vector<std::byte>& out);
   /// Address of the vehicle; nullopt: none, or silent for too long.
-  [[nodiscard]] std::optional<LinkPeer> address(Instant now) const;
+  [[nodiscard]] std::optional<net::Peer> address(Instant now) const;
 
   /// Its address is proven by an answer to TIMESYNC within the last ten seconds.
   [[nodiscard]] bool is_proven(Instant now) const { return sync_.offset(now).has_value(); }
   /// Appends a TIMESYNC question to a rival of an unproven vehicle, once for each piece received.
   /// @return its receiver, if there is one
-  [[nodiscard]] std::optional<LinkPeer> challenge(Instant now, std::vector<std::byte>& out);
+  [[nodiscard]] std::optional<net::Peer> challenge(Instant now, std::vector<std::byte>& out);
 
   /// Shown to the user, once.
   struct Event {
     std::string text;
     bool is_bad{true};
   };
-  [[nodiscard]] std::optional<Event> take_event();
+  [[nodiscard]] std::optional<Event> take_event() {
+    if (events_.empty()) return std::nullopt;
+    Event first = std::move(events_.front());
+    events_.erase(events_.begin());
+    return first;
+  }
 
   [[nodiscard]] const Counts& counts() const { return counts_; }
   [[nodiscard]] const FrameStream& frames() const { return stream_; }
@@ -67,26 +69,31 @@ class VehicleImu final {
   }
 
  private:
-  void take_frame(const Frame& frame, const LinkPeer& from, Instant arrived);
-  void take_foreign(const Frame& frame, const LinkPeer& from, Instant arrived);
-  [[nodiscard]] std::int64_t number_for(const LinkPeer& rival, std::int64_t slot) const;
-  void take_timesync(const Frame& frame, Instant arrived);
+  void take_frame(const Frame& frame, const net::Peer& from, Instant arrived);
+  void take_foreign(const Frame& frame, const net::Peer& from, Instant arrived);
+  [[nodiscard]] std::int64_t number_for(const net::Peer& rival, std::int64_t slot) const;
   void take_reading(const Frame& frame, Instant arrived);
   [[nodiscard]] std::optional<Instant> place(const InertialReading& reading, Instant arrived);
   [[nodiscard]] int rank_of(MessageId message) const;
-  [[nodiscard]] bool is_taken(MessageId message, Instant arrived);
   void restart();
-  void report(std::string text, bool is_bad = true);
-  [[nodiscard]] Sender next_sender();
+  void report(std::string text, bool is_bad = true) {
+    events_.push_back({std::move(text), is_bad});
+  }
+  /// This computer is a component of the vehicle.
+  [[nodiscard]] Sender next_sender() {
+    const auto& vehicle = choice_.vehicle();
+    const int system = vehicle ? vehicle->system : config_.system > 0 ? config_.system : 1;
+    return {static_cast<std::uint8_t>(system), kOnboardComputer, sequence_++};
+  }
 
   MavlinkImuConfig config_;
   FrameStream stream_;
-  LinkPeer last_from_{};
+  net::Peer last_from_{};
   VehicleChoice choice_;
   int changes_{0};
   std::array<std::uint64_t, 2> key_;
-  std::optional<LinkPeer> rival_;         ///< To be asked for a proof.
-  std::optional<LinkPeer> proven_rival_;  ///< Has given one.
+  std::optional<net::Peer> rival_;         ///< To be asked for a proof.
+  std::optional<net::Peer> proven_rival_;  ///< Has given one.
   RateRequests requests_;
   ClockSync sync_;
   DeviceClock microseconds_{64, 1000};

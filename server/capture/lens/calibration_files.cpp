@@ -47,8 +47,7 @@ void set_lens_of(const YamlSection& yaml, const std::string& key, const std::str
     yaml.add_fault(key, set.error().what);
 }
 
-// In OpenCV's files without a name of the lens, the number of coefficients decides, unless it fits
-// two lenses.
+// Without a name of the lens the number of coefficients decides, unless it fits two lenses.
 std::string lens_of_opencv(const YamlSection& yaml) {
   if (const auto name = yaml.text("distortion_model"))
     return *name == "rational_polynomial" ? "plumb_bob" : *name;
@@ -209,8 +208,7 @@ Expected<CameraMount> read_camera_calibration(const std::string& path, CameraMou
   }
   check_model(*yaml, model);
   read_lens_sigmas(*yaml, mount);
-  if (const auto sound = yaml->check(); !sound) return tl::unexpected(sound.error());
-  return mount;
+  return yaml->check().map([&] { return std::move(mount); });
 }
 
 Expected<std::vector<CameraMount>> read_kalibr_camchain(const std::string& path) {
@@ -230,8 +228,7 @@ Expected<std::vector<CameraMount>> read_kalibr_camchain(const std::string& path)
   }
   if (mounts.empty())
     return fail(ErrorCode::kInvalid, "is no Kalibr camchain: it has no key cam0", path);
-  if (const auto sound = yaml->check(); !sound) return tl::unexpected(sound.error());
-  return mounts;
+  return yaml->check().map([&] { return std::move(mounts); });
 }
 
 Expected<ImuNoise> read_kalibr_imu(const std::string& path) {
@@ -249,8 +246,7 @@ Expected<ImuNoise> read_kalibr_imu(const std::string& path) {
   noise.gyro_noise_rad_s_rtHz = positive("gyroscope_noise_density");
   noise.gyro_walk_rad_s2_rtHz = positive("gyroscope_random_walk");
   noise.rate_hz = positive("update_rate");
-  if (const auto sound = yaml->check(); !sound) return tl::unexpected(sound.error());
-  return noise;
+  return yaml->check().map([&] { return std::move(noise); });
 }
 
 }  // namespace fiducap

@@ -45,8 +45,7 @@ struct UndistortedPixel {
   Eigen::Matrix2d ideal_from_raw;  ///< ∂ ideal / ∂ raw: propagates pixel noise.
 };
 
-/// Removes the distortion of a raw pixel (OpenCV `undistortPoints` / `fisheye::undistortPoints`,
-/// iterated to convergence).
+/// Removes the distortion of a raw pixel, iterated to convergence (OpenCV `undistortPoints`).
 /// @return nullopt when the ray is more than `max_angle_rad` off the axis, or without convergence
 [[nodiscard]] std::optional<UndistortedPixel> undistort(const CameraModel& camera,
                                                         const Eigen::Vector2d& raw_px,
@@ -90,9 +89,8 @@ struct CameraMount {
   return mount.focal_sigma > 0 && mount.focal_sigma <= kFocal && mount.k1_sigma <= kDistortion;
 }
 
-/// Difference of a lens from the configured one: first its coefficient of radial distortion is `k1`
-/// larger, then raw pixels are (1 + focal) times as far from the principal point, which is shifted
-/// by `centre_px`.
+/// Difference of a lens from the configured one: first its radial k1 is `k1` larger, then raw
+/// pixels are (1 + focal) times as far from the principal point, which is shifted by `centre_px`.
 struct LensOffset {
   double focal{};
   Eigen::Vector2d centre_px{Eigen::Vector2d::Zero()};

@@ -19,11 +19,9 @@ struct DistortedPoint {
 ///
 /// OpenCV has the same formulas, but its fixed-point `undistortPoints` diverges silently for strong
 /// lenses, `fisheye::undistortPoints` clamps the angle, neither detects a folded polynomial and
-/// both allocate. This is a bracketed Newton iteration; tests compare it with OpenCV where that
-/// converges.
+/// both allocate. This is a bracketed Newton iteration; tests compare it with OpenCV.
 ///
-/// "Radius" is the variable of the polynomial: tan θ for radial-tangential, θ for equidistant
-/// lenses.
+/// "Radius" is the polynomial's variable: tan θ for radial-tangential, θ for equidistant lenses.
 class Lens final {
  public:
   /// @pre camera.distortion != Distortion::kNone
@@ -54,8 +52,7 @@ class Lens final {
   double p2_;
 };
 
-/// Derivative of the raw point by k1, at focal length 1, principal point (0, 0). In both models the
-/// raw point is linear in k1.
+/// Derivative of the raw point by k1, in which it is linear; focal length 1, centre (0, 0).
 class FirstBend final {
  public:
   /// @param distortion  kNone: as radial-tangential

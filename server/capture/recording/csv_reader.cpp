@@ -23,9 +23,8 @@ constexpr std::int64_t kHour_ns = 3'600'000'000'000;
 constexpr std::size_t kMostStamps = 20'000'000;
 constexpr std::size_t kStepsForMedian = 2000;
 
-/// The longest non-decreasing subsequence, as indices; of equally long ones that of earlier lines.
-/// Processes the file from its end: of all subsequences of a length only the one that begins latest
-/// can become the longest.
+/// The longest non-decreasing subsequence, as indices; of equal ones that of earlier lines. From
+/// the end: of all of one length only the one that begins latest can become the longest.
 template <typename Stamp>
 std::vector<std::uint32_t> longest_in_order(const std::vector<Stamp>& stamps) {
   constexpr std::uint32_t kNone = 0xffffffff;
@@ -47,8 +46,7 @@ std::vector<std::uint32_t> longest_in_order(const std::vector<Stamp>& stamps) {
   return chain;
 }
 
-/// First and last of the largest group of stamps without a gap of more than an hour; of two equal
-/// groups the earlier one.
+/// First and last of the largest (of equal ones: first) group of stamps without a gap of an hour.
 std::pair<std::int64_t, std::int64_t> largest_group(std::vector<std::int64_t> ns) {
   std::ranges::sort(ns);
   std::pair<std::size_t, std::size_t> best{0, 0};
@@ -119,29 +117,20 @@ bool CsvReader::take_line(std::string_view& line) {
 }
 
 bool CsvReader::next() {
+  constexpr std::size_t kMaxFields = 64;
+  fields_.clear();
   for (std::string_view line; take_line(line);) {
     line = trimmed(line);
     if (line.empty() || line.front() == '#') continue;
-    split(line);
+    for (bool more = true; more && fields_.size() < kMaxFields;) {
+      const std::size_t comma = line.find(',');
+      fields_.push_back(trimmed(line.substr(0, comma)));
+      more = comma != std::string_view::npos;
+      if (more) line.remove_prefix(comma + 1);
+    }
     return true;
   }
-  fields_.clear();
   return false;
-}
-
-void CsvReader::split(std::string_view line) {
-  constexpr std::size_t kMaxFields = 64;
-  fields_.clear();
-  while (fields_.size() < kMaxFields) {
-    const std::size_t comma = line.find(',');
-    fields_.push_back(trimmed(line.substr(0, comma)));
-    if (comma == std::string_view::npos) return;
-    line.remove_prefix(comma + 1);
-  }
-}
-
-void CsvReader::count_damaged() {
-  if (damaged_++ == 0) first_damaged_line_ = line_;
 }
 
 void CsvReader::log_damage() const {
@@ -154,13 +143,13 @@ void CsvReader::log_damage() const {
 bool parse(std::span<const std::string_view> fields, std::span<double> out) {
   if (fields.size() < out.size()) return false;
   for (std::size_t i = 0; i < out.size(); ++i)
-    if (!parse(fields[i], out[i])) return false;
+    if (!parse_number(fields[i], out[i])) return false;
   return true;
 }
 
 bool parse_stamp(std::string_view field, std::int64_t& ns) {
   constexpr std::int64_t kLast = 4'000'000'000'000'000'000;  // the year 2096; leaves room for sums
-  return parse(field, ns) && ns >= 0 && ns <= kLast;
+  return parse_number(field, ns) && ns >= 0 && ns <= kLast;
 }
 
 Expected<StampColumn> StampColumn::read(const std::filesystem::path& path) {
@@ -168,10 +157,7 @@ Expected<StampColumn> StampColumn::read(const std::filesystem::path& path) {
   const Expected<bool> in_order = column.is_in_order();
   if (!in_order) return tl::unexpected(in_order.error());
   if (*in_order) return column;
-  const auto all = column.read_all();
-  if (!all) return tl::unexpected(all.error());
-  column.keep_majority(*all);
-  return column;
+  return column.keep_majority().map([&] { return std::move(column); });
 }
 
 /// First pass, without memory: counts, first and last stamp, median step.
@@ -201,7 +187,8 @@ Expected<bool> StampColumn::is_in_order() {
   return in_order;
 }
 
-Expected<std::vector<StampColumn::Stamp>> StampColumn::read_all() const {
+/// Second pass.
+Expected<void> StampColumn::keep_majority() {
   Expected<CsvReader> rows = CsvReader::open(path_);
   if (!rows) return tl::unexpected(rows.error());
   if (stamps_ > kMostStamps)
@@ -215,11 +202,7 @@ Expected<std::vector<StampColumn::Stamp>> StampColumn::read_all() const {
     Stamp stamp{0, rows->line()};
     if (parse_stamp(rows->fields()[0], stamp.ns)) all.push_back(stamp);
   }
-  return all;
-}
-
-void StampColumn::keep_majority(const std::vector<Stamp>& all) {
-  if (all.empty()) return;  // the file has changed meanwhile
+  if (all.empty()) return {};  // the file has changed meanwhile
   std::vector<std::int64_t> ns;
   ns.reserve(all.size());
   for (const Stamp& stamp : all) ns.push_back(stamp.ns);
@@ -237,11 +220,7 @@ void StampColumn::keep_majority(const std::vector<Stamp>& all) {
   }
   first_ = instant_from_ns(near[kept.front()].ns);
   last_ = instant_from_ns(near[kept.back()].ns);
-}
-
-bool StampColumn::accepts(std::uint64_t line) {
-  while (next_left_out_ < left_out_.size() && left_out_[next_left_out_] < line) ++next_left_out_;
-  return next_left_out_ == left_out_.size() || left_out_[next_left_out_] != line;
+  return {};
 }
 
 void StampColumn::log_left_out() const {
@@ -271,11 +250,6 @@ bool StampedRows::next(std::int64_t& ns) {
     }
   }
   return false;
-}
-
-void StampedRows::log_damage() const {
-  rows_.log_damage();
-  stamps_.log_left_out();
 }
 
 }  // namespace fiducap

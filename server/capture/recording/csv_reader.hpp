@@ -1,6 +1,5 @@
 #pragma once
 
-#include <charconv>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -11,13 +10,13 @@
 #include <vector>
 
 #include "base/expected.hpp"
+#include "base/text.hpp"
 #include "base/time.hpp"
 
 namespace fiducap {
 
-/// Reads a comma-separated text file line by line, with the memory of one buffer: a line longer
-/// than that is left out and counted as damaged. Empty lines and lines that begin with `#` are
-/// skipped.
+/// Reads a comma-separated text file line by line, with the memory of one buffer: a longer line is
+/// left out and counted as damaged. Empty lines and those that begin with `#` are skipped.
 class CsvReader final {
  public:
   [[nodiscard]] static Expected<CsvReader> open(const std::filesystem::path& path);
@@ -30,8 +29,9 @@ class CsvReader final {
   /// False when the file ended before the end of the current line: its last number may be cut.
   [[nodiscard]] bool line_is_complete() const { return complete_; }
 
-  /// Counts the current line as damaged.
-  void count_damaged();
+  void count_damaged() {
+    if (damaged_++ == 0) first_damaged_line_ = line_;
+  }
   [[nodiscard]] std::uint64_t damaged() const { return damaged_; }
   /// One log line, if there was damage.
   void log_damage() const;
@@ -41,7 +41,6 @@ class CsvReader final {
   explicit CsvReader(std::string path);
   bool fill();
   [[nodiscard]] bool take_line(std::string_view& line);
-  void split(std::string_view line);
 
   std::string path_;
   std::ifstream file_;
@@ -55,22 +54,13 @@ class CsvReader final {
   bool complete_{true};
 };
 
-/// The whole field as a number.
-template <typename Number>
-[[nodiscard]] bool parse(std::string_view field, Number& out) {
-  const char* end = field.data() + field.size();
-  const auto [stop, error] = std::from_chars(field.data(), end, out);
-  return error == std::errc() && stop == end;
-}
-
 /// The first `out.size()` fields. @return false when there are fewer or one is not a number.
 [[nodiscard]] bool parse(std::span<const std::string_view> fields, std::span<double> out);
 
 /// Nanoseconds since some epoch, not negative and far from the end of int64.
 [[nodiscard]] bool parse_stamp(std::string_view field, std::int64_t& ns);
 
-/// Finds the wrong stamps of one file of a recording by majority, before its lines are used: a
-/// wrong stamp must not cost the lines around it.
+/// Finds the wrong stamps of a file by majority: one must not cost the lines around it.
 ///
 /// Left out are groups of stamps more than an hour away from the largest group, and then the fewest
 /// lines without which time never decreases. Needs no memory while time increases.
@@ -79,7 +69,10 @@ class StampColumn final {
   [[nodiscard]] static Expected<StampColumn> read(const std::filesystem::path& path);
 
   /// @pre lines are asked for in increasing order
-  [[nodiscard]] bool accepts(std::uint64_t line);
+  [[nodiscard]] bool accepts(std::uint64_t line) {
+    while (next_left_out_ < left_out_.size() && left_out_[next_left_out_] < line) ++next_left_out_;
+    return next_left_out_ == left_out_.size() || left_out_[next_left_out_] != line;
+  }
 
   [[nodiscard]] std::size_t stamps() const { return stamps_; }  ///< Lines that have one.
   [[nodiscard]] std::size_t left_out() const { return left_out_.size(); }
@@ -92,7 +85,6 @@ class StampColumn final {
   [[nodiscard]] Instant last() const { return last_; }
   /// Median step between stamps; equal ones (rows of one image) count as one.
   [[nodiscard]] Duration step() const { return step_; }
-  /// One log line, if stamps were left out.
   void log_left_out() const;
 
  private:
@@ -102,8 +94,7 @@ class StampColumn final {
   };
   explicit StampColumn(std::string path) : path_(std::move(path)) {}
   [[nodiscard]] Expected<bool> is_in_order();
-  [[nodiscard]] Expected<std::vector<Stamp>> read_all() const;
-  void keep_majority(const std::vector<Stamp>& all);
+  [[nodiscard]] Expected<void> keep_majority();
 
   std::string path_;
   std::size_t stamps_{0};
@@ -124,7 +115,10 @@ class StampedRows final {
   [[nodiscard]] bool next(std::int64_t& ns);
   [[nodiscard]] std::span<const std::string_view> fields() const { return rows_.fields(); }
   void count_damaged() { rows_.count_damaged(); }
-  void log_damage() const;
+  void log_damage() const {
+    rows_.log_damage();
+    stamps_.log_left_out();
+  }
 
  private:
   StampedRows(CsvReader rows, StampColumn stamps)

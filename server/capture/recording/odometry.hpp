@@ -7,9 +7,8 @@
 
 namespace fiducap {
 
-/// Motion of a body as measured by another program: wheels, or a phone that tracks itself. Poses in
-/// axes O of its own, z up, that drift against the workspace. Used are relative motion and the
-/// vertical.
+/// Motion of a body by another program: wheels, or a phone that tracks itself. Poses in axes O of
+/// its own, z up, that drift against the workspace: relative motion and the vertical are used.
 struct Odometry {
   std::vector<StampedPose> poses;  ///< X_OB, by time, strictly increasing.
   // Drift, 1-sigma after one second; it grows with the root of time.

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstdint>
 #include <map>
 #include <memory>
 #include <optional>
@@ -78,8 +77,7 @@ struct TruthSample {
 [[nodiscard]] Expected<std::optional<Odometry>> read_odometry(const std::string& folder);
 /// By time, without lines that go backwards. Empty when the recording has none.
 [[nodiscard]] Expected<std::vector<TruthSample>> read_truth(const std::string& folder);
-/// `truth/reference_poses.csv`: the estimate of another program (velocity and biases zero). Empty
-/// when there is none.
+/// `truth/reference_poses.csv` of another program: velocity and biases zero. Empty: there is none.
 [[nodiscard]] Expected<std::vector<TruthSample>> read_reference_poses(const std::string& folder);
 /// `truth/tags.csv` (id,size,px,py,pz,qw,qx,qy,qz). Empty when there is none. Sigmas are zero.
 [[nodiscard]] Expected<std::vector<RecordedTag>> read_truth_tags(const std::string& folder);
@@ -93,7 +91,6 @@ struct RecordingSourceConfig {
   double speed{1.0};
 };
 
-/// Keys of a configuration, see daemon/config/config_schema.hpp.
 template <class V>
 void describe(V& v, RecordingSourceConfig& c) {
   v.path("folder", c.folder);
@@ -111,8 +108,7 @@ struct RecordingPlayback {
   double speed{1.0};  ///< With `paced`.
 };
 
-/// Streams IMU, images and corners merged by time. Damaged lines are left out, counted and logged;
-/// an incomplete last line is left out. Memory does not grow with the recording.
+/// Streams IMU, images and corners merged by time. Damaged and incomplete lines are left out.
 [[nodiscard]] OpenedSource open_recording(const RecordingInfo& info,
                                           const RecordingPlayback& playback, const Clock& clock);
 

@@ -39,8 +39,7 @@ Expected<CameraMount> read_camera(const std::filesystem::path& path) {
     if (!(seconds >= 0 && seconds < kLargestTimeShift_s))
       yaml->add_fault(key, "must lie between 0 and 10 s");
   }
-  if (const auto sound = yaml->check(); !sound) return tl::unexpected(sound.error());
-  return mount;
+  return yaml->check().map([&] { return std::move(mount); });
 }
 
 Expected<void> read_imu(const std::filesystem::path& path, RecordingInfo& info) {

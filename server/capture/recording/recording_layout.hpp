@@ -27,12 +27,10 @@ class RecordingLayout final {
   }
   [[nodiscard]] Path corners_csv(std::size_t k) const { return detections(k) / "data.csv"; }
   [[nodiscard]] Path frames_csv(std::size_t k) const { return detections(k) / "frames.csv"; }
-  [[nodiscard]] Path imu() const { return mav() / "imu0"; }
-  [[nodiscard]] Path imu_yaml() const { return imu() / "sensor.yaml"; }
-  [[nodiscard]] Path imu_csv() const { return imu() / "data.csv"; }
-  [[nodiscard]] Path odometry() const { return mav() / "odom0"; }
-  [[nodiscard]] Path odometry_yaml() const { return odometry() / "sensor.yaml"; }
-  [[nodiscard]] Path odometry_csv() const { return odometry() / "data.csv"; }
+  [[nodiscard]] Path imu_yaml() const { return mav() / "imu0" / "sensor.yaml"; }
+  [[nodiscard]] Path imu_csv() const { return mav() / "imu0" / "data.csv"; }
+  [[nodiscard]] Path odometry_yaml() const { return mav() / "odom0" / "sensor.yaml"; }
+  [[nodiscard]] Path odometry_csv() const { return mav() / "odom0" / "data.csv"; }
   /// As InvisibleMap's recorder on phones writes it.
   [[nodiscard]] Path phone_odometry_csv() const { return folder_ / "vio_odom.csv"; }
   [[nodiscard]] Path tags_yaml() const { return mav() / "tags.yaml"; }

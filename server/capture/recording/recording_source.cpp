@@ -7,8 +7,8 @@ namespace {
 
 bool parse_sighting(std::span<const std::string_view> fields, TagSighting& tag) {
   std::array<double, 8> uv{};
-  if (fields.size() < 11 || !parse(fields[1], tag.tag_id) || !parse(fields[2], tag.hamming) ||
-      !parse(fields.subspan(3), uv)) {
+  if (fields.size() < 11 || !parse_number(fields[1], tag.tag_id) ||
+      !parse_number(fields[2], tag.hamming) || !parse(fields.subspan(3), uv)) {
     return false;
   }
   for (std::size_t i = 0; i < 4; ++i) tag.corners_px[i] = {uv[2 * i], uv[2 * i + 1]};
@@ -74,15 +74,11 @@ class RecordingSource final : public SensorSource {
     return found;
   }
 
-  void end_of_pass() {
-    if (std::exchange(pass_ended_, true) || !first_pass_) return;
-    for (const Lane& lane : lanes_)
-      std::visit([](const auto& stream) { stream.log_damage(); }, lane.stream);
-  }
-
   // @return false at the end.
   Expected<bool> start_again() {
-    end_of_pass();
+    if (!std::exchange(pass_ended_, true) && first_pass_)
+      for (const Lane& lane : lanes_)
+        std::visit([](const auto& stream) { stream.log_damage(); }, lane.stream);
     if (!playback_.loop || !first_) return false;  // without any sample it would never return
     const double rate_hz = info_.cameras.empty() ? 20.0 : info_.cameras.front().rate_hz;
     const Duration gap = from_seconds(1.0 / (rate_hz > 1e-3 ? rate_hz : 20.0));
@@ -164,12 +160,6 @@ void CornerStream::read_row() {
   }
 }
 
-void CornerStream::read_frame() {
-  frame_ns_.reset();
-  std::int64_t ns = 0;
-  if (frames_ && frames_->next(ns)) frame_ns_ = ns;
-}
-
 std::optional<SensorSample> CornerStream::next() {
   if (!row_ && !frame_ns_) return std::nullopt;
   const std::int64_t ns = row_ && (!frame_ns_ || row_->ns <= *frame_ns_) ? row_->ns : *frame_ns_;
@@ -180,11 +170,6 @@ std::optional<SensorSample> CornerStream::next() {
   }
   if (frame_ns_ == ns) read_frame();
   return frame;
-}
-
-void CornerStream::log_damage() const {
-  rows_.log_damage();
-  if (frames_) frames_->log_damage();
 }
 
 Expected<ImageStream> ImageStream::open(const RecordingLayout& layout, const RecordingInfo& info,
@@ -200,15 +185,20 @@ std::optional<SensorSample> ImageStream::next() {
     const std::filesystem::path file = file_of_row(ns);
     if (file.empty()) {
       rows_.count_damaged();
-    } else if (auto image = read(file)) {
-      return CameraFrame{camera_, instant_from_ns(ns) + mount_.time_shift, std::move(image)};
+      continue;
     }
+    std::shared_ptr<GrayImage> image = pool_->acquire();
+    image->resize(mount_.model.width, mount_.model.height);
+    const Expected<void> decoded = read_gray_file(file, file_bytes_, *image);
+    if (decoded)
+      return CameraFrame{camera_, instant_from_ns(ns) + mount_.time_shift, std::move(image)};
+    if (dropped_++ == 0)
+      log::warning("capture", decoded.error().text() + "; such images are left out");
   }
   return std::nullopt;
 }
 
-// The name in the list, or <ns>.png / <ns>.jpg if the list has only stamps. Empty when the name
-// leads out of the folder.
+// The name in the list, else <ns>.png or <ns>.jpg. Empty when it leads out of the folder.
 std::filesystem::path ImageStream::file_of_row(std::int64_t ns) const {
   if (rows_.fields().size() > 1 && !rows_.fields()[1].empty()) {
     const std::filesystem::path name(rows_.fields()[1]);
@@ -216,16 +206,6 @@ std::filesystem::path ImageStream::file_of_row(std::int64_t ns) const {
   }
   const std::filesystem::path jpg = folder_ / (std::to_string(ns) + ".jpg");
   return is_file(jpg) ? jpg : folder_ / (std::to_string(ns) + ".png");
-}
-
-std::shared_ptr<const GrayImage> ImageStream::read(const std::filesystem::path& file) {
-  std::shared_ptr<GrayImage> image = pool_->acquire();
-  image->resize(mount_.model.width, mount_.model.height);
-  const Expected<void> decoded = read_gray_file(file, file_bytes_, *image);
-  if (decoded) return image;
-  if (dropped_++ == 0)
-    log::warning("capture", decoded.error().text() + "; such images are left out");
-  return nullptr;
 }
 
 void ImageStream::log_damage() const {
@@ -279,8 +259,7 @@ OpenedSource open_recording(const RecordingInfo& info, const RecordingPlayback& 
                 "speed must be 1 for a recording with IMU: its readings do not fit another speed",
                 info.folder);
   auto source = std::make_unique<RecordingSource>(info, playback, clock);
-  if (const auto opened = source->rewind(); !opened) return tl::unexpected(opened.error());
-  return source;
+  return source->rewind().map([&] { return std::move(source); });
 }
 
 std::vector<ConfigError> check_source(const RecordingSourceConfig& config,

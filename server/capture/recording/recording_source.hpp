@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <memory>
 #include <optional>
 #include <variant>
 
@@ -35,7 +34,10 @@ class CornerStream final {
   [[nodiscard]] static Expected<CornerStream> open(const RecordingLayout& layout,
                                                    const RecordingInfo& info, std::size_t camera);
   [[nodiscard]] std::optional<SensorSample> next();
-  void log_damage() const;
+  void log_damage() const {
+    rows_.log_damage();
+    if (frames_) frames_->log_damage();
+  }
 
  private:
   struct Row {
@@ -45,7 +47,11 @@ class CornerStream final {
   CornerStream(StampedRows rows, int camera, Duration time_shift)
       : rows_(std::move(rows)), camera_(camera), time_shift_(time_shift) {}
   void read_row();
-  void read_frame();
+  void read_frame() {
+    frame_ns_.reset();
+    std::int64_t ns = 0;
+    if (frames_ && frames_->next(ns)) frame_ns_ = ns;
+  }
 
   StampedRows rows_;
   std::optional<StampedRows> frames_;
@@ -55,8 +61,7 @@ class CornerStream final {
   std::optional<std::int64_t> frame_ns_;  ///< Same.
 };
 
-/// cam<K>/data.csv and its images. Files other than images of the calibrated size are left out and
-/// counted.
+/// cam<K>/data.csv and its images. Files that are no images of the calibrated size are left out.
 class ImageStream final {
  public:
   [[nodiscard]] static Expected<ImageStream> open(const RecordingLayout& layout,
@@ -74,7 +79,6 @@ class ImageStream final {
         camera_(camera),
         pool_(&pool) {}
   [[nodiscard]] std::filesystem::path file_of_row(std::int64_t ns) const;
-  [[nodiscard]] std::shared_ptr<const GrayImage> read(const std::filesystem::path& file);
 
   StampedRows rows_;
   std::filesystem::path folder_;

@@ -34,8 +34,7 @@ bool parse_pose(std::span<const std::string_view> fields, Pose& X) {
   return true;
 }
 
-/// Treatment of a last line without end: usual in hand-written tables, incomplete in a log (which
-/// has stamps).
+/// A last line without end: usual in hand-written tables, incomplete in a log (with stamps).
 enum class OpenEnd { kTake, kLeaveOut };
 
 /// All rows of a file; none if it is absent. A first line that is no row is its header.
@@ -102,12 +101,16 @@ constexpr double kLargestNoise = 10;
 // The axes of a phone have y up, ours z.
 const Eigen::Quaterniond kUpright(std::sqrt(0.5), std::sqrt(0.5), 0, 0);
 
-bool parse_odometry(std::span<const std::string_view> fields, StampedPose& row) {
+bool parse_stamped(std::span<const std::string_view> fields, Instant& at, Pose& X) {
   std::int64_t ns = 0;
-  if (fields.size() < 8 || !parse_stamp(fields[0], ns) || !parse_pose(fields.subspan(1), row.X_WB))
+  if (fields.size() < 8 || !parse_stamp(fields[0], ns) || !parse_pose(fields.subspan(1), X))
     return false;
-  row.at = instant_from_ns(ns);
+  at = instant_from_ns(ns);
   return true;
+}
+
+bool parse_odometry(std::span<const std::string_view> fields, StampedPose& row) {
+  return parse_stamped(fields, row.at, row.X_WB);
 }
 
 /// pose_id, s since the start, x y z, qw qx qy qz.
@@ -163,11 +166,7 @@ Expected<std::optional<Odometry>> read_phone(const RecordingLayout& layout) {
 }
 
 bool parse_truth(std::span<const std::string_view> fields, TruthSample& truth) {
-  std::int64_t ns = 0;
-  if (fields.size() < 8 || !parse_stamp(fields[0], ns) ||
-      !parse_pose(fields.subspan(1), truth.X_WB))
-    return false;
-  truth.at = instant_from_ns(ns);
+  if (!parse_stamped(fields, truth.at, truth.X_WB)) return false;
   std::array<double, 9> rest{};  // optional
   if (fields.size() < 17) return true;
   if (!parse(fields.subspan(8), rest)) return false;
@@ -178,8 +177,9 @@ bool parse_truth(std::span<const std::string_view> fields, TruthSample& truth) {
 }
 
 bool parse_tag(std::span<const std::string_view> fields, RecordedTag& tag) {
-  return fields.size() >= 9 && parse(fields[0], tag.tag_id) && parse(fields[1], tag.edge_m) &&
-         tag.edge_m > 0 && parse_pose(fields.subspan(2), tag.X_WT);
+  return fields.size() >= 9 && parse_number(fields[0], tag.tag_id) &&
+         parse_number(fields[1], tag.edge_m) && tag.edge_m > 0 &&
+         parse_pose(fields.subspan(2), tag.X_WT);
 }
 
 Expected<std::vector<TruthSample>> read_increasing(const std::filesystem::path& path) {
@@ -246,8 +246,7 @@ Expected<std::vector<Pose>> read_truth_extrinsics(const std::string& folder) {
   if (!yaml) return tl::unexpected(yaml.error());
   for (std::size_t k = 0; yaml->has("cam" + std::to_string(k)); ++k)
     X_BV.push_back(yaml->section("cam" + std::to_string(k)).required_pose("T_BS"));
-  if (const auto sound = yaml->check(); !sound) return tl::unexpected(sound.error());
-  return X_BV;
+  return yaml->check().map([&] { return std::move(X_BV); });
 }
 
 }  // namespace fiducap

@@ -134,13 +134,6 @@ Expected<void> RecordingWriter::on_all(Expected<void> (LazyCsv::*action)()) {
   return all;
 }
 
-std::uint64_t RecordingWriter::bytes() const {
-  std::uint64_t all = whole_files_bytes_ + imu_.bytes() + state_.bytes();
-  for (const CameraFiles& camera : cameras_)
-    all += camera.images.bytes() + camera.corners.bytes() + camera.frames.bytes();
-  return all;
-}
-
 Expected<RecordingWriter> RecordingWriter::create(const RecordingInfo& info) {
   std::error_code error;
   std::filesystem::create_directories(info.folder, error);
@@ -152,12 +145,7 @@ Expected<RecordingWriter> RecordingWriter::create(const RecordingInfo& info) {
         "is not empty: a recording never overwrites anything; remove it, or choose another one",
         info.folder);
   RecordingWriter writer(info);
-  if (const auto done = writer.write_calibration(); !done) return tl::unexpected(done.error());
-  return writer;
-}
-
-Expected<void> RecordingWriter::write(const SensorSample& sample) {
-  return std::visit([this](const auto& s) { return append(s); }, sample);
+  return writer.write_calibration().map([&] { return std::move(writer); });
 }
 
 Expected<void> RecordingWriter::write_truth_tags(const std::vector<RecordedTag>& tags) {
@@ -172,10 +160,6 @@ Expected<void> RecordingWriter::write_truth_tags(const std::vector<RecordedTag>&
     if (!done) return done;
   }
   return csv->flush();
-}
-
-Expected<void> RecordingWriter::write_truth_extrinsics(const std::vector<Pose>& X_BV) {
-  return write_text(layout_.truth_extrinsics_yaml(), extrinsics_yaml(X_BV));
 }
 
 }  // namespace fiducap

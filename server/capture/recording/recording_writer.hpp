@@ -13,23 +13,30 @@
 
 namespace fiducap {
 
-/// Writes a recording that read_recording_info and open_recording read back: images as PNG,
-/// corners, IMU, truth. Sensor data are exact, truth has nine decimals. Lines go to disk at
-/// `flush`. Never overwrites a folder with content.
+/// Writes a recording: images as PNG, corners, IMU, truth (nine decimals; sensor data are exact).
+/// Lines go to disk at `flush`. Never overwrites a folder with content.
 class RecordingWriter final {
  public:
   [[nodiscard]] static Expected<RecordingWriter> create(const RecordingInfo& info);
 
-  [[nodiscard]] Expected<void> write(const SensorSample& sample);
+  [[nodiscard]] Expected<void> write(const SensorSample& sample) {
+    return std::visit([this](const auto& s) { return append(s); }, sample);
+  }
   [[nodiscard]] Expected<void> write_truth(const TruthSample& truth);
   [[nodiscard]] Expected<void> write_truth_tags(const std::vector<RecordedTag>& tags);
-  [[nodiscard]] Expected<void> write_truth_extrinsics(const std::vector<Pose>& X_BV);
+  [[nodiscard]] Expected<void> write_truth_extrinsics(const std::vector<Pose>& X_BV) {
+    return write_text(layout_.truth_extrinsics_yaml(), extrinsics_yaml(X_BV));
+  }
   /// Hands all lines to the system: what was written survives the end of the process.
   [[nodiscard]] Expected<void> flush() { return on_all(&LazyCsv::flush); }
   /// Closes all files. @return Error when the disk did not take everything
   [[nodiscard]] Expected<void> finish() { return on_all(&LazyCsv::close); }
-  /// Bytes that the system accepted.
-  [[nodiscard]] std::uint64_t bytes() const;
+  [[nodiscard]] std::uint64_t bytes() const {
+    std::uint64_t all = whole_files_bytes_ + imu_.bytes() + state_.bytes();
+    for (const CameraFiles& camera : cameras_)
+      all += camera.images.bytes() + camera.corners.bytes() + camera.frames.bytes();
+    return all;
+  }
 
  private:
   /// A file that is created with its first line.

@@ -31,17 +31,10 @@ std::vector<ConfigError> RosSourceConfig::check(const std::string& prefix) const
   return checker.errors;
 }
 
-RosSourceConfig RosCameraConfig::as_source() const {
-  return {.images = {image},
-          .imu = "",
-          .reliable = reliable,
-          .synchronized = synchronized,
-          .camera_info_wait_s = camera_info_wait_s};
-}
-
 std::vector<ConfigError> RosCameraConfig::check(const std::string& prefix) const {
+  const std::string& image = source.images.front();
   return Checker{prefix}
-      .within("camera_info_wait_s", camera_info_wait_s, 0, 600)
+      .within("camera_info_wait_s", source.camera_info_wait_s, 0, 600)
       .require(is_topic_name(image), "image", '"' + image + '"',
                "must be a topic, e.g. /camera/image_raw")
       .errors;
@@ -261,9 +254,7 @@ OpenedSource open_ros_source(std::shared_ptr<Participant> participant,
   if (!arrivals) return tl::unexpected(arrivals.error());
   auto source =
       std::make_unique<RosSource>(std::move(participant), config, clock, std::move(*arrivals));
-  if (auto subscribed = source->subscribe_all(config, cameras); !subscribed)
-    return tl::unexpected(subscribed.error());
-  return source;
+  return source->subscribe_all(config, cameras).map([&] { return std::move(source); });
 }
 
 Expected<void> wait_for_lenses(const Participant& participant, const RosSourceConfig& config,

@@ -49,9 +49,8 @@ class TopicSource : public SensorSource {
   WaitSet arrivals_;  // destroyed before the readers
 };
 
-/// Images and inertial readings from topics of ROS 2. Never ends and is never lost: a driver that
-/// stops may start again. Messages with a wrong size, encoding or stamp are left out and logged
-/// once.
+/// Images and inertial readings from topics of ROS 2. Never ends and is never lost: a driver may
+/// start again. Messages with a wrong size, encoding or stamp are left out and logged once.
 /// @param cameras  with their lenses, in the order of config.images
 /// @return Error when a topic cannot be subscribed to
 [[nodiscard]] OpenedSource open_ros_source(std::shared_ptr<Participant> participant,

@@ -35,13 +35,6 @@ std::string lasting_name_of(const fs::path& folder, const fs::path& device) {
   return "";
 }
 
-std::string kernel_name_of(const fs::path& names, const std::string& file) {
-  std::ifstream in(names / file / "name");
-  std::string name;
-  std::getline(in, name);
-  return name;
-}
-
 /// @return false: it is no camera
 bool fill_in(ListedCamera& camera, const CameraPlaces& places) {
   auto port = places.open(camera.device);
@@ -70,11 +63,6 @@ bool is_better(const SuggestedMode& a, const SuggestedMode& b) {
   return rank(a) > rank(b);
 }
 
-bool has_control(const ListedCamera& camera, std::uint32_t id) {
-  return std::ranges::any_of(camera.controls,
-                             [id](const v4l2::Control& control) { return control.id == id; });
-}
-
 std::string key_line(const std::string& key_and_value, const std::string& comment) {
   constexpr std::size_t kColumn = 34;
   std::string text = "  " + key_and_value;
@@ -100,7 +88,8 @@ std::vector<ListedCamera> list_cameras(const CameraPlaces& places) {
     ListedCamera camera;
     camera.device = (places.devices / file).string();
     camera.lasting_name = lasting_name_of(places.devices, camera.device);
-    camera.name = kernel_name_of(places.names, file);
+    std::ifstream name(places.names / file / "name");
+    std::getline(name, camera.name);
     if (fill_in(camera, places)) cameras.push_back(std::move(camera));
   }
   return cameras;
@@ -132,7 +121,8 @@ std::string source_section(const ListedCamera& camera) {
     if (mode->rate_hz > 0) text += key_line("rate_hz: " + shortest(mode->rate_hz), "");
   }
   text += key_line("format: auto", "the fastest as measured; the log names it");
-  if (has_control(camera, V4L2_CID_EXPOSURE_ABSOLUTE)) {
+  constexpr std::uint32_t kExposure = V4L2_CID_EXPOSURE_ABSOLUTE;
+  if (std::ranges::find(camera.controls, kExposure, &v4l2::Control::id) != camera.controls.end()) {
     text += key_line("exposure_s: 0.005", "short, against motion blur; then more light or gain");
   } else {
     text += key_line("# exposure_s: 0.005", "cannot be set; its value, if known");

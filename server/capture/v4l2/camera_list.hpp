@@ -11,7 +11,6 @@
 
 namespace fiducap {
 
-/// A video device of this computer.
 struct ListedCamera {
   std::string device;           ///< `/dev/video0`
   std::string lasting_name;     ///< `/dev/v4l/by-id/…`, stable over restarts; empty: none.
@@ -35,8 +34,7 @@ struct CameraPlaces {
   std::function<Expected<std::unique_ptr<v4l2::Port>>(const std::string&)> open{v4l2::open_port};
 };
 
-/// Cameras in order of their numbers, including those that may not be opened, without nodes for
-/// metadata, outputs and codecs. Running cameras are not disturbed.
+/// Cameras by number, also those that may not be opened. Running ones are not disturbed.
 [[nodiscard]] std::vector<ListedCamera> list_cameras(const CameraPlaces& places);
 
 /// A good initial mode: the largest size up to a megapixel at its highest rate, if that is 25 Hz or

@@ -15,11 +15,6 @@ namespace {
 constexpr std::size_t kMostControls = 256;
 constexpr std::int32_t kMostChoices = 64;
 
-bool is_one_number(std::uint32_t type) {
-  return type == V4L2_CTRL_TYPE_INTEGER || type == V4L2_CTRL_TYPE_BOOLEAN ||
-         type == V4L2_CTRL_TYPE_MENU || type == V4L2_CTRL_TYPE_INTEGER_MENU;
-}
-
 std::vector<std::pair<std::int32_t, std::string>> choices_of(Port& port,
                                                              const v4l2_queryctrl& query) {
   std::vector<std::pair<std::int32_t, std::string>> choices;
@@ -37,8 +32,11 @@ std::vector<std::pair<std::int32_t, std::string>> choices_of(Port& port,
 
 /// nullopt: not a single number, or disabled.
 std::optional<Control> described(Port& port, const v4l2_queryctrl& query) {
-  if (!is_one_number(query.type) || (query.flags & V4L2_CTRL_FLAG_DISABLED) != 0)
-    return std::nullopt;
+  const bool is_menu =
+      query.type == V4L2_CTRL_TYPE_MENU || query.type == V4L2_CTRL_TYPE_INTEGER_MENU;
+  const bool is_one_number =
+      is_menu || query.type == V4L2_CTRL_TYPE_INTEGER || query.type == V4L2_CTRL_TYPE_BOOLEAN;
+  if (!is_one_number || (query.flags & V4L2_CTRL_FLAG_DISABLED) != 0) return std::nullopt;
   Control control;
   control.id = query.id;
   control.name = text_of_field(query.name);
@@ -48,8 +46,7 @@ std::optional<Control> described(Port& port, const v4l2_queryctrl& query) {
   control.usual = query.default_value;
   control.may_be_set = (query.flags & (V4L2_CTRL_FLAG_READ_ONLY | V4L2_CTRL_FLAG_INACTIVE)) == 0;
   control.is_yes_or_no = query.type == V4L2_CTRL_TYPE_BOOLEAN;
-  if (query.type == V4L2_CTRL_TYPE_MENU || query.type == V4L2_CTRL_TYPE_INTEGER_MENU)
-    control.choices = choices_of(port, query);
+  if (is_menu) control.choices = choices_of(port, query);
   if ((query.flags & V4L2_CTRL_FLAG_WRITE_ONLY) == 0) control.value = read_control(port, query.id);
   return control;
 }
@@ -65,11 +62,10 @@ std::string value_text(const Control& control, std::int32_t value) {
 }
 
 std::string range_text(const Control& control) {
-  std::string text;
-  for (const auto& choice : control.choices)
-    text += (text.empty() ? "" : ", ") + value_text(control, choice.first);
-  if (!text.empty()) return text;
-  return std::to_string(control.minimum) + " to " + std::to_string(control.maximum);
+  if (control.choices.empty())
+    return std::to_string(control.minimum) + " to " + std::to_string(control.maximum);
+  return comma_list(control.choices,
+                    [&control](const auto& choice) { return value_text(control, choice.first); });
 }
 
 /// In seconds: 0.008
@@ -200,12 +196,6 @@ class Settings final {
 };
 
 }  // namespace
-
-bool Control::offers(std::int32_t wanted) const {
-  if (choices.empty()) return wanted >= minimum && wanted <= maximum;
-  return std::ranges::any_of(choices,
-                             [wanted](const auto& choice) { return choice.first == wanted; });
-}
 
 std::vector<Control> controls(Port& port) {
   std::vector<Control> found;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -26,7 +27,11 @@ struct Control {
   bool is_yes_or_no{};
   std::vector<std::pair<std::int32_t, std::string>> choices{};  ///< Of a menu.
 
-  [[nodiscard]] bool offers(std::int32_t wanted) const;
+  [[nodiscard]] bool offers(std::int32_t wanted) const {
+    if (choices.empty()) return wanted >= minimum && wanted <= maximum;
+    return std::ranges::any_of(choices,
+                               [wanted](const auto& choice) { return choice.first == wanted; });
+  }
 };
 
 /// All numbers, menus and switches of the device; bounded.
@@ -45,11 +50,9 @@ struct SettingsReport {
   std::vector<std::string> undone;  ///< Requested value, actual value and reason.
 };
 
-/// Applies the configured settings and reads them back. To be repeated after the stream has
-/// started: some devices forget them then.
+/// Applies the configured settings and reads them back. Again after the start: some devices forget.
 [[nodiscard]] SettingsReport apply_settings(Port& port, const CameraDeviceConfig& config);
 
-/// Exposure as reported by the device.
 struct DeviceExposure {
   std::optional<Duration> time{};
   bool is_in_lines{};  ///< In lines of the sensor, which cannot be converted.

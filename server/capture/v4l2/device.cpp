@@ -79,11 +79,6 @@ double rate_of(const v4l2_fract& interval) {
   return interval.numerator == 0 ? 0 : double{1} * interval.denominator / interval.numerator;
 }
 
-v4l2_fract interval_of(double rate_hz) {
-  // Thousandths: 29.97 Hz is 1000/29970.
-  return {1000, static_cast<std::uint32_t>(std::lround(rate_hz * 1000))};
-}
-
 std::vector<OfferedSize> offered_sizes(Port& port, std::uint32_t code, bool& any_between) {
   std::vector<OfferedSize> sizes;
   const auto add = [&](std::uint32_t width, std::uint32_t height) {
@@ -112,7 +107,9 @@ double request_rate(Port& port, const Identity& identity, double rate_hz) {
   rate.type = identity.buffer_type;
   if (port.control(VIDIOC_G_PARM, &rate) != 0) return 0;
   if (rate_hz > 0 && (rate.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) != 0) {
-    rate.parm.capture.timeperframe = interval_of(rate_hz);
+    // Thousandths: 29.97 Hz is 1000/29970.
+    rate.parm.capture.timeperframe = {1000,
+                                      static_cast<std::uint32_t>(std::lround(rate_hz * 1000))};
     (void)port.control(VIDIOC_S_PARM, &rate);
   }
   return rate_of(rate.parm.capture.timeperframe);

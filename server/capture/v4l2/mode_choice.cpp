@@ -28,8 +28,7 @@ struct Candidate {
 
 bool gives(const OfferedFormat& offered, PixelSize size) {
   if (offered.sizes.empty() || offered.any_size_between) return true;
-  return std::ranges::any_of(offered.sizes,
-                             [&](const OfferedSize& one) { return one.size == size; });
+  return std::ranges::find(offered.sizes, size, &OfferedSize::size) != offered.sizes.end();
 }
 
 /// The lowest rate not below the wanted one; else the highest. @param rates_hz  falling
@@ -47,22 +46,19 @@ std::string all_sizes(const std::vector<OfferedFormat>& offered) {
   for (const OfferedFormat& format : offered) {
     for (const OfferedSize& one : format.sizes) {
       std::string text = size_text(one.size);
-      if (std::find(sizes.begin(), sizes.end(), text) == sizes.end())
-        sizes.push_back(std::move(text));
+      if (std::ranges::find(sizes, text) == sizes.end()) sizes.push_back(std::move(text));
     }
   }
-  std::string all;
   constexpr std::size_t kMostNamed = 24;
-  for (std::size_t i = 0; i < std::min(sizes.size(), kMostNamed); ++i)
-    all += (i == 0 ? "" : ", ") + sizes[i];
-  return sizes.size() > kMostNamed ? all + ", …" : all;
+  return comma_list(std::span(sizes).first(std::min(sizes.size(), kMostNamed))) +
+         (sizes.size() > kMostNamed ? ", …" : "");
 }
 
 std::string all_formats(const std::vector<OfferedFormat>& offered) {
-  std::string all;
-  for (const OfferedFormat& format : offered)
-    all += (all.empty() ? "" : ", ") + code_text(format.code) + " (" + format.description + ")";
-  return all.empty() ? "nothing" : all;
+  if (offered.empty()) return "nothing";
+  return comma_list(offered, [](const OfferedFormat& format) {
+    return code_text(format.code) + " (" + format.description + ")";
+  });
 }
 
 Error nothing_fits(const std::vector<OfferedFormat>& offered, const ModeRequest& request) {
@@ -138,7 +134,6 @@ std::string others_text(const std::vector<Candidate>& candidates, const PixelFor
   return text;
 }
 
-/// Sets and starts one mode.
 struct Trial {
   Port& port;
   const Identity& identity;
@@ -161,20 +156,16 @@ struct Trial {
   }
 };
 
-Error gives_no_image() {
-  return {ErrorCode::kUnavailable,
-          "gives no images in " + fixed(to_seconds(kLongestMeasured), 1) +
-              " s: is its lens cap a switch, does it wait for a trigger (`trigger: on`), is its "
-              "USB bus full?",
-          {}};
-}
-
 /// @return the fastest, streaming
 Expected<ChosenMode> fastest(std::vector<Candidate>& candidates, const Trial& trial,
                              bool is_measured, const Clock& clock) {
   std::optional<ChosenMode> best;
   const Candidate* best_candidate = nullptr;
-  Error failure = gives_no_image();
+  Error failure{ErrorCode::kUnavailable,
+                "gives no images in " + fixed(to_seconds(kLongestMeasured), 1) +
+                    " s: is its lens cap a switch, does it wait for a trigger (`trigger: on`), is "
+                    "its USB bus full?",
+                {}};
   int measured = 0;
   for (Candidate& candidate : candidates) {
     if (best && (!is_measured || best->measured_hz >= kSameRate * candidate.nominal_hz)) break;

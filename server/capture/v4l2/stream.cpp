@@ -55,25 +55,12 @@ struct Stream::Request {
   [[nodiscard]] bool has_planes() const {
     return buffer.type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE;
   }
-  [[nodiscard]] std::size_t length() const {
-    return has_planes() ? planes[0].length : buffer.length;
-  }
-  [[nodiscard]] std::uint32_t offset() const {
-    return has_planes() ? planes[0].m.mem_offset : buffer.m.offset;
-  }
-  [[nodiscard]] std::size_t begin_of_bytes() const {
-    return has_planes() ? planes[0].data_offset : 0;
-  }
-  [[nodiscard]] std::size_t end_of_bytes() const {
-    return has_planes() ? planes[0].bytesused : buffer.bytesused;
-  }
 };
 
 Expected<std::unique_ptr<Stream>> Stream::start(Port& port, const Identity& identity) {
   std::unique_ptr<Stream> stream(new Stream(port, identity));
   if (auto mapped = stream->map_buffers(); !mapped) return tl::unexpected(mapped.error());
-  if (auto begun = stream->begin(); !begun) return tl::unexpected(begun.error());
-  return stream;
+  return stream->begin().map([&] { return std::move(stream); });
 }
 
 Expected<void> Stream::map_buffers() {
@@ -91,7 +78,10 @@ Expected<void> Stream::map_buffers() {
     Request request(identity_.buffer_type, i);
     if (const int error = port_.control(VIDIOC_QUERYBUF, &request.buffer); error != 0)
       return refused("does not report its buffers", error);
-    const auto memory = port_.map(request.length(), request.offset());
+    const v4l2_plane& plane = request.planes[0];
+    const auto memory = request.has_planes()
+                            ? port_.map(plane.length, plane.m.mem_offset)
+                            : port_.map(request.buffer.length, request.buffer.m.offset);
     if (memory.empty()) return refused("does not share its buffers", ENOMEM);
     memory_.push_back(memory);
   }
@@ -129,10 +119,6 @@ int Stream::queue(std::uint32_t index) {
   return port_.control(VIDIOC_QBUF, &request.buffer);
 }
 
-void Stream::give_back(const FilledBuffer& buffer) {
-  if (queue(buffer.index) != 0) unqueued_.push_back(buffer.index);
-}
-
 Expected<std::optional<FilledBuffer>> Stream::take(Duration within) {
   std::erase_if(unqueued_, [this](std::uint32_t index) { return queue(index) == 0; });
   if (unqueued_.size() == memory_.size()) return stream_lost("it accepts no buffers");
@@ -145,14 +131,20 @@ Expected<std::optional<FilledBuffer>> Stream::take(Duration within) {
       break;
   }
   Request request(identity_.buffer_type);
-  if (const int error = port_.control(VIDIOC_DQBUF, &request.buffer); error != 0)
-    return no_buffer(error);
+  if (const int error = port_.control(VIDIOC_DQBUF, &request.buffer); error != 0) {
+    const bool may_recover = error == EIO || error == ENOMEM;
+    if (error == EAGAIN || (may_recover && ++failures_ < kMostFailures)) return std::nullopt;
+    return stream_lost(std::strerror(error));
+  }
   failures_ = 0;
   const v4l2_buffer& buffer = request.buffer;
   if (buffer.index >= memory_.size()) return stream_lost("it returned an unknown buffer");
   const auto memory = memory_[buffer.index];
-  const std::size_t end = std::min(request.end_of_bytes(), memory.size());
-  const std::size_t begin = std::min(request.begin_of_bytes(), end);
+  const v4l2_plane& plane = request.planes[0];
+  const std::size_t used = request.has_planes() ? plane.bytesused : buffer.bytesused;
+  const std::size_t end = std::min(used, memory.size());
+  const std::size_t begin =
+      std::min<std::size_t>(request.has_planes() ? plane.data_offset : 0, end);
   FilledBuffer filled;
   filled.index = buffer.index;
   filled.bytes = memory.subspan(begin, end - begin);
@@ -160,13 +152,6 @@ Expected<std::optional<FilledBuffer>> Stream::take(Duration within) {
   filled.sequence = buffer.sequence;
   filled.damaged = (buffer.flags & V4L2_BUF_FLAG_ERROR) != 0;
   return filled;
-}
-
-Expected<std::optional<FilledBuffer>> Stream::no_buffer(int error) {
-  if (error == EAGAIN) return std::nullopt;
-  const bool may_recover = error == EIO || error == ENOMEM;
-  if (may_recover && ++failures_ < kMostFailures) return std::nullopt;
-  return stream_lost(std::strerror(error));
 }
 
 }  // namespace fiducap::v4l2

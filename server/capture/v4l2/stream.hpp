@@ -14,7 +14,6 @@
 
 namespace fiducap::v4l2 {
 
-/// The kernel's stamp of an image.
 struct KernelStamp {
   std::int64_t ns{};
   bool is_monotonic{};  ///< On the server's clock.
@@ -44,7 +43,9 @@ class Stream final {
   /// @return Error when the device is lost, or after repeated failures
   [[nodiscard]] Expected<std::optional<FilledBuffer>> take(Duration within);
   /// The driver may fill it again.
-  void give_back(const FilledBuffer& buffer);
+  void give_back(const FilledBuffer& buffer) {
+    if (queue(buffer.index) != 0) unqueued_.push_back(buffer.index);
+  }
 
  private:
   static constexpr std::uint32_t kBuffers = 4;  ///< Images queued while the reader is busy.
@@ -54,7 +55,6 @@ class Stream final {
   [[nodiscard]] Expected<void> map_buffers();
   [[nodiscard]] Expected<void> begin();
   [[nodiscard]] int queue(std::uint32_t index);  ///< 0 or errno
-  [[nodiscard]] Expected<std::optional<FilledBuffer>> no_buffer(int error);
 
   Port& port_;
   Identity identity_;
@@ -81,8 +81,7 @@ struct ChosenMode {
 };
 
 /// Chooses the format with the highest measured rate at the requested size. Measures at most three,
-/// for half a second each, in falling order of nominal rate; formats with a lower nominal rate than
-/// the best measured one are not tried.
+/// for half a second each, by falling nominal rate, which ends at the best measured one.
 [[nodiscard]] Expected<ChosenMode> choose_mode(Port& port, const Identity& identity,
                                                const ModeRequest& request, const Clock& clock);
 

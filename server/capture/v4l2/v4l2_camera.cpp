@@ -68,7 +68,6 @@ class LostImages final {
   std::optional<Instant> logged_at_;
 };
 
-/// Event that a stamp marks.
 enum class StampMark { kStartOfExposure, kFirstBytes, kEndOfFrame, kArrival };
 
 std::string text_of(StampMark mark) {
@@ -98,8 +97,7 @@ class ExposureClock final {
   ExposureClock(Delays delays, const std::string& driver, bool by_cameras_clock)
       : delays_(delays), marks_first_bytes_(driver == "uvcvideo" && !by_cameras_clock) {}
 
-  /// @param now  when the image was taken from the kernel; replaces an impossible stamp (from the
-  ///             future, or of another clock)
+  /// @param now  replaces an impossible stamp (from the future, or of another clock)
   [[nodiscard]] Instant middle(const KernelStamp& stamp, Instant now) {
     mark_ = mark_of(stamp, now);
     const Instant marked = mark_ == StampMark::kArrival ? now : instant_from_ns(stamp.ns);
@@ -115,8 +113,7 @@ class ExposureClock final {
 
  private:
   [[nodiscard]] StampMark mark_of(const KernelStamp& stamp, Instant now) const {
-    // Longest age of a buffer, even with a busy reader. Drivers that compute the end of a frame
-    // stamp less than a frame ahead; other clocks are off by days.
+    // Drivers that compute the end of a frame stamp less than a frame ahead; other clocks: days.
     constexpr Duration kLongestWait = std::chrono::seconds(5);
     constexpr Duration kFuture = std::chrono::milliseconds(200);
     const Duration age = now - instant_from_ns(stamp.ns);
@@ -148,6 +145,17 @@ double rate_of(const ChosenMode& mode) {
   return mode.measured_hz > 0 ? mode.measured_hz : mode.mode.rate_hz;
 }
 
+Duration longest_exposure(const ChosenMode& mode) {
+  constexpr Duration kMaxExposure = std::chrono::seconds(1);
+  const double rate_hz = rate_of(mode);
+  return rate_hz > 0 ? std::min(from_seconds(1 / rate_hz), kMaxExposure) : kMaxExposure;
+}
+
+tl::unexpected<Error> with_device(Error error, const std::string& device) {
+  error.context = device;
+  return tl::unexpected(std::move(error));
+}
+
 class V4l2Camera final : public SensorSource {
  public:
   V4l2Camera(Parts parts, const Clock& clock)
@@ -156,11 +164,15 @@ class V4l2Camera final : public SensorSource {
   Expected<std::optional<SensorSample>> next(std::stop_token stop) override {
     while (!stop.stop_requested()) {
       auto taken = parts_.mode.stream->take(kSlice);
-      if (!taken) return tl::unexpected(with_device(taken.error()));
+      if (!taken) return with_device(taken.error(), parts_.device);
       const Instant now = clock_.now();
       if (!*taken) {
-        if (is_silent(now)) return tl::unexpected(silence());
-        continue;
+        const Duration limit = parts_.longest_silence;
+        if (limit == Duration{0} || now - last_came_ <= limit) continue;
+        return fail(ErrorCode::kClosed,
+                    "gave no image for " + fixed(to_seconds(limit), 1) +
+                        " s; is it still plugged in, and its USB bus not full?",
+                    parts_.device);
       }
       last_came_ = now;
       auto frame = frame_of(**taken, now);
@@ -173,12 +185,18 @@ class V4l2Camera final : public SensorSource {
  private:
   /// nullopt: not usable.
   std::optional<CameraFrame> frame_of(const FilledBuffer& buffer, Instant now) {
-    count_skipped(buffer.sequence);
+    // Numbers wrap; a large jump is a restart.
+    constexpr std::uint32_t kMostSkipped = 10'000;
+    const std::uint32_t skipped = last_sequence_ ? buffer.sequence - *last_sequence_ - 1 : 0;
+    if (skipped > 0 && skipped <= kMostSkipped) lost_.add(LostImages::kSkipped, skipped);
+    last_sequence_ = buffer.sequence;
     auto image = image_of(buffer);
     if (!image) return std::nullopt;
     follow_exposure(now);
     const Instant exposed_at = parts_.exposure_clock.middle(buffer.stamp, now);
-    log_new_mark();
+    const StampMark mark = parts_.exposure_clock.mark();
+    if (std::exchange(logged_mark_, mark) != mark)
+      log::info("capture", parts_.device + ": stamps are " + text_of(mark));
     if (last_exposed_ && exposed_at <= *last_exposed_) {
       lost_.add(LostImages::kOutOfOrder);
       return std::nullopt;
@@ -187,14 +205,6 @@ class V4l2Camera final : public SensorSource {
     CameraFrame frame{0, exposed_at, std::move(image)};
     frame.lost_before = lost_.arrived(now);
     return frame;
-  }
-
-  /// Numbers wrap; a large jump is a restart.
-  void count_skipped(std::uint32_t sequence) {
-    constexpr std::uint32_t kMostSkipped = 10'000;
-    const std::uint32_t skipped = last_sequence_ ? sequence - *last_sequence_ - 1 : 0;
-    if (skipped > 0 && skipped <= kMostSkipped) lost_.add(LostImages::kSkipped, skipped);
-    last_sequence_ = sequence;
   }
 
   std::shared_ptr<const GrayImage> image_of(const FilledBuffer& buffer) {
@@ -222,34 +232,6 @@ class V4l2Camera final : public SensorSource {
       parts_.exposure_clock.set_exposure(std::min(*time, longest_exposure(parts_.mode)));
   }
 
-  void log_new_mark() {
-    const StampMark mark = parts_.exposure_clock.mark();
-    if (std::exchange(logged_mark_, mark) == mark) return;
-    log::info("capture", parts_.device + ": stamps are " + text_of(mark));
-  }
-
-  [[nodiscard]] bool is_silent(Instant now) const {
-    return parts_.longest_silence > Duration{0} && now - last_came_ > parts_.longest_silence;
-  }
-  [[nodiscard]] Error silence() const {
-    return with_device({ErrorCode::kClosed,
-                        "gave no image for " + fixed(to_seconds(parts_.longest_silence), 1) +
-                            " s; is it still plugged in, and its USB bus not full?",
-                        {}});
-  }
-  [[nodiscard]] Error with_device(Error error) const {
-    error.context = parts_.device;
-    return error;
-  }
-
- public:
-  static Duration longest_exposure(const ChosenMode& mode) {
-    constexpr Duration kMaxExposure = std::chrono::seconds(1);
-    const double rate_hz = rate_of(mode);
-    return rate_hz > 0 ? std::min(from_seconds(1 / rate_hz), kMaxExposure) : kMaxExposure;
-  }
-
- private:
   Parts parts_;
   const Clock& clock_;
   GrayImagePool pool_;
@@ -299,9 +281,8 @@ void log_mode(const std::string& device, const Identity& identity, const ChosenM
 }
 
 void log_settings(const std::string& device, const SettingsReport& report) {
-  std::string done;
-  for (const std::string& one : report.done) done += (done.empty() ? "" : ", ") + one;
-  if (!done.empty()) log::info("capture", device + ": set and read back: " + done);
+  if (!report.done.empty())
+    log::info("capture", device + ": set and read back: " + comma_list(report.done));
   for (const std::string& one : report.undone) log::warning("capture", device + ": " + one);
 }
 
@@ -328,22 +309,18 @@ Duration known_exposure(const std::string& device, const DeviceExposure& reporte
 OpenedSource open_v4l2_camera(std::unique_ptr<Port> port, const std::string& device,
                               const CameraDeviceConfig& config, const CameraModel& camera,
                               const Clock& clock) {
-  const auto with_name = [&device](Error error) {
-    error.context = device;
-    return tl::unexpected(std::move(error));
-  };
   auto identity = identify(*port, device);
-  if (!identity) return with_name(identity.error());
+  if (!identity) return with_device(identity.error(), device);
   (void)apply_settings(*port, config);  // the measured rate depends on them
   const ModeRequest request = request_of(config, camera);
   auto mode = choose_mode(*port, *identity, request, clock);
-  if (!mode) return with_name(mode.error());
+  if (!mode) return with_device(mode.error(), device);
   if (const auto fits = fits_calibration(mode->mode.size, camera, device); !fits)
     return tl::unexpected(fits.error());
   log_mode(device, *identity, *mode, config.rate_hz);
   log_settings(device, apply_settings(*port, config));
 
-  const Duration longest = V4l2Camera::longest_exposure(*mode);
+  const Duration longest = longest_exposure(*mode);
   const DeviceExposure reported = read_exposure(*port);
   const ExposureClock::Delays delays{known_exposure(device, reported, config, longest),
                                      from_seconds(config.latency_s), config.time_shift};

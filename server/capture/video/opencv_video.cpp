@@ -58,9 +58,7 @@ class OpenCvStream final : public VideoStream {
     if (const auto fits = fits_calibration({decoded_.cols, decoded_.rows}, camera_, name_); !fits)
       return tl::unexpected(fits.error());
     std::shared_ptr<GrayImage> gray = pool_.acquire();
-    if (const auto converted = to_gray(decoded_, *gray); !converted)
-      return tl::unexpected(converted.error());
-    return gray;
+    return to_gray(decoded_, *gray).map([&] { return std::move(gray); });
   }
   bool rewind() override { return video_.open(what_, backend_); }
 

@@ -105,7 +105,7 @@ bool VideoFile::rewind() {
   return stream_->rewind();
 }
 
-/// Images more than a period late are left out.
+/// Images more than a period late are left out; after too many in a row the video plays slower.
 bool VideoFile::leaves_out(Duration in_video) {
   if (!started_at_) return false;
   const Duration late = clock_.now() - (*started_at_ + in_video);
@@ -113,27 +113,19 @@ bool VideoFile::leaves_out(Duration in_video) {
   if (left_out_in_a_row_ < kMostLeftOutInARow) {
     ++left_out_;
     ++left_out_in_a_row_;
-    log_left_out();
+    if (left_out_ >= kLoggedAfter && !std::exchange(has_logged_left_out_, true))
+      log::warning("capture", pace_text() + ": " + std::to_string(left_out_) + " of the first " +
+                                  std::to_string(shown_ + left_out_) +
+                                  " are left out; use a smaller video, or a recording with "
+                                  "`fiducap replay`, which is not paced");
     return true;
   }
-  play_slower(late);
+  *started_at_ += late;
+  if (!std::exchange(has_logged_slower_, true))
+    log::warning("capture", pace_text() +
+                                ": too slow even with images left out, so it plays slower than it "
+                                "was taken; use a smaller video");
   return false;
-}
-
-void VideoFile::log_left_out() {
-  if (left_out_ < kLoggedAfter || std::exchange(has_logged_left_out_, true)) return;
-  log::warning("capture", pace_text() + ": " + std::to_string(left_out_) + " of the first " +
-                              std::to_string(shown_ + left_out_) +
-                              " are left out; use a smaller video, or a recording with `fiducap "
-                              "replay`, which is not paced");
-}
-
-void VideoFile::play_slower(Duration by) {
-  *started_at_ += by;
-  if (std::exchange(has_logged_slower_, true)) return;
-  log::warning("capture", pace_text() +
-                              ": too slow even with images left out, so it plays slower than it "
-                              "was taken; use a smaller video");
 }
 
 std::string VideoFile::pace_text() const {

@@ -48,8 +48,7 @@ struct OpenedVideo {
 
 /// A video file: images are stamped by their time in it.
 ///
-/// A paced one leaves out images when this computer is too slow for all of them, and plays slower
-/// when that does not suffice. Both are logged once.
+/// A paced one leaves out images when this computer is too slow, and plays slower if need be.
 class VideoFile final : public SensorSource {
  public:
   /// @param rate_hz  of the file; 0: not known
@@ -65,8 +64,6 @@ class VideoFile final : public SensorSource {
   [[nodiscard]] bool rewind();
   [[nodiscard]] bool leaves_out(Duration in_video);
   [[nodiscard]] std::string pace_text() const;
-  void log_left_out();
-  void play_slower(Duration by);
 
   std::unique_ptr<VideoStream> stream_;
   CameraDeviceConfig config_;

@@ -107,12 +107,6 @@ std::vector<ImageWatch::Nominal> nominal_images(const BodyConfig& config, const 
   return all;
 }
 
-/// The body has other sources of images.
-bool has_others(const BodyConfig& config, const SensorPart& part) {
-  const auto parts = parts_of(config);
-  return std::ranges::count_if(parts, gives_images) > (gives_images(part) ? 1 : 0);
-}
-
 }  // namespace
 
 BodyOpening::BodyOpening(const ServerConfig& config, SourceHooks hooks, const Clock& clock,
@@ -184,8 +178,10 @@ std::unique_ptr<SensorSource> BodyOpening::keep_open(const BodyConfig& config,
   const std::string what = name_of(part);
   std::string kind = what;  // `camera 1` → `camera_1`
   std::replace(kind.begin(), kind.end(), ' ', '_');
+  const auto parts = parts_of(config);
+  const bool alone = std::ranges::count_if(parts, gives_images) <= (gives_images(part) ? 1 : 0);
   ReopeningSource::Listener listener{
-      [this, what, kind, &config, alone = !has_others(config, part)](const Error& why) {
+      [this, what, kind, &config, alone](const Error& why) {
         if (alone) lost_(static_cast<std::size_t>(&config - config_.bodies.data()));
         events_.begin({.severity = Severity::kError,
                        .subject = config.name,

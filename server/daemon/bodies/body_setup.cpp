@@ -29,6 +29,11 @@ std::optional<ImuNoise> imu_of(const Config&, const BodySetup&) {
   return std::nullopt;
 }
 
+template <class Config>
+bool may_come_back(const Config&) {
+  return true;
+}
+
 // --- a simulated robot -------------------------------------------------------------------------
 
 Expected<void> read_own(const simulation::SimulatedBodyConfig&, const simulation::RoomConfig& room,
@@ -112,15 +117,11 @@ OpenedSource open(dds::RosSourceConfig ros, BodySetup& setup, const OpeningConte
   return open_topics(ros, setup.sensors.cameras, context);
 }
 
-bool may_come_back(const dds::RosSourceConfig&) { return true; }
-
 // --- sensors with sources of their own ---------------------------------------------------------
 
 OpenedSource open(const SensorsConfig&, BodySetup&, const OpeningContext&) {
   return fail(ErrorCode::kInvalid, "every sensor of this body has a source of its own");
 }
-
-bool may_come_back(const SensorsConfig&) { return true; }
 
 /// Numbers the images of a single camera as on its body.
 class NumberedCamera final : public SensorSource {
@@ -145,7 +146,7 @@ OpenedSource open_camera(const CameraSourceConfig& source, std::size_t k, BodySe
   CameraMount& mount = setup.sensors.cameras[k];
   std::vector<CameraMount> cameras{mount};
   auto opened = source.type == CameraSourceType::kRos
-                    ? open_topics(source.ros.as_source(), cameras, context)
+                    ? open_topics(source.ros.source, cameras, context)
                     : open_device(source.camera, mount, context);
   if (!opened) return opened;
   mount.model = cameras.front().model;
@@ -216,12 +217,6 @@ std::optional<ImuNoise> read_imu(const BodyConfig& body, const BodySetup& setup,
   return noise;
 }
 
-/// The lens is known when the source is open.
-bool provides_lens(const BodyConfig& body, std::size_t k) {
-  const auto& own = body.cameras[k].source;
-  return own ? own->provides_lens() : provides_lenses(body.source);
-}
-
 }  // namespace
 
 std::vector<SensorPart> parts_of(const BodyConfig& body) {
@@ -270,7 +265,8 @@ BodySetup read_body_setup(const BodyConfig& body, const simulation::RoomConfig& 
   for (std::size_t k = 0; k < body.cameras.size(); ++k) {
     const auto before = faults.size();
     CameraMount mount = value_or(read_mount(body.cameras[k], k), body.cameras[k].mount, faults);
-    const bool is_known_later = provides_lens(body, k) && mount.model.width == 0;
+    const bool is_known_later =
+        provides_lens(body.source, body.cameras[k]) && mount.model.width == 0;
     const auto errors = mount.model.check();
     if (!errors.empty() && !is_known_later && faults.size() == before)
       faults.push_back({ErrorCode::kInvalid, errors.front().text(), body.cameras[k].calibration});

@@ -6,11 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "base/event_board.hpp"
 #include "base/expected.hpp"
-#include "base/time.hpp"
 #include "capture/recording/recording.hpp"
-#include "capture/sensor_source.hpp"
 #include "daemon/bodies/body_reader.hpp"
 #include "daemon/config/config_file.hpp"
 #include "daemon/map_start.hpp"

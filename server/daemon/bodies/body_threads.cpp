@@ -6,7 +6,6 @@
 
 #include "base/log.hpp"
 #include "base/process.hpp"
-#include "capture/lens/camera_model.hpp"
 #include "daemon/bodies/body_worker.hpp"
 
 namespace fiducap {
@@ -109,11 +108,6 @@ void BodyThreads::start(std::function<void()> all_ended) {
   }
 }
 
-bool BodyThreads::some_are_reading() const {
-  return std::ranges::any_of(
-      reading_, [](const auto& reader) { return reader.body->reading(reader.source); });
-}
-
 bool BodyThreads::stop(Duration timeout) {
   constexpr Duration kLook = std::chrono::milliseconds(5);
   for (auto& reader : reading_) reader.thread.request_stop();
@@ -121,11 +115,12 @@ bool BodyThreads::stop(Duration timeout) {
   for (auto& thread : computing_) thread.join();
   computing_.clear();
   const Instant until = clock_.now() + timeout;
-  while (!reading_.empty() && some_are_reading() && clock_.now() < until)
+  const auto reads = [](const auto& reader) { return reader.body->reading(reader.source); };
+  while (std::ranges::any_of(reading_, reads) && clock_.now() < until)
     if (!clock_.wait_until(clock_.now() + kLook, {})) break;
   bool all = true;
   for (auto& reader : reading_) {
-    if (reader.body->reading(reader.source)) {
+    if (reads(reader)) {
       log::warning("capture", reader.body->name() +
                                   ": the device does not respond; its thread is left behind");
       all = false;

@@ -35,10 +35,8 @@ constexpr std::array kConditions{
     Condition{BodyEvent::Kind::kTurnsDisagree, "turns_disagree", true, Severity::kError},
     Condition{BodyEvent::Kind::kTurnsAgree, "turns_disagree", false}};
 
-/// More waiting images would only make the newest late.
-std::size_t images_that_wait(const PipelineSetup& setup) {
-  return 4 * std::max<std::size_t>(1, setup.sensors.cameras.size());
-}
+// Of each camera; more waiting images would only make the newest late.
+constexpr std::size_t kWaitingImages = 4;
 
 }  // namespace
 
@@ -51,7 +49,7 @@ BodyWorker::BodyWorker(BodyParts parts, const SharedParts& shared)
       make_filter_(std::move(parts.make_filter)),
       views_(std::move(parts.views)),
       pipeline_(make_pipeline()),
-      inbox_(images_that_wait(setup_)),
+      inbox_(kWaitingImages * std::max<std::size_t>(1, setup_.sensors.cameras.size())),
       began_at_(shared.clock.now()) {
   for (BodySource& source : parts.sources) {
     if (source.gives_images) ++image_readers_;
@@ -141,12 +139,8 @@ void BodyWorker::restart(const std::string& why, std::stop_token stop) {
   if (!shared_.clock.wait_until(now + backoff_.pause_after(now - began_at_), stop)) return;
   inbox_.clear();
   began_at_ = shared_.clock.now();
-  reset_pipeline();
-}
-
-/// Keeps its counts: counters never decrease.
-void BodyWorker::reset_pipeline() {
   if (!pipeline_) return;
+  // Counters never decrease.
   statistics_.pipeline += pipeline_->statistics();
   const std::lock_guard lock(pipeline_mutex_);
   pipeline_ = nullptr;
@@ -180,7 +174,12 @@ void BodyWorker::process_ready_samples() {
     if (views_) views_->note(*sample);
     const BodyUpdate* update = pipeline_->take(view);
     if (update == nullptr) continue;
-    publish(*update, view);
+    if (!pipeline_->source_gives_corners()) shared_.recorder.take_found(index_, update->corners);
+    const std::uint64_t turn = shared_.map.absorb(contribution_of(id_, *update), utc_now_ns());
+    shared_.recorder.take_turn(index_, *update, view, turn);
+    count(*update);
+    report_events(*update);
+    remember_cameras(*update);
     if (views_) views_->show(*pipeline_, *update, *view.map);
   }
 }
@@ -190,14 +189,6 @@ bool BodyWorker::is_stale(const SensorSample& sample) const {
   if (std::holds_alternative<ImuSample>(sample)) return false;
   const Instant arrived = arrival_of(time_of(sample) - clock_shift_of(sample));
   return to_ns(arrived) < pulse_.image_came_ns && shared_.clock.now() - arrived > kStale;
-}
-
-void BodyWorker::publish(const BodyUpdate& update, const MapView& view) {
-  if (!pipeline_->source_gives_corners()) shared_.recorder.take_found(index_, update.corners);
-  update_map(update, view);
-  count(update);
-  report_events(update);
-  remember_cameras(update);
 }
 
 void BodyWorker::count(const BodyUpdate& update) {
@@ -210,11 +201,6 @@ void BodyWorker::count(const BodyUpdate& update) {
   pulse_.lateness_ns = lateness.count();
   pulse_.on_the_way_ns = (arrival_of(stamp) - update.seen.exposed_at).count();
   pulse_.skipped = dropped;
-}
-
-void BodyWorker::update_map(const BodyUpdate& update, const MapView& view) {
-  const std::uint64_t turn = shared_.map.absorb(contribution_of(id_, update), utc_now_ns());
-  shared_.recorder.take_turn(index_, update, view, turn);
 }
 
 void BodyWorker::report_events(const BodyUpdate& update) {

@@ -14,11 +14,8 @@
 #include <thread>
 #include <vector>
 
-#include "base/event_board.hpp"
 #include "base/numeric.hpp"
-#include "base/time.hpp"
 #include "capture/lens/camera_model.hpp"
-#include "capture/sensor_source.hpp"
 #include "daemon/bodies/body_reader.hpp"
 #include "daemon/map_keeper.hpp"
 #include "daemon/recording/session_recorder.hpp"
@@ -103,11 +100,8 @@ class BodyWorker final {
   [[nodiscard]] std::optional<std::string> work_until_failure(std::stop_token stop);
   [[nodiscard]] bool work_samples(std::stop_token stop);
   void restart(const std::string& why, std::stop_token stop);
-  void reset_pipeline();
   void end_conditions(std::initializer_list<std::string_view> kinds, std::string_view why);
   void process_ready_samples();
-  void publish(const BodyUpdate& update, const MapView& view);
-  void update_map(const BodyUpdate& update, const MapView& view);
   void report_events(const BodyUpdate& update);
   void report(const BodyEvent& event);
   void count(const BodyUpdate& update);
@@ -165,8 +159,6 @@ class BodyThreads final {
   [[nodiscard]] const std::vector<std::unique_ptr<BodyWorker>>& workers() const { return workers_; }
 
  private:
-  [[nodiscard]] bool some_are_reading() const;
-
   const Clock& clock_;
   std::vector<std::unique_ptr<BodyWorker>> workers_;
   std::atomic<std::size_t> running_{0};

@@ -38,7 +38,6 @@ struct CameraSourceConfig {
   CameraDeviceConfig camera;
   dds::RosCameraConfig ros;
 
-  [[nodiscard]] bool provides_lens() const { return type == CameraSourceType::kRos; }
   [[nodiscard]] std::vector<ConfigError> check(const std::string& prefix) const {
     return type == CameraSourceType::kRos ? ros.check(prefix) : camera.check(prefix);
   }
@@ -85,13 +84,6 @@ decltype(auto) visit_source(Config& source, Visit&& visit) {
   return visit(source.simulator);
 }
 
-/// Whether the source may provide the lenses of its cameras when it is open.
-inline bool provides_lenses(const SourceConfig& source) {
-  return visit_source(source, [](const auto& config) {
-    return requires { config.kProvidesLenses; };
-  });
-}
-
 /// `type` is first, because it decides which other keys there are.
 template <class V>
 void describe(V& v, SourceConfig& c) {
@@ -115,6 +107,14 @@ struct CameraConfig {
   CameraMount mount = calibrated_mount();      ///< What is not in `calibration`.
   std::optional<CameraSourceConfig> source{};  ///< Its own; nullopt: the body's.
 };
+
+/// Whether its source, or the body's, may provide the lens of the camera when it is open.
+inline bool provides_lens(const SourceConfig& source, const CameraConfig& camera) {
+  if (camera.source) return camera.source->type == CameraSourceType::kRos;
+  return visit_source(source, [](const auto& config) {
+    return requires { config.kProvidesLenses; };
+  });
+}
 
 /// Noise of an IMU, or the name of a part whose noise is known.
 struct ImuConfig : ImuNoise {

@@ -1,12 +1,10 @@
 #include "daemon/config/config_file.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <filesystem>
 #include <sstream>
 
 #include "base/whole_file.hpp"
-#include "base/yaml.hpp"
 #include "daemon/config/config_visitors.hpp"
 #include "daemon/config/server_schema.hpp"
 
@@ -20,21 +18,14 @@ std::vector<std::string> split(const std::string& path) {
   return parts;
 }
 
-std::optional<std::size_t> index_of(const std::string& part) {
-  std::size_t index{};
-  const auto [end, failure] = std::from_chars(part.data(), part.data() + part.size(), index);
-  if (failure != std::errc{} || end != part.data() + part.size()) return std::nullopt;
-  return index;
-}
-
 /// Moves `at` to its child; creates sections, never list entries.
 Broken descend(YAML::Node& at, const std::string& part) {
   if (at.IsSequence()) {
-    const auto index = index_of(part);
-    if (!index || *index >= at.size())
+    std::size_t index{};
+    if (!parse_number(part, index) || index >= at.size())
       return "the list has " + std::to_string(at.size()) +
              " entries, counted from 0; there is no `" + part + "`";
-    at.reset(at[*index]);
+    at.reset(at[index]);
     return std::nullopt;
   }
   if (at.IsScalar()) return "`" + part + "` is below something that is not a section";
@@ -77,11 +68,6 @@ ConfigResult<YAML::Node> parse_yaml(const std::string& text, const std::string& 
       std::vector{ConfigFault{std::move(error), name + ":" + std::to_string(fault.line)}});
 }
 
-void number_the_bodies(std::vector<BodyConfig>& bodies) {
-  for (std::size_t i = 0; i < bodies.size(); ++i)
-    if (bodies[i].id == 0) bodies[i].id = static_cast<int>(i) + 1;
-}
-
 /// A body without `source` whose sensors have sources of their own has type kSensors.
 void choose_sources(const YAML::Node& bodies, ServerConfig& config) {
   if (!bodies || !bodies.IsSequence()) return;
@@ -94,12 +80,6 @@ void choose_sources(const YAML::Node& bodies, ServerConfig& config) {
     if (names_some || config.bodies[i].imu_source)
       config.bodies[i].source.type = SourceType::kSensors;
   }
-}
-
-void choose_refinement(const YAML::Node& document, ServerConfig& config) {
-  const YAML::Node map = document["map"];
-  const bool is_given = map && map.IsMap() && map["refine_period_s"];
-  if (!is_given) config.map.builder.refine_period_s = refine_period_for(config.bodies.size());
 }
 
 }  // namespace
@@ -116,10 +96,12 @@ ConfigResult<ServerConfig> parse_config(const std::string& text, const std::stri
   }
   ServerConfig read;
   ConfigReader::read_all(YamlSection(*document, "", shared), read);
-  number_the_bodies(read.bodies);
-  if (document->IsMap()) {
-    choose_refinement(*document, read);
-    const YAML::Node& written = *document;
+  for (std::size_t i = 0; i < read.bodies.size(); ++i)
+    if (read.bodies[i].id == 0) read.bodies[i].id = static_cast<int>(i) + 1;
+  if (const YAML::Node& written = *document; written.IsMap()) {
+    const YAML::Node map = written["map"];
+    const bool is_given = map && map.IsMap() && map["refine_period_s"];
+    if (!is_given) read.map.builder.refine_period_s = refine_period_for(read.bodies.size());
     choose_sources(written["bodies"], read);
   }
   for (auto& error : check(read)) {

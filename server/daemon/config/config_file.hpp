@@ -1,15 +1,14 @@
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "base/config_check.hpp"
 #include "base/expected.hpp"
 #include "base/gravity.hpp"
 #include "base/log.hpp"
 #include "base/pose.hpp"
-#include "capture/lens/camera_model.hpp"
 #include "daemon/config/body_config.hpp"
 #include "daemon/operator_token.hpp"
 #include "daemon/recording/session_recorder.hpp"
@@ -17,7 +16,6 @@
 #include "estimation/estimator_config.hpp"
 #include "mapping/map_builder.hpp"
 #include "middleware/network.hpp"
-#include "simulation/simulation.hpp"
 #include "streaming/protocols.hpp"
 
 namespace fiducap {
@@ -42,6 +40,10 @@ struct StreamingConfig : ProtocolConfigs {
   double rate_hz{100.0};
   /// Protocols without which the server may run, e.g. when a port is taken.
   std::vector<std::string> optional;
+
+  [[nodiscard]] bool is_optional(std::string_view protocol) const {
+    return std::ranges::find(optional, protocol) != optional.end();
+  }
 };
 
 /// Gravity at the site of the robots.

@@ -27,22 +27,24 @@ void append(Errors& all, Errors more, const std::string& prefix) {
   }
 }
 
+/// The paths of these are those of the file.
+void append(Errors& all, const Checker& rules) {
+  all.insert(all.end(), rules.errors.begin(), rules.errors.end());
+}
+
 void check_imu(Errors& all, const ImuConfig& noise, const std::string& prefix) {
   std::vector<std::string> parts;
   for (const std::string_view part : part_names()) parts.emplace_back(part);
   const bool is_known = noise.part.empty() || noise_of_part(noise.part, noise.rate_hz);
-  append(all,
-         Checker{prefix}
-             .require(is_known, "part", noise.part, must_be_one_of(parts, noise.part))
-             .positive("gyro_noise_rad_s_rtHz", noise.gyro_noise_rad_s_rtHz)
-             .not_negative("gyro_walk_rad_s2_rtHz", noise.gyro_walk_rad_s2_rtHz)
-             .positive("accel_noise_m_s2_rtHz", noise.accel_noise_m_s2_rtHz)
-             .not_negative("accel_walk_m_s3_rtHz", noise.accel_walk_m_s3_rtHz)
-             .positive("rate_hz", noise.rate_hz)
-             .not_negative("gyro_range_rad_s", noise.gyro_range_rad_s)
-             .not_negative("accel_range_m_s2", noise.accel_range_m_s2)
-             .errors,
-         prefix);
+  append(all, Checker{prefix}
+                  .require(is_known, "part", noise.part, must_be_one_of(parts, noise.part))
+                  .positive("gyro_noise_rad_s_rtHz", noise.gyro_noise_rad_s_rtHz)
+                  .not_negative("gyro_walk_rad_s2_rtHz", noise.gyro_walk_rad_s2_rtHz)
+                  .positive("accel_noise_m_s2_rtHz", noise.accel_noise_m_s2_rtHz)
+                  .not_negative("accel_walk_m_s3_rtHz", noise.accel_walk_m_s3_rtHz)
+                  .positive("rate_hz", noise.rate_hz)
+                  .not_negative("gyro_range_rad_s", noise.gyro_range_rad_s)
+                  .not_negative("accel_range_m_s2", noise.accel_range_m_s2));
 }
 
 constexpr double kLargestClockError_s = 0.2;
@@ -51,22 +53,20 @@ constexpr double kLargestFocalError = 0.3;
 constexpr double kLargestCentreError_px = 1000;
 constexpr double kLargestDistortionError = 1;
 
-void check_mount(Errors& all, const CameraMount& mount, bool has_file, const std::string& prefix) {
-  append(all,
-         Checker{prefix}
-             .not_negative("position_sigma_m", mount.position_sigma_m)
-             .not_negative("rotation_sigma_rad", mount.rotation_sigma_rad)
-             .within("time_shift_sigma_s", mount.time_shift_sigma_s, 0, kLargestClockError_s)
-             .within("readout_s", mount.readout_s, 0, kLargestClockError_s)
-             .within("readout_sigma_s", mount.readout_sigma_s, 0, kLargestClockError_s)
-             .within("focal_sigma", mount.focal_sigma, 0, kLargestFocalError)
-             .within("centre_sigma_px", mount.centre_sigma_px, 0, kLargestCentreError_px)
-             .within("k1_sigma", mount.k1_sigma, 0, kLargestDistortionError)
-             .within("lens_error_px", mount.lens_error_px, 0, kLargestLensError_px)
-             .positive("rate_hz", mount.rate_hz)
-             .errors,
-         prefix);
-  if (!has_file) append(all, mount.model.check(), prefix + "model.");
+/// @param has_lens  in a file, or provided by the source
+void check_mount(Errors& all, const CameraMount& mount, bool has_lens, const std::string& prefix) {
+  append(all, Checker{prefix}
+                  .not_negative("position_sigma_m", mount.position_sigma_m)
+                  .not_negative("rotation_sigma_rad", mount.rotation_sigma_rad)
+                  .within("time_shift_sigma_s", mount.time_shift_sigma_s, 0, kLargestClockError_s)
+                  .within("readout_s", mount.readout_s, 0, kLargestClockError_s)
+                  .within("readout_sigma_s", mount.readout_sigma_s, 0, kLargestClockError_s)
+                  .within("focal_sigma", mount.focal_sigma, 0, kLargestFocalError)
+                  .within("centre_sigma_px", mount.centre_sigma_px, 0, kLargestCentreError_px)
+                  .within("k1_sigma", mount.k1_sigma, 0, kLargestDistortionError)
+                  .within("lens_error_px", mount.lens_error_px, 0, kLargestLensError_px)
+                  .positive("rate_hz", mount.rate_hz));
+  if (!has_lens) append(all, mount.model.check(), prefix + "model.");
 }
 
 void check_source(Errors& all, const BodyConfig& body, const std::string& prefix) {
@@ -83,36 +83,27 @@ void check_source(Errors& all, const BodyConfig& body, const std::string& prefix
   });
 }
 
-/// The lens is in a file, or is provided by the source.
-bool lens_is_elsewhere(const SourceConfig& source, const CameraConfig& camera) {
-  const bool is_provided = camera.source ? camera.source->provides_lens() : provides_lenses(source);
-  return !camera.calibration.empty() || (is_provided && camera.mount.model.width == 0);
-}
-
 void check_camera(Errors& all, const BodyConfig& body, std::size_t camera,
                   const std::string& prefix) {
   const CameraConfig& config = body.cameras[camera];
-  check_mount(all, config.mount, lens_is_elsewhere(body.source, config), prefix);
+  const bool is_provided = provides_lens(body.source, config) && config.mount.model.width == 0;
+  check_mount(all, config.mount, is_provided || !config.calibration.empty(), prefix);
   if (!config.source) return;
   append(all, config.source->check(prefix + "source."), prefix + "source.");
-  append(all,
-         Checker{prefix}
-             .require(body.source.type == SourceType::kSensors, "source", "{…}",
-                      "is given beside the `source` of its body: remove one of the two")
-             .errors,
-         prefix);
+  append(all, Checker{prefix}.require(
+                  body.source.type == SourceType::kSensors, "source", "{…}",
+                  "is given beside the `source` of its body: remove one of the two"));
 }
 
 void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) {
   const auto name_fault = body_name_fault(body.name);
-  Checker rules{prefix};
-  rules.require(!name_fault, "name", shown_name(body.name), name_fault.value_or(""))
-      .require(body.id >= 1, "id", body.id, "must be >= 1")
-      .require(body.filter == "robocentric" || body.filter == "world", "filter", body.filter,
-               "must be robocentric or world")
-      .require(body.cameras.size() <= kMostCameras, "cameras", body.cameras.size(),
-               "are too many: a body has at most " + std::to_string(kMostCameras));
-  append(all, rules.errors, prefix);
+  append(all, Checker{prefix}
+                  .require(!name_fault, "name", shown_name(body.name), name_fault.value_or(""))
+                  .require(body.id >= 1, "id", body.id, "must be >= 1")
+                  .require(body.filter == "robocentric" || body.filter == "world", "filter",
+                           body.filter, "must be robocentric or world")
+                  .require(body.cameras.size() <= kMostCameras, "cameras", body.cameras.size(),
+                           "are too many: a body has at most " + std::to_string(kMostCameras)));
   check_source(all, body, prefix);
   for (std::size_t i = 0; i < body.cameras.size(); ++i)
     check_camera(all, body, i, prefix + "cameras." + std::to_string(i) + ".");
@@ -122,23 +113,15 @@ void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) 
   append(all, body.limits.check(prefix + "limits."), prefix + "limits.");
 }
 
-std::vector<std::string> protocol_names() {
-  std::vector<std::string> names;
-  for_each_protocol([&names](std::string_view name) { names.emplace_back(name); });
-  return names;
-}
-
 void check_streaming(Errors& all, const StreamingConfig& streaming) {
   Checker rules{"streaming."};
   rules.within("rate_hz", streaming.rate_hz, 1, 1000);
-  for (const auto& name : streaming.optional) {
-    const auto names = protocol_names();
-    std::string all_names;
-    for (const auto& one : names) all_names += (all_names.empty() ? "" : ", ") + one;
-    rules.require(std::find(names.begin(), names.end(), name) != names.end(), "optional", name,
-                  "must be some of " + all_names);
-  }
-  append(all, rules.errors, "streaming.");
+  std::vector<std::string> names;
+  for_each_protocol([&names](std::string_view name) { names.emplace_back(name); });
+  for (const auto& name : streaming.optional)
+    rules.require(std::ranges::find(names, name) != names.end(), "optional", name,
+                  "must be some of " + comma_list(names));
+  append(all, rules);
   for_each_protocol(
       [&all](std::string_view name, const auto& config) {
         append(all, config.check(), "streaming." + std::string(name) + ".");
@@ -151,13 +134,13 @@ void check_aliases(Errors& all, std::string_view protocol, const NameAliases& al
                    const std::vector<std::string>& bodies) {
   Checker rules{"streaming." + std::string(protocol) + ".aliases."};
   for (const auto& entry : aliases) {
-    const bool known = std::find(bodies.begin(), bodies.end(), entry.first) != bodies.end();
+    const bool known = std::ranges::find(bodies, entry.first) != bodies.end();
     rules
         .require(known, entry.first, '"' + entry.second + '"',
                  "must be an alias of one of the bodies")
         .require(!entry.second.empty(), entry.first, "\"\"", "must not be empty");
   }
-  append(all, rules.errors, rules.prefix);
+  append(all, rules);
 }
 
 /// The rules between protocols and bodies.
@@ -183,24 +166,20 @@ void check_unique(Errors& all, const std::vector<BodyConfig>& bodies) {
         .require(names.insert(bodies[i].name).second, "name", '"' + bodies[i].name + '"',
                  "is taken by another body")
         .require(ids.insert(bodies[i].id).second, "id", bodies[i].id, "is taken by another body");
-    append(all, rules.errors, "bodies.");
+    append(all, rules);
   }
 }
 
 void check_map(Errors& all, const MapSettings& map) {
   append(all, map.builder.check(), "map.");
-  append(
-      all,
-      Checker{"map."}
-          .positive("file_tag_size_m", map.file_tag_size_m)
-          .not_negative("correction_ramp_s", map.correction_ramp_s)
-          .require(!map.reference_pose || map.reference_tag, "reference_pose", "{…}",
-                   "needs reference_tag")
-          .require(
-              !map.reference_pose || map.floor_tags.empty(), "floor_tags", "[…]",
-              "has no effect beside reference_pose, which defines the vertical: remove one of them")
-          .errors,
-      "map.");
+  append(all, Checker{"map."}
+                  .positive("file_tag_size_m", map.file_tag_size_m)
+                  .not_negative("correction_ramp_s", map.correction_ramp_s)
+                  .require(!map.reference_pose || map.reference_tag, "reference_pose", "{…}",
+                           "needs reference_tag")
+                  .require(!map.reference_pose || map.floor_tags.empty(), "floor_tags", "[…]",
+                           "has no effect beside reference_pose, which defines the vertical: "
+                           "remove one of them"));
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 #pragma once
 
 #include "daemon/config/config_schema.hpp"
-#include "detection/tag_family.hpp"
 #include "simulation/simulation.hpp"
 
 /// Keys of simulated rooms and robots.

@@ -125,8 +125,7 @@ void SessionWriter::write(const RecordedItem& item) noexcept {
 }
 
 Expected<void> SessionWriter::carry_out(const RecordedItem& item) {
-  if (const auto* begin = std::get_if<SessionBegin>(&item.what))
-    return open(item.session, begin->start);
+  if (const auto* start = std::get_if<SessionStart>(&item.what)) return open(item.session, *start);
   const bool is_end = std::holds_alternative<SessionEnd>(item.what);
   if (item.session != session_) {  // failed
     if (!is_end) item.session->drop();

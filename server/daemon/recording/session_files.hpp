@@ -127,11 +127,8 @@ class SessionFiles final {
   std::uint64_t surroundings_bytes_{};
 };
 
-struct SessionBegin {
-  SessionStart start;
-};
 struct SessionEnd {};
-using RecordedThing = std::variant<SessionBegin, SessionEnd, SensorSample, MapTurn, RefinementTurn>;
+using RecordedThing = std::variant<SessionStart, SessionEnd, SensorSample, MapTurn, RefinementTurn>;
 
 struct RecordedItem {
   std::shared_ptr<RecordedSession> session;

@@ -26,10 +26,6 @@ struct Attached {
   }
 };
 
-bool is_border(const RecordedThing& what) {
-  return std::holds_alternative<SessionBegin>(what) || std::holds_alternative<SessionEnd>(what);
-}
-
 bool is_image(const RecordedThing& what) {
   const auto* sample = std::get_if<SensorSample>(&what);
   return sample != nullptr && !std::holds_alternative<ImuSample>(*sample);
@@ -55,7 +51,9 @@ bool is_folder_name(const std::string& name) {
 bool RecordingQueue::put(RecordedItem item) {
   item.bytes = sizeof(RecordedItem) + std::visit(Attached{}, item.what);
   const std::size_t limit = is_image(item.what) ? kImages_bytes : kMost_bytes;
-  if (!is_border(item.what) && bytes_ + item.bytes > limit) return false;
+  const bool is_border = std::holds_alternative<SessionStart>(item.what) ||
+                         std::holds_alternative<SessionEnd>(item.what);
+  if (!is_border && bytes_ + item.bytes > limit) return false;
   bytes_ += item.bytes;
   waiting_.push_back(std::move(item));
   return true;
@@ -85,8 +83,8 @@ Expected<void> SessionRecorder::start(const std::string& name) {
   if (!is_folder_name(name))
     return fail(ErrorCode::kInvalid,
                 "a recording's name must have 1 to 127 of a-z A-Z 0-9 _ - . and space", name);
-  SessionBegin begin{{surroundings_.config_yaml, std::nullopt, surroundings_.is_refined}};
-  if (surroundings_.published) begin.start.map = surroundings_.published();
+  SessionStart begin{surroundings_.config_yaml, std::nullopt, surroundings_.is_refined};
+  if (surroundings_.published) begin.map = surroundings_.published();
   {
     const std::lock_guard lock(mutex_);
     if (auto admitted = admit(name); !admitted) return admitted;
@@ -113,16 +111,12 @@ Expected<void> SessionRecorder::admit(const std::string& name) const {
   return {};
 }
 
-std::string SessionRecorder::free_name(const std::string& name) const {
+Expected<void> SessionRecorder::start_and_open(const std::string& name) {
   std::error_code unknown;
   std::string free = name;
   for (int n = 2; std::filesystem::exists(writer_.folder() / free, unknown); ++n)
     free = name + "-" + std::to_string(n);
-  return free;
-}
-
-Expected<void> SessionRecorder::start_and_open(const std::string& name) {
-  if (auto started = start(free_name(name)); !started) return started;
+  if (auto started = start(free); !started) return started;
   std::deque<RecordedItem> begin;
   {
     const std::lock_guard lock(mutex_);

@@ -12,7 +12,6 @@
 #include <string>
 #include <vector>
 
-#include "base/event_board.hpp"
 #include "base/time.hpp"
 #include "daemon/recording/session_files.hpp"
 #include "pipeline/body_update.hpp"
@@ -109,7 +108,6 @@ class SessionRecorder final {
  private:
   enum class Slowness { kNone, kStuck, kDropping };
 
-  [[nodiscard]] std::string free_name(const std::string& name) const;
   [[nodiscard]] Expected<void> admit(const std::string& name) const;
   [[nodiscard]] bool is_under_way() const;
   void end_current();

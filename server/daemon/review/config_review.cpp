@@ -10,16 +10,12 @@
 #include <nlohmann/json.hpp>
 
 #include "daemon/bodies/body_setup.hpp"
-#include "daemon/operator_token.hpp"
 #include "daemon/stream_loop.hpp"
 #include "detection/tag_family.hpp"
 #include "mapping/store/map_store.hpp"
 #include "streaming/net/bind.hpp"
 
 namespace fiducap {
-
-// Tags and map.
-
 namespace {
 
 namespace fs = std::filesystem;
@@ -40,8 +36,7 @@ void review_ids(const ServerConfig& config, ConfigReview& review) {
   if (!config.map.reference_tag) return;
   const int reference = *config.map.reference_tag;
   check("map.reference_tag", reference);
-  const auto& ignored = config.tags.ignore;
-  if (std::find(ignored.begin(), ignored.end(), reference) != ignored.end())
+  if (std::ranges::find(config.tags.ignore, reference) != config.tags.ignore.end())
     review.fault("map.reference_tag", std::to_string(reference),
                  "is in tags.ignore: it would never be seen");
 }
@@ -90,13 +85,6 @@ void review_map_files(const ServerConfig& config, ConfigReview& review) {
                         std::to_string(static_cast<int>(1e3 * config.tags.size_m + 0.5)) + " mm");
 }
 
-bool has_imu(const ServerConfig& config) {
-  return std::ranges::any_of(config.bodies, [&](const BodyConfig& body) {
-    const auto setup = read_body_setup(body, config.simulation, config.site);
-    return setup && setup->sensors.imu;
-  });
-}
-
 void review_gauge(const ServerConfig& config, ConfigReview& review) {
   const MapSettings& map = config.map;
   const bool begins = map.file.empty() && map.builder.mode == MapMode::kMapping;
@@ -105,13 +93,15 @@ void review_gauge(const ServerConfig& config, ConfigReview& review) {
     review.doubt(
         "map.reference_tag", "null",
         "is not set: the first tag that is seen becomes the origin, another one next time");
-  if (!has_imu(config) && !map.reference_pose && map.floor_tags.empty())
+  const bool has_imu = std::ranges::any_of(config.bodies, [&](const BodyConfig& body) {
+    const auto setup = read_body_setup(body, config.simulation, config.site);
+    return setup && setup->sensors.imu;
+  });
+  if (!has_imu && !map.reference_pose && map.floor_tags.empty())
     review.doubt("map.floor_tags", "[]",
                  "the vertical is unknown: no body has an IMU. Name three tags that lie flat on "
                  "the floor, or set map.reference_pose");
 }
-
-namespace fs = std::filesystem;
 
 /// Tries to open a port like the protocol.
 std::optional<std::string> fault_of(const ServedProtocol& protocol, const PortUse& port) {
@@ -126,47 +116,30 @@ std::optional<std::string> fault_of(const ServedProtocol& protocol, const PortUs
   return bound ? std::nullopt : std::optional(bound.error().text());
 }
 
-bool is_optional(const StreamingConfig& streaming, std::string_view protocol) {
-  const auto& names = streaming.optional;
-  return std::find(names.begin(), names.end(), protocol) != names.end();
-}
-
-class PortReview final {
- public:
-  PortReview(const StreamingConfig& streaming, ConfigReview& review)
-      : streaming_(streaming), review_(review) {}
-
-  void check(const ServedProtocol& protocol) {
-    if (!protocol.enabled) return;
-    std::string line = std::string(protocol.name) + " on " + protocol.address + ":";
+void review_ports(const StreamingConfig& streaming, ConfigReview& review) {
+  std::map<std::pair<std::uint16_t, bool>, std::string> taken;
+  for (const ServedProtocol& protocol : listeners(streaming)) {
+    if (!protocol.enabled) continue;
+    const std::string name(protocol.name);
+    const std::string path = "streaming." + name;
+    std::string line = name + " on " + protocol.address + ":";
     for (const PortUse& port : protocol.ports) {
-      line += " " + std::to_string(port.number) + (port.udp ? " udp" : " tcp");
-      if (port.number != 0) check(protocol, port);
+      line += " " + text_of(port);
+      if (port.number == 0) continue;
+      const std::string number = std::to_string(port.number);
+      const auto [other, fresh] = taken.try_emplace({port.number, port.udp}, name);
+      if (!fresh) {
+        review.fault(path, number, "is the port of " + other->second + ", too");
+      } else if (const auto fault = fault_of(protocol, port)) {
+        if (streaming.is_optional(name))
+          review.doubt(path, number, *fault + " (optional: the server runs without)");
+        else
+          review.fault(path, number, *fault);
+      }
     }
-    review_.plan.push_back(line);
+    review.plan.push_back(line);
   }
-
- private:
-  void check(const ServedProtocol& protocol, const PortUse& port) {
-    const std::string path = "streaming." + std::string(protocol.name);
-    const auto [other, fresh] = taken_.try_emplace({port.number, port.udp}, protocol.name);
-    if (!fresh)
-      return review_.fault(path, std::to_string(port.number),
-                           "is the port of " + other->second + ", too");
-    const auto fault = fault_of(protocol, port);
-    if (!fault) return;
-    if (is_optional(streaming_, protocol.name)) {
-      review_.doubt(path, std::to_string(port.number),
-                    *fault + " (optional: the server runs without)");
-    } else {
-      review_.fault(path, std::to_string(port.number), *fault);
-    }
-  }
-
-  const StreamingConfig& streaming_;
-  ConfigReview& review_;
-  std::map<std::pair<std::uint16_t, bool>, std::string> taken_;
-};
+}
 
 void add_checks(const std::vector<ConfigCheck>& checks, ConfigReview& review) {
   for (const ConfigCheck& one : checks) {
@@ -181,6 +154,19 @@ nlohmann::json json_of(const std::vector<ConfigFault>& faults) {
     all.push_back(
         {{"path", error.path}, {"value", error.value}, {"rule", error.rule}, {"where", where}});
   return all;
+}
+
+/// Ports, tokens, folders.
+void review_service(const ServerConfig& config, ConfigReview& review) {
+  if (const auto token = operator_token(config.operators, nullptr); !token)
+    review.fault("operator.token_file", config.operators.token_file, token.error().what);
+  const std::string& card = config.dds.interface;
+  const bool is_name = !card.empty() && card.find_first_not_of("0123456789.:") != std::string::npos;
+  if (is_name && ::if_nametoindex(card.c_str()) == 0)
+    review.fault("dds.interface", card, "is no network interface of this machine (`ip link`)");
+  review_ports(config.streaming, review);
+  add_checks(access_checks(config), review);
+  add_checks(storage_checks(config, recordings_of(config)), review);
 }
 
 }  // namespace
@@ -234,29 +220,6 @@ std::vector<ConfigCheck> storage_checks(const ServerConfig& config, const Folder
   return all;
 }
 
-void review_room(const ServerConfig& config, ConfigReview& review) {
-  review_ids(config, review);
-  review_map_files(config, review);
-  review_gauge(config, review);
-}
-
-// Ports, tokens, folders.
-
-void review_service(const ServerConfig& config, ConfigReview& review) {
-  if (const auto token = operator_token(config.operators, nullptr); !token)
-    review.fault("operator.token_file", config.operators.token_file, token.error().what);
-  const std::string& card = config.dds.interface;
-  const bool is_name = !card.empty() && card.find_first_not_of("0123456789.:") != std::string::npos;
-  if (is_name && ::if_nametoindex(card.c_str()) == 0)
-    review.fault("dds.interface", card, "is no network interface of this machine (`ip link`)");
-  PortReview ports(config.streaming, review);
-  for (const ServedProtocol& protocol : served_protocols(config.streaming)) ports.check(protocol);
-  const web::WebConfig& web = config.streaming.web;
-  ports.check({"web", web.enabled, web.address, {{web.port, false}}, {}, {}});
-  add_checks(access_checks(config), review);
-  add_checks(storage_checks(config, recordings_of(config)), review);
-}
-
 std::string review_json(const ConfigReview& review) {
   const nlohmann::json all{{"usable", review.faults.empty()},
                            {"wrong", json_of(review.faults)},
@@ -269,7 +232,9 @@ ConfigReview review(const ServerConfig& config) {
   ConfigReview found;
   if (config.bodies.empty()) found.fault("bodies", "[]", "must have at least one body");
   review_sensors(config, found);
-  review_room(config, found);
+  review_ids(config, found);
+  review_map_files(config, found);
+  review_gauge(config, found);
   review_service(config, found);
   return found;
 }

@@ -54,11 +54,10 @@ struct ConfigCheck {
 [[nodiscard]] std::vector<ConfigCheck> storage_checks(const ServerConfig& config,
                                                       const FolderFacts& recordings);
 
-/// The parts of a review.
-void review_sensors(const ServerConfig& config, ConfigReview& review);
-void review_room(const ServerConfig& config, ConfigReview& review);
-void review_service(const ServerConfig& config, ConfigReview& review);
 /// The folder for recordings of a configuration.
 [[nodiscard]] FolderFacts recordings_of(const ServerConfig& config);
+
+/// The part of a review about bodies.
+void review_sensors(const ServerConfig& config, ConfigReview& review);
 
 }  // namespace fiducap

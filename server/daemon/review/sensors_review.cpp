@@ -1,10 +1,11 @@
 // The sensors of the bodies.
 #include <cmath>
-#include <filesystem>
 #include <sstream>
 
 #include "base/numeric.hpp"
+#include "base/yaml.hpp"
 #include "capture/camera_device.hpp"
+#include "capture/gray_image.hpp"
 #include "capture/imu/imu_source.hpp"
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/review/config_review.hpp"
@@ -12,8 +13,6 @@
 
 namespace fiducap {
 namespace {
-
-namespace fs = std::filesystem;
 
 // Largest distance of a camera from the body's origin.
 constexpr double kFarthestCamera_m = 3;
@@ -30,10 +29,6 @@ std::string number(double value) {
   text.precision(4);
   text << value;
   return text.str();
-}
-
-std::string size_text(int width, int height) {
-  return std::to_string(width) + " x " + std::to_string(height);
 }
 
 void review_lens(const CameraMount& mount, const std::string& path, ConfigReview& review) {
@@ -74,9 +69,7 @@ void review_imu(const ImuNoise& imu, const std::string& path, ConfigReview& revi
 }
 
 std::string imu_text(const ImuSourceConfig& imu) {
-  for (const auto& word : words::kImuSourceType)
-    if (word.value == imu.type) return std::string(word.text);
-  return "?";
+  return text_of_word<ImuSourceType>(words::kImuSourceType, imu.type);
 }
 
 /// Opens it as the server would, without waiting for readings. Topics need to join a domain and are
@@ -136,14 +129,13 @@ std::string sources_text(const BodyConfig& body) {
     case SourceType::kSensors:
       break;
   }
-  std::string text;
+  std::vector<std::string> names;
   for (const CameraConfig& camera : body.cameras) {
     if (!camera.source) continue;
     const bool by_ros = camera.source->type == CameraSourceType::kRos;
-    text += (text.empty() ? "" : ", ") +
-            (by_ros ? camera.source->ros.image : camera.source->camera.open);
+    names.push_back(by_ros ? camera.source->ros.source.images.front() : camera.source->camera.open);
   }
-  return text;
+  return comma_list(names);
 }
 
 void plan_body(const BodyConfig& body, const BodySetup& setup, ConfigReview& review) {

@@ -12,7 +12,6 @@
 #include "base/yaml.hpp"
 #include "capture/v4l2/camera_list.hpp"
 #include "daemon/config/config_file.hpp"
-#include "daemon/config/config_schema.hpp"
 #include "daemon/config/config_visitors.hpp"
 #include "daemon/config/server_schema.hpp"
 #include "daemon/operator_token.hpp"
@@ -85,15 +84,6 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kPrintedTags = 12;  // enough for a room; all families have as many
 
-/// Keeps an existing one, which may be in use.
-Expected<void> write_token(const std::string& file) {
-  std::error_code ignored;
-  if (fs::exists(file, ignored)) return {};
-  return write_whole_file(file, fresh_secret() + "\n", 0600);
-}
-
-}  // namespace
-
 std::string setup_text(const SetupResult& result, const std::string& store,
                        const std::string& token_file) {
   std::string text =
@@ -122,6 +112,8 @@ std::string setup_text(const SetupResult& result, const std::string& store,
       text_of(token_file) + "}   # permits to freeze the map, record, rename\n";
   return text;
 }
+
+}  // namespace
 
 std::string token_file_of(const std::string& file) {
   return fs::path(file).replace_extension(".token").string();
@@ -177,7 +169,10 @@ Expected<void> write_setup(const std::string& file, const SetupResult& result, b
   const std::string text = setup_preview(file, result);
   const auto read = parse_config(text, file);
   if (!read) return fail(ErrorCode::kInvalid, read.error().front().text(), file);
-  if (auto token = write_token(token_file_of(file)); !token) return token;
+  const std::string token_file = token_file_of(file);
+  if (!fs::exists(token_file, ignored))  // an existing one may be in use
+    if (auto token = write_whole_file(token_file, fresh_secret() + "\n", 0600); !token)
+      return token;
   return write_whole_file(file, text);
 }
 

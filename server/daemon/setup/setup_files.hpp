@@ -4,7 +4,6 @@
 #include <string>
 #include <vector>
 
-#include "base/expected.hpp"
 #include "daemon/config/body_config.hpp"
 #include "daemon/setup/setup_rig.hpp"
 #include "detection/detector_config.hpp"
@@ -26,11 +25,6 @@ struct SetupResult {
   std::string imu_from;
 };
 
-/// The configuration as a file with comments; keys that are not set have their defaults.
-/// @param store, token_file  beside the file
-[[nodiscard]] std::string setup_text(const SetupResult& result, const std::string& store,
-                                     const std::string& token_file);
-
 /// The cameras of this machine.
 [[nodiscard]] std::vector<FoundCamera> found_cameras();
 
@@ -40,7 +34,7 @@ struct SetupResult {
 /// The tags of a set-up, to be printed: PDF. @param order  `family`, `size_mm`, `paper`
 [[nodiscard]] Expected<std::string> setup_sheet(const SetupCommand& order);
 
-/// The content of write_setup.
+/// The content of write_setup: with comments; keys that are not set have their defaults.
 [[nodiscard]] std::string setup_preview(const std::string& file, const SetupResult& result);
 
 /// Whether it could be written there.

@@ -5,6 +5,7 @@
 
 #include "base/text.hpp"
 #include "base/yaml.hpp"
+#include "capture/gray_image.hpp"
 #include "capture/imu_sample.hpp"
 #include "daemon/config/config_visitors.hpp"
 
@@ -62,11 +63,6 @@ Expected<ImuSourceConfig> imu_source_from(const std::string& text) {
   return source;
 }
 
-/// Identifies a camera with its lens model.
-std::string camera_text(const CameraDeviceConfig& device) {
-  return device.open + " " + std::to_string(device.width) + " x " + std::to_string(device.height);
-}
-
 }  // namespace
 
 struct SetupGuide::Entry {
@@ -99,7 +95,7 @@ Expected<void> SetupGuide::command(const SetupCommand& command) {
     words.emplace_back(entry.word);
     if (command.what != entry.word) continue;
     const auto& steps = entry.steps;
-    if (!steps.empty() && std::find(steps.begin(), steps.end(), step_) == steps.end())
+    if (!steps.empty() && std::ranges::find(steps, step_) == steps.end())
       return fail(ErrorCode::kInvalid, "does not belong to this step", command.what);
     auto done = (this->*entry.handle)(command);
     show_();
@@ -135,7 +131,9 @@ void SetupGuide::take_image(const CameraFrame& frame) {
   judge_picture();
   if (last_imu_at_ && frame.exposed_at - *last_imu_at_ > kSilent) imu_rate_hz_ = 0;
   if (step_ == SetupStep::kLens) guide_lens();
-  if (step_ == SetupStep::kWave) guide_wave();
+  if (step_ != SetupStep::kWave || verdict_) return;
+  wave_.take(corners_);
+  if (wave_.progress().is_enough) solve_wave();
 }
 
 void SetupGuide::guide_lens() {
@@ -148,12 +146,6 @@ void SetupGuide::guide_lens() {
   }
   const bool is_kept = lens_->look(corners_);
   if (is_kept && lens_->progress().is_enough) solve_lens();
-}
-
-void SetupGuide::guide_wave() {
-  if (verdict_) return;
-  wave_.take(corners_);
-  if (wave_.progress().is_enough) solve_wave();
 }
 
 // --- commands ------------------------------------------------------------------------------------
@@ -173,8 +165,9 @@ Expected<void> SetupGuide::use_camera(const SetupCommand& command) {
     return fail(ErrorCode::kInvalid, errors.front().text());
   forget_images();
   if (auto used = rig_.use(device); !used) return used;
-  const std::string before = std::exchange(camera_in_use_, camera_text(device));
-  if (before != camera_in_use_) forget_camera();
+  // Identifies a camera with its lens model.
+  const std::string now = device.open + " " + size_text(device.width, device.height);
+  if (std::exchange(camera_in_use_, now) != now) forget_camera();
   result_.camera.source = CameraSourceConfig{};
   result_.camera.source->camera = device;
   result_.simulated = rig_.simulated();
@@ -307,50 +300,44 @@ Expected<void> SetupGuide::use_imu(const SetupCommand& command) {
 
 /// What is missing in this step; nullopt: complete.
 std::optional<std::string> SetupGuide::missing() const {
-  switch (step_) {
-    case SetupStep::kCamera:
-      if (!image_.image) return "no image yet: choose a camera";
-      return std::nullopt;
-    case SetupStep::kPicture:
-      if (!image_.image) return "no images: check the camera's cable, or choose it again";
-      return std::nullopt;
-    case SetupStep::kLens:
-      if (result_.camera.mount.model.width == 0)
-        return "the lens is not known yet: continue with the images, or use a guess";
-      if (image_.image && (image_.image->width != result_.camera.mount.model.width ||
-                           image_.image->height != result_.camera.mount.model.height))
-        return "the lens is known for images of another size: repeat it, or use a guess";
-      return std::nullopt;
-    case SetupStep::kImu:
-      if (result_.imu && imu_rate_hz_ == 0)
-        return "no readings from the IMU: check its cable and settings, or continue without";
-      return std::nullopt;
-    default:
-      return std::nullopt;
-  }
+  const CameraModel& lens = result_.camera.mount.model;
+  const GrayImage* image = image_.image.get();
+  if (step_ == SetupStep::kCamera && image == nullptr) return "no image yet: choose a camera";
+  if (step_ == SetupStep::kPicture && image == nullptr)
+    return "no images: check the camera's cable, or choose it again";
+  if (step_ == SetupStep::kLens && lens.width == 0)
+    return "the lens is not known yet: continue with the images, or use a guess";
+  if (step_ == SetupStep::kLens && image != nullptr &&
+      (image->width != lens.width || image->height != lens.height))
+    return "the lens is known for images of another size: repeat it, or use a guess";
+  if (step_ == SetupStep::kImu && result_.imu && imu_rate_hz_ == 0)
+    return "no readings from the IMU: check its cable and settings, or continue without";
+  return std::nullopt;
 }
 
-/// Without an IMU.
 bool SetupGuide::is_left_out(SetupStep step) const {
-  const bool is_of_imu = step == SetupStep::kRest || step == SetupStep::kWave;
-  return is_of_imu && !result_.imu;
+  return (step == SetupStep::kRest || step == SetupStep::kWave) && !result_.imu;
 }
 
 Expected<void> SetupGuide::next(const SetupCommand&) {
   if (const auto what = missing()) return fail(ErrorCode::kInvalid, *what);
-  int step = static_cast<int>(step_);
-  do ++step;
-  while (step < static_cast<int>(SetupStep::kFinish) && is_left_out(static_cast<SetupStep>(step)));
-  enter(static_cast<SetupStep>(std::min(step, static_cast<int>(SetupStep::kFinish))));
+  enter(neighbour(1));
   return {};
 }
 
 Expected<void> SetupGuide::back(const SetupCommand&) {
-  int step = static_cast<int>(step_);
-  do --step;
-  while (step > 0 && is_left_out(static_cast<SetupStep>(step)));
-  enter(static_cast<SetupStep>(std::max(step, 0)));
+  enter(neighbour(-1));
   return {};
+}
+
+/// The nearest step in this direction that is not left out; at the ends: the same.
+SetupStep SetupGuide::neighbour(int direction) const {
+  SetupStep step = step_;
+  do
+    step = static_cast<SetupStep>(
+        std::clamp(static_cast<int>(step) + direction, 0, static_cast<int>(SetupStep::kFinish)));
+  while (is_left_out(step));
+  return step;
 }
 
 Expected<void> SetupGuide::again(const SetupCommand&) {

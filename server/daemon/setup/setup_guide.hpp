@@ -5,11 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "base/expected.hpp"
 #include "base/time.hpp"
 #include "calibration/guided/guides.hpp"
 #include "daemon/setup/setup_files.hpp"
-#include "daemon/setup/setup_rig.hpp"
 #include "detection/image_measures.hpp"
 #include "detection/tag_detector.hpp"
 
@@ -48,6 +46,8 @@ class SetupGuide final {
   Expected<void> command(const SetupCommand& command);
 
   [[nodiscard]] SetupStep step() const { return step_; }
+  /// Without an IMU.
+  [[nodiscard]] bool is_left_out(SetupStep step) const;
   [[nodiscard]] const SetupResult& result() const { return result_; }
   [[nodiscard]] const std::vector<FoundCamera>& cameras() const { return cameras_; }
   [[nodiscard]] const std::optional<SetupPicture>& picture() const { return picture_; }
@@ -71,7 +71,6 @@ class SetupGuide final {
   void take_imu(const ImuSample& sample);
   void judge_picture();
   void guide_lens();
-  void guide_wave();
   void solve_lens();
   void solve_rest();
   void solve_wave();
@@ -92,9 +91,9 @@ class SetupGuide final {
   void forget_clock();
   void forget_images();
   [[nodiscard]] std::optional<std::string> missing() const;
+  [[nodiscard]] SetupStep neighbour(int direction) const;
   void enter(SetupStep step);
   void begin_step();
-  [[nodiscard]] bool is_left_out(SetupStep step) const;
 
   SetupRig& rig_;
   std::function<void()> show_;

@@ -1,12 +1,12 @@
 #include "daemon/setup/setup_rig.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <numbers>
 #include <utility>
 
 #include "base/pose.hpp"
+#include "base/text.hpp"
 
 namespace fiducap {
 namespace {
@@ -25,10 +25,6 @@ double fraction(double x) { return x - std::floor(x); }
 
 /// 0 → 1 with speed and acceleration 0 at both ends.
 double smooth(double x) { return x * x * x * (10 + x * (6 * x - 15)); }
-
-Pose between(const Pose& a, const Pose& b, double share) {
-  return {a.q.slerp(share, b.q), a.p + share * (b.p - a.p)};
-}
 
 /// The true camera, unknown to the set-up.
 CameraMount true_camera() {
@@ -106,7 +102,9 @@ class SimulatedRig::Motion final : public simulation::Trajectory {
     const double place = std::max(0.0, t) / each;
     const int k = static_cast<int>(place);
     const double moved = std::max(0.0, fraction(place) * each - kHold_s) / kMove_s;
-    return between(picture(k), picture(k + 1), smooth(std::clamp(moved, 0.0, 1.0)));
+    const double share = smooth(std::clamp(moved, 0.0, 1.0));
+    const Pose a = picture(k), b = picture(k + 1);
+    return {a.q.slerp(share, b.q), a.p + share * (b.p - a.p)};
   }
 
   /// Pose of the body for the k-th image: position of the sheet in the image, slant and distance
@@ -133,7 +131,7 @@ class SimulatedRig::Motion final : public simulation::Trajectory {
     R_TV.col(2) = ahead;
     R_TV.col(0) = (-Eigen::Vector3d::UnitY()).cross(ahead).normalized();
     R_TV.col(1) = ahead.cross(R_TV.col(0));
-    const auto turned = Eigen::Quaterniond::FromTwoVectors(ray, Eigen::Vector3d::UnitZ());
+    const auto turned = rotation_between(ray, Eigen::Vector3d::UnitZ());
     return X_WT_ * Pose{Eigen::Quaterniond(R_TV) * turned, p_TV} * camera.X_BV.inverse();
   }
 
@@ -149,11 +147,8 @@ std::string SetupCommand::text(const std::string& key) const {
 }
 
 std::optional<double> SetupCommand::number(const std::string& key) const {
-  const std::string word = text(key);
   double value{};
-  const auto [end, failure] = std::from_chars(word.data(), word.data() + word.size(), value);
-  if (failure != std::errc{} || end != word.data() + word.size() || !std::isfinite(value))
-    return std::nullopt;
+  if (!parse_number(text(key), value) || !std::isfinite(value)) return std::nullopt;
   return value;
 }
 

@@ -19,15 +19,9 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::array<std::pair<SetupStep, const char*>, 9> kSteps{{{SetupStep::kCamera, "camera"},
-                                                                   {SetupStep::kPicture, "picture"},
-                                                                   {SetupStep::kSheet, "sheet"},
-                                                                   {SetupStep::kLens, "lens"},
-                                                                   {SetupStep::kImu, "imu"},
-                                                                   {SetupStep::kRest, "rest"},
-                                                                   {SetupStep::kMount, "mount"},
-                                                                   {SetupStep::kWave, "wave"},
-                                                                   {SetupStep::kFinish, "finish"}}};
+/// Of each SetupStep.
+constexpr std::array kSteps{"camera", "picture", "sheet", "lens",  "imu",
+                            "rest",   "mount",   "wave",  "finish"};
 
 json cameras_json(const SetupGuide& guide) {
   auto all = json::array();
@@ -89,42 +83,22 @@ json sheet_json(const TagSetConfig& tags) {
   return {{"family", tags.family}, {"size_mm", 1e3 * tags.size_m}, {"families", families}};
 }
 
-json wave_json(const WaveGuide& wave) {
-  const WaveProgress& p = wave.progress();
-  return {{"turned", p.turned}, {"shaken", p.shaken}, {"seen", p.seen}, {"hint", p.hint}};
-}
-
-json verdict_json(const SetupGuide& guide) {
-  if (!guide.verdict()) return nullptr;
-  const SetupVerdict& verdict = *guide.verdict();
-  return {{"good", verdict.is_good},
-          {"refused", verdict.is_refused},
-          {"summary", verdict.summary},
-          {"advice", verdict.advice}};
-}
-
 json steps_json(const SetupGuide& guide) {
   auto all = json::array();
-  for (const auto& [step, name] : kSteps) {
-    const bool of_imu = step == SetupStep::kRest || step == SetupStep::kWave;
-    const bool is_left_out = of_imu && guide.step() > SetupStep::kImu && !guide.result().imu;
-    all.push_back({{"name", name}, {"left_out", is_left_out}});
+  for (std::size_t i = 0; i < kSteps.size(); ++i) {
+    const bool is_left_out =
+        guide.step() > SetupStep::kImu && guide.is_left_out(static_cast<SetupStep>(i));
+    all.push_back({{"name", kSteps[i]}, {"left_out", is_left_out}});
   }
   return all;
 }
 
-constexpr std::size_t kMostImages = 2;
-constexpr std::size_t kMostCommands = 16;
-constexpr Duration kShowPeriod = std::chrono::milliseconds(100);
-constexpr Duration kRequestLifetime = std::chrono::seconds(2);
-constexpr int kPictureWidth_px = 752;
-
-}  // namespace
-
+/// The state for the page.
 std::string setup_json(const SetupGuide& guide, const std::string& file, const std::string& error,
                        bool is_written) {
   const SetupResult& result = guide.result();
-  json all{{"step", kSteps[static_cast<std::size_t>(guide.step())].second},
+  const WaveProgress& wave = guide.wave().progress();
+  json all{{"step", kSteps[static_cast<std::size_t>(guide.step())]},
            {"steps", steps_json(guide)},
            {"file", file},
            {"error", error},
@@ -136,12 +110,29 @@ std::string setup_json(const SetupGuide& guide, const std::string& file, const s
            {"lens", guide.lens() != nullptr ? lens_json(*guide.lens()) : json(nullptr)},
            {"imu", imu_json(guide)},
            {"rest", {{"share", guide.rest().share()}, {"hint", guide.rest().hint()}}},
-           {"wave", wave_json(guide.wave())},
-           {"verdict", verdict_json(guide)},
+           {"wave",
+            {{"turned", wave.turned},
+             {"shaken", wave.shaken},
+             {"seen", wave.seen},
+             {"hint", wave.hint}}},
+           {"verdict", nullptr},
            {"written", is_written}};
+  if (const auto& verdict = guide.verdict())
+    all["verdict"] = {{"good", verdict->is_good},
+                      {"refused", verdict->is_refused},
+                      {"summary", verdict->summary},
+                      {"advice", verdict->advice}};
   if (guide.step() == SetupStep::kFinish) all["configuration"] = setup_preview(file, result);
   return all.dump(-1, ' ', false, json::error_handler_t::replace);
 }
+
+constexpr std::size_t kMostImages = 2;
+constexpr std::size_t kMostCommands = 16;
+constexpr Duration kShowPeriod = std::chrono::milliseconds(100);
+constexpr Duration kRequestLifetime = std::chrono::seconds(2);
+constexpr int kPictureWidth_px = 752;
+
+}  // namespace
 
 SetupSession::SetupSession(SetupSurroundings surroundings)
     : surroundings_(std::move(surroundings)),
@@ -205,13 +196,11 @@ void SetupSession::carry_out_commands() {
     const std::lock_guard lock(mutex_);
     commands.swap(commands_);
   }
-  for (const SetupCommand& command : commands) carry_out(command);
-}
-
-void SetupSession::carry_out(const SetupCommand& command) {
-  const auto done = command.what == "write" ? write(command) : guide_.command(command);
-  error_ = done ? "" : done.error().text();
-  show();
+  for (const SetupCommand& command : commands) {
+    const auto done = command.what == "write" ? write(command) : guide_.command(command);
+    error_ = done ? "" : done.error().text();
+    show();
+  }
 }
 
 /// Writes the file and the operator's token; replaces an existing file on request only.

@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "base/event_board.hpp"
-#include "base/time.hpp"
 #include "daemon/bodies/body_reader.hpp"
 #include "daemon/setup/setup_guide.hpp"
 #include "daemon/setup/setup_rig.hpp"
@@ -65,7 +64,6 @@ class SetupSession final : public SetupApi, private SetupRig {
   [[nodiscard]] std::unique_ptr<Sensor> read(std::unique_ptr<SensorSource> source,
                                              const char* name);
   void carry_out_commands();
-  void carry_out(const SetupCommand& command);
   Expected<void> write(const SetupCommand& command);
   [[nodiscard]] std::string lost_sensor() const;
   void show();
@@ -93,9 +91,5 @@ class SetupSession final : public SetupApi, private SetupRig {
   std::shared_ptr<const std::string> state_;
   std::shared_ptr<const std::string> picture_;
 };
-
-/// The state for the page.
-[[nodiscard]] std::string setup_json(const SetupGuide& guide, const std::string& file,
-                                     const std::string& error, bool is_written);
 
 }  // namespace fiducap

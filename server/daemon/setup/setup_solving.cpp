@@ -24,16 +24,6 @@ constexpr double kSmeared_px = 3;
 
 SetupVerdict refused(const Error& error) { return {false, true, error.text(), {}}; }
 
-std::string lens_text(const IntrinsicsCalibration& lens, const IntrinsicsVerdict& verdict) {
-  return std::to_string(lens.data.views.size()) + " views, corners fit to " +
-         fixed(verdict.reprojection_rms_px, 2) + " px";
-}
-
-std::string clock_text(const ShiftResult& time) {
-  if (!time.determined) return "its clock was not found";
-  return "its stamps are " + fixed(1e3 * time.shift_s, 2) + " ms early";
-}
-
 }  // namespace
 
 void SetupGuide::judge_picture() {
@@ -81,7 +71,9 @@ void SetupGuide::solve_lens() {
   const IntrinsicsVerdict judged = assess(*solved, make_image_map(*solved));
   const bool usable = judged.grade != IntrinsicsGrade::kUseless;
   verdict_ = SetupVerdict{judged.grade == IntrinsicsGrade::kGood, !usable,
-                          lens_text(*solved, judged), judged.advice};
+                          std::to_string(solved->data.views.size()) + " views, corners fit to " +
+                              fixed(judged.reprojection_rms_px, 2) + " px",
+                          judged.advice};
   forget_lens();  // also one of fewer views: it was of the same lens
   if (usable) {
     CameraMount& mount = result_.camera.mount;
@@ -135,11 +127,14 @@ void SetupGuide::solve_wave() {
   }
   const auto weak = weaknesses_of(*solved);
   const CameraVerdict& camera = solved->verdicts.front();
-  verdict_ = SetupVerdict{weak.empty(), solved->time.at_border,
-                          "The camera is " + fixed(1e3 * camera.moved_m, 1) + " mm and " +
-                              fixed(camera.moved_rad * kDegreesPerRadian, 1) +
-                              " degrees from its given pose; " + clock_text(solved->time),
-                          weak};
+  verdict_ = SetupVerdict{
+      weak.empty(), solved->time.at_border,
+      "The camera is " + fixed(1e3 * camera.moved_m, 1) + " mm and " +
+          fixed(camera.moved_rad * kDegreesPerRadian, 1) + " degrees from its given pose; " +
+          (solved->time.determined
+               ? "its stamps are " + fixed(1e3 * solved->time.shift_s, 2) + " ms early"
+               : "its clock was not found"),
+      weak};
   if (verdict_->is_refused) return show_();
   result_.camera.mount = solved->cameras.front();
   // A clock may drift after this half minute, so it continues to be estimated. A clock that was not

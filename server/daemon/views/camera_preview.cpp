@@ -93,11 +93,6 @@ void CameraPreview::make_pictures() {
   }
 }
 
-void CameraPreview::find_candidates(const CameraView& view) {
-  if (!candidate_search_) candidate_search_ = std::make_unique<CandidateSearch>(tags_, detector_);
-  candidate_search_->search(*view.image, view.sightings, candidates_);
-}
-
 void CameraPreview::make_picture(LatestImage& latest, const Camera& camera,
                                  const ViewRequest& request) {
   const CameraView& view = latest.seen.reading();
@@ -113,7 +108,11 @@ void CameraPreview::make_picture(LatestImage& latest, const Camera& camera,
     measures = measure(*view.image);
     picture.measures = &measures;
     picture.has_candidates = request.candidates;
-    if (request.candidates) find_candidates(view);
+    if (request.candidates) {
+      if (!candidate_search_)
+        candidate_search_ = std::make_unique<CandidateSearch>(tags_, detector_);
+      candidate_search_->search(*view.image, view.sightings, candidates_);
+    }
     scale_down(*view.image, request.width_px, scaled_, sums_);
     encode_jpeg(scaled_, jpeg_);
     picture.shown_width = scaled_.width;

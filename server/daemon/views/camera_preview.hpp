@@ -113,7 +113,6 @@ class CameraPreview final : public CameraViews {
 
  private:
   void make_picture(LatestImage& latest, const Camera& camera, const ViewRequest& request);
-  void find_candidates(const CameraView& view);
 
   std::vector<Camera> cameras_;
   TagSetConfig tags_;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <utility>
@@ -11,10 +10,11 @@
 #include <sys/socket.h>
 #include <sys/timex.h>
 #include <sys/un.h>
-#include <unistd.h>
 
 #include "base/log.hpp"
 #include "base/process.hpp"
+#include "base/text.hpp"
+#include "daemon/system.hpp"
 
 namespace fiducap {
 namespace {
@@ -33,12 +33,6 @@ constexpr double kSkippedShare = 0.25;
 constexpr double kShareFor_s = 2;
 constexpr double kCarriedFor_s = 2;
 constexpr double kSearchingFor_s = 10;
-
-std::string in_words(double seconds) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), seconds < 10 ? "%.1f s" : "%.0f s", seconds);
-  return text.data();
-}
 
 std::string milliseconds(double seconds) {
   return std::to_string(static_cast<int>(seconds * 1e3)) + " ms";
@@ -191,7 +185,7 @@ void BodyHealth::judge_pose(const BodyPose& pose, Instant now) {
                         "Let its camera see a tag of the map"));
   } else if (untracked_s > kSearchingFor_s) {
     events_.begin(event(Severity::kWarning, "tracking",
-                        "has found no pose for " + in_words(kSearchingFor_s),
+                        "has found no pose for " + fixed(kSearchingFor_s, 0) + " s",
                         "Let its camera see a tag of the map; are family and size of the tags as "
                         "configured?"));
   }
@@ -232,12 +226,10 @@ bool notify_service_manager(std::string_view state) {
   to.sun_family = AF_UNIX;
   std::memcpy(to.sun_path, path, length);
   if (to.sun_path[0] == '@') to.sun_path[0] = '\0';  // in the abstract namespace
-  const int socket = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  if (socket < 0) return false;
+  const Descriptor socket(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + length);
-  const auto sent = ::sendto(socket, state.data(), state.size(), MSG_NOSIGNAL,
+  const auto sent = ::sendto(socket.number(), state.data(), state.size(), MSG_NOSIGNAL,
                              reinterpret_cast<const sockaddr*>(&to), size);
-  ::close(socket);
   return sent == static_cast<ssize_t>(state.size());
 }
 

@@ -91,7 +91,10 @@ std::span<const PointSighting> PointTracker::follow(
   corners_.reserve(static_cast<std::size_t>((frame.image->width / kColumns + 1) *
                                             (frame.image->height / kRows + 1)));
   follow_all(model, q_beforeNow);
-  drop_close();
+  std::size_t kept = 0;
+  for (const Point& point : points_)
+    if (!is_near_point(point.raw_px, kMinDistance_px, kept)) points_[kept++] = point;
+  points_.resize(kept);
   begin_new(model);
   std::swap(before_, now_);
   ++statistics_.images;
@@ -175,23 +178,11 @@ void PointTracker::drop_moving(const CameraModel& model, const Eigen::Quaternion
   points_.resize(kept);
 }
 
-void PointTracker::drop_close() {
-  std::size_t kept = 0;
-  for (const Point& point : points_)
-    if (!is_near_point(point.raw_px, kMinDistance_px, kept)) points_[kept++] = point;
-  points_.resize(kept);
-}
-
 bool PointTracker::is_near_point(const Eigen::Vector2d& px, double distance_px,
                                  std::size_t count) const {
   return std::ranges::any_of(std::span(points_).first(count), [&](const Point& point) {
     return (point.raw_px - px).squaredNorm() < distance_px * distance_px;
   });
-}
-
-bool PointTracker::may_begin(int u, int v) const {
-  const Eigen::Vector2d px(u, v);
-  return !is_near_point(px, kApart_px, points_.size()) && !on_tag(px);
 }
 
 void PointTracker::begin_new(const CameraModel& model) {
@@ -217,8 +208,10 @@ void PointTracker::begin_new(const CameraModel& model) {
         std::max(row * image.height / kRows, kBorder_px),
         std::min((column + 1) * image.width / kColumns, image.width - kBorder_px),
         std::min((row + 1) * image.height / kRows, image.height - kBorder_px)};
-    const auto corner = corners_.best(image, region, kLeastCorner,
-                                      [this](int u, int v) { return may_begin(u, v); });
+    const auto corner = corners_.best(image, region, kLeastCorner, [this](int u, int v) {
+      const Eigen::Vector2d px(u, v);
+      return !is_near_point(px, kApart_px, points_.size()) && !on_tag(px);
+    });
     const auto ideal = corner ? undistort(model, *corner) : std::nullopt;
     if (!ideal) continue;
     points_.push_back({next_track_++, 0, *corner, ideal->px});

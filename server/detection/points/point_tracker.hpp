@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -91,12 +90,10 @@ class PointTracker final {
   bool follow_one(Point& point, const CameraModel& model,
                   const std::optional<Eigen::Quaterniond>& q_beforeNow);
   void drop_moving(const CameraModel& model, const Eigen::Quaterniond& q_beforeNow);
-  void drop_close();
   void begin_new(const CameraModel& model);
   /// Of the first `count` points.
   [[nodiscard]] bool is_near_point(const Eigen::Vector2d& px, double distance_px,
                                    std::size_t count) const;
-  [[nodiscard]] bool may_begin(int u, int v) const;
   std::span<const PointSighting> report();
 
   ImagePyramid before_;

@@ -29,34 +29,6 @@ std::string number(double value) {
   return text.data();
 }
 
-/// The printed cells of one tag, top row first.
-struct TagPattern {
-  int tag_id{};
-  int cells{};              ///< Side of the whole pattern, with the family's white ring, if any.
-  int border_cells{};       ///< Side of the edge between black and white border: the tag size.
-  bool needs_white_ring{};  ///< The outermost cells may be black: a white ring must be added.
-  std::vector<bool> black;  ///< cells × cells
-
-  [[nodiscard]] bool black_at(int column, int row) const {
-    return black[static_cast<std::size_t>(row * cells + column)];
-  }
-};
-
-Expected<std::vector<TagPattern>> tag_patterns(const TagSheetOrder& order) {
-  const auto family = TagFamily::named(order.family);
-  if (!family) return tl::unexpected(family.error());
-  std::vector<TagPattern> patterns;
-  for (const int id : order.ids) {
-    if (const std::string fault = family->fault_of(id); !fault.empty())
-      return fail(ErrorCode::kInvalid, "id " + std::to_string(id) + ": " + fault);
-    TagPattern pattern{
-        id, family->width(), family->edge_width(), family->has_reversed_border(), {}};
-    for (const std::uint8_t gray : family->cells(id)) pattern.black.push_back(gray == 0);
-    patterns.push_back(std::move(pattern));
-  }
-  return patterns;
-}
-
 /// Grid of the tags of one page.
 struct Layout {
   double zone_mm{};  ///< Side of a tag with its white zone.
@@ -73,12 +45,12 @@ struct Layout {
   }
 };
 
-int zone_cells(const TagPattern& pattern) {
-  return pattern.cells + (pattern.needs_white_ring ? 2 : 0);
-}
+/// The outermost cells of a reversed border may be black: a white ring is added.
+int ring_cells(const TagFamily& family) { return family.has_reversed_border() ? 1 : 0; }
 
-Expected<Layout> lay_out(const TagSheetOrder& order, const TagPattern& pattern) {
-  const double zones_per_size = static_cast<double>(zone_cells(pattern)) / pattern.border_cells;
+Expected<Layout> lay_out(const TagSheetOrder& order, const TagFamily& family) {
+  const double zones_per_size =
+      static_cast<double>(family.width() + 2 * ring_cells(family)) / family.edge_width();
   Layout layout{order.size_mm * zones_per_size, 0, 0};
   const double width = order.paper.width_mm - 2 * kMargin_mm;
   const double height = order.paper.height_mm - 2 * kMargin_mm - kFooter_mm;
@@ -93,15 +65,20 @@ Expected<Layout> lay_out(const TagSheetOrder& order, const TagPattern& pattern) 
 }
 
 /// One rectangle per run of black cells in a row.
-std::vector<PdfPage::Rectangle> black_runs(const TagPattern& pattern, PdfPage::Point corner,
+std::vector<PdfPage::Rectangle> black_runs(const TagFamily& family, int id, PdfPage::Point corner,
                                            double cell_mm) {
+  const int width = family.width();
+  const std::vector<std::uint8_t> cells = family.cells(id);
+  const auto is_black = [&](int column, int row) {
+    return cells[static_cast<std::size_t>(row * width + column)] == 0;
+  };
   std::vector<PdfPage::Rectangle> runs;
-  for (int row = 0; row < pattern.cells; ++row) {
-    for (int column = 0; column < pattern.cells;) {
+  for (int row = 0; row < width; ++row) {
+    for (int column = 0; column < width;) {
       int end = column;
-      while (end < pattern.cells && pattern.black_at(end, row)) ++end;
+      while (end < width && is_black(end, row)) ++end;
       if (end > column)
-        runs.push_back({corner.x + column * cell_mm, corner.y + (pattern.cells - 1 - row) * cell_mm,
+        runs.push_back({corner.x + column * cell_mm, corner.y + (width - 1 - row) * cell_mm,
                         (end - column) * cell_mm, cell_mm});
       column = end + 1;
     }
@@ -140,15 +117,15 @@ void draw_label(PdfPage& page, PdfPage::Point zone, double side, const std::stri
   page.text({x + arrow + 1.2, base}, letters, text);
 }
 
-void draw_tag(PdfPage& page, const TagPattern& pattern, PdfPage::Point zone, const Layout& layout,
-              const TagSheetOrder& order) {
-  const double cell = order.size_mm / pattern.border_cells;
-  const double ring = (zone_cells(pattern) - pattern.cells) / 2.0 * cell;
-  page.fill(black_runs(pattern, {zone.x + ring, zone.y + ring}, cell));
+void draw_tag(PdfPage& page, const TagFamily& family, int id, PdfPage::Point zone,
+              const Layout& layout, const TagSheetOrder& order) {
+  const double cell = order.size_mm / family.edge_width();
+  const double ring = ring_cells(family) * cell;
+  page.fill(black_runs(family, id, {zone.x + ring, zone.y + ring}, cell));
   draw_cut_marks(page, zone, layout.zone_mm);
   draw_size_marks(page, zone, layout.zone_mm, order.size_mm);
   draw_label(page, zone, layout.zone_mm,
-             "UP   id " + std::to_string(pattern.tag_id) + "   " + order.family + "   " +
+             "UP   id " + std::to_string(id) + "   " + order.family + "   " +
                  number(order.size_mm) + " mm");
 }
 
@@ -215,33 +192,34 @@ Expected<std::string> tag_sheet_pdf(const TagSheetOrder& order) {
     return fail(ErrorCode::kInvalid, "a tag of " + number(order.size_mm) +
                                          " mm cannot be printed; 5 mm is the smallest size");
   if (order.ids.empty()) return fail(ErrorCode::kInvalid, "no ids given");
-  const auto patterns = tag_patterns(order);
-  if (!patterns) return tl::unexpected(patterns.error());
-  const auto layout = lay_out(order, patterns->front());
+  const auto family = TagFamily::named(order.family);
+  if (!family) return tl::unexpected(family.error());
+  for (const int id : order.ids)
+    if (const std::string fault = family->fault_of(id); !fault.empty())
+      return fail(ErrorCode::kInvalid, "id " + std::to_string(id) + ": " + fault);
+  const auto layout = lay_out(order, *family);
   if (!layout) return tl::unexpected(layout.error());
 
   std::vector<PdfPage> pages;
-  for (std::size_t i = 0; i < patterns->size(); ++i) {
+  for (std::size_t i = 0; i < order.ids.size(); ++i) {
     const std::size_t slot = i % layout->per_page();
     if (slot == 0) {
       pages.emplace_back(order.paper.width_mm, order.paper.height_mm);
       draw_ruler(pages.back());
     }
-    draw_tag(pages.back(), (*patterns)[i], layout->lower_left(order.paper, slot), *layout, order);
+    draw_tag(pages.back(), *family, order.ids[i], layout->lower_left(order.paper, slot), *layout,
+             order);
   }
   return to_pdf(pages, "Fiducap tags " + order.family + ", " + number(order.size_mm) + " mm");
 }
 
 std::string tag_sheet_yaml(const TagSheetOrder& order) {
   const std::string size_m = number(order.size_mm / 1000);
-  std::string text =
-      std::string(kTagSheetHeading) +
-      " Put the lines below `tags:` into the server's configuration.\n"
-      "tags:\n"
-      "  family: " +
-      order.family + "\n" + "  size_m: " + size_m +
-      "   # edge between black and white border; correct it if the printed size differs\n" +
-      "  sizes_m:\n";
+  std::string text(kTagSheetHeading);
+  text += " Put the lines below `tags:` into the server's configuration.\ntags:\n";
+  text += "  family: " + order.family + "\n  size_m: " + size_m;
+  text += "   # edge between black and white border; correct it if the printed size differs\n";
+  text += "  sizes_m:\n";
   for (const int id : order.ids) text += "    " + std::to_string(id) + ": " + size_m + "\n";
   return text;
 }

@@ -134,8 +134,6 @@ class MotionWindow final {
   [[nodiscard]] const Eigen::Matrix3d& way_by_bias() const { return way_by_bias_; }
 
  private:
-  void step_to(Instant to);
-
   ImuNoise noise_;
   ImuBuffer imu_;
   Instant begin_{};

@@ -1,6 +1,5 @@
 #include "estimation/checks/size_check.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
@@ -126,7 +125,7 @@ SizeCheck::SizeCheck(BodySensors sensors, double corner_noise_px)
 }
 
 void SizeCheck::add(const ImuSample& imu) {
-  if (!has_imu()) return;
+  if (!sensors_.imu) return;
   motion_.push(imu);
   if (open_ && to_seconds(imu.sampled_at - begun_at_) > 2 * kLook_s)
     finish();  // images have stopped
@@ -147,20 +146,16 @@ void SizeCheck::add(const Image& image) {
   }
 }
 
-void SizeCheck::note_bias(const BodyEstimate& estimate) {
-  // Wrong sizes make a filter restart repeatedly: the last well-known bias stays valid.
-  const auto variance = estimate.covariance.diagonal().segment<3>(estimate_block::kBiasW);
-  if (variance.maxCoeff() < kKnownBias_rad_s * kKnownBias_rad_s) bias_w_ = estimate.bias_w;
-}
-
 void SizeCheck::begin(const Image& image) {
   open_ = true;
   begun_at_ = image.seen.exposed_at;
   camera_ = image.seen.camera;
   p_WB_begin_ = image.estimate.X_WB.p;
   others_hold_ = true;
-  note_bias(image.estimate);
-  imu_holds_ = has_imu() && bias_w_;
+  // Wrong sizes make a filter restart repeatedly: the last well-known bias stays valid.
+  const auto variance = image.estimate.covariance.diagonal().segment<3>(estimate_block::kBiasW);
+  if (variance.maxCoeff() < kKnownBias_rad_s * kKnownBias_rad_s) bias_w_ = image.estimate.bias_w;
+  imu_holds_ = sensors_.imu && bias_w_;
   if (imu_holds_)
     motion_.restart(begun_at_, image.estimate.X_WB.q, *bias_w_, {0, 0, -sensors_.gravity_m_s2});
   for (Look& look : looks_) {
@@ -307,21 +302,13 @@ std::optional<LogScale> SizeCheck::verdict_on(const Score& score) const {
 std::optional<SizeFinding> SizeCheck::take_event() {
   if (!fresh_) return std::nullopt;
   fresh_ = false;
-  if (const auto common = common_.result();
-      common && is_beyond(*common, common_) && all_alike(*common))
-    return finding_for_all();
-  return finding_for_one();
-}
-
-std::optional<SizeFinding> SizeCheck::finding_for_all() {
-  const LogScale common = *common_.result();
-  if (is_old(common.value, common_reported_)) return std::nullopt;
-  common_reported_ = common.value;
-  const double ratio = std::exp(common.value);
-  return SizeFinding{std::nullopt, 0.0, ratio, ratio * common.sigma};
-}
-
-std::optional<SizeFinding> SizeCheck::finding_for_one() {
+  const auto common = common_.result();
+  if (common && is_beyond(*common, common_) && all_alike(*common)) {
+    if (is_old(common->value, common_reported_)) return std::nullopt;
+    common_reported_ = common->value;
+    const double ratio = std::exp(common->value);
+    return SizeFinding{std::nullopt, 0.0, ratio, ratio * common->sigma};
+  }
   Score* worst = nullptr;
   LogScale how{};
   for (Score& score : scores_) {

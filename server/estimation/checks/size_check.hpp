@@ -86,8 +86,6 @@ class SizeCheck final {
     double reported{0};  ///< Logarithm; 0: not reported.
   };
 
-  [[nodiscard]] bool has_imu() const { return sensors_.imu.has_value(); }
-  void note_bias(const BodyEstimate& estimate);
   void begin(const Image& image);
   void finish();
   void look_at(const TagObservation& tag, const Image& image);
@@ -99,8 +97,6 @@ class SizeCheck final {
   [[nodiscard]] Score* score_of(const Look& look);
   [[nodiscard]] bool all_alike(const LogScale& common) const;
   [[nodiscard]] std::optional<LogScale> verdict_on(const Score& score) const;
-  [[nodiscard]] std::optional<SizeFinding> finding_for_all();
-  [[nodiscard]] std::optional<SizeFinding> finding_for_one();
 
   BodySensors sensors_;
   std::vector<CameraMount> configured_;

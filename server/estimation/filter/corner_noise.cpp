@@ -47,10 +47,6 @@ CornerNoise::CornerNoise(const EstimatorConfig& config, bool learns, const Camer
   lens_reach_px_ = kLensReach * lens->model.width;
 }
 
-double CornerNoise::once_px(const TagObservation& seen) const {
-  return std::hypot(seen.corner_sigma_px, unexplained_px_);
-}
-
 /// Noise factor of the next sighting at one place.
 double CornerNoise::repeated(const TagObservation& seen) const {
   const Place& place = places_[static_cast<std::size_t>(seen.tag_id) % kPlaces];
@@ -69,7 +65,8 @@ double CornerNoise::lens_px(const TagObservation& seen) const {
 
 double CornerNoise::of(const TagObservation& seen) const {
   if (!learns_) return start_px_;
-  return std::hypot(repeated(seen) * once_px(seen), lens_px(seen));
+  return std::hypot(repeated(seen) * std::hypot(seen.corner_sigma_px, unexplained_px_),
+                    lens_px(seen));
 }
 
 Matrix8d CornerNoise::covariance(const TagObservation& seen, double more_px) const {
@@ -82,15 +79,9 @@ Matrix8d CornerNoise::covariance(const TagObservation& seen, double more_px) con
   R.diagonal().array() += unexplained_px_ * unexplained_px_;
   const double times = repeated(seen);
   R *= times * times;
-  if (lens_error_px_ > 0) add_lens(seen, R);
-  R.diagonal().array() += more_px * more_px;
-  return R;
-}
-
-/// Adds the lens error, correlated between near corners.
-void CornerNoise::add_lens(const TagObservation& seen, Matrix8d& R) const {
+  // The lens error is correlated between near corners.
   const double px = lens_px(seen);
-  for (int i = 0; i < 4; ++i) {
+  for (int i = 0; lens_error_px_ > 0 && i < 4; ++i) {
     for (int j = 0; j < 4; ++j) {
       const double apart =
           (seen.raw_px[static_cast<std::size_t>(i)] - seen.raw_px[static_cast<std::size_t>(j)])
@@ -99,6 +90,8 @@ void CornerNoise::add_lens(const TagObservation& seen, Matrix8d& R) const {
       R.block<2, 2>(2 * i, 2 * j).diagonal().array() += px * px * std::exp(-0.5 * apart * apart);
     }
   }
+  R.diagonal().array() += more_px * more_px;
+  return R;
 }
 
 void CornerNoise::begin_with(double unexplained_px) {
@@ -106,7 +99,9 @@ void CornerNoise::begin_with(double unexplained_px) {
 }
 
 double CornerNoise::growth(const TagObservation& seen) const {
-  return learns_ ? once_px(seen) / std::hypot(seen.corner_sigma_px, begun_px_) : 1.0;
+  if (!learns_) return 1;
+  return std::hypot(seen.corner_sigma_px, unexplained_px_) /
+         std::hypot(seen.corner_sigma_px, begun_px_);
 }
 
 bool CornerNoise::has_moved(const TagObservation& seen) {

@@ -60,9 +60,7 @@ class CornerNoise final {
   };
   static constexpr std::size_t kPlaces = 256;
 
-  [[nodiscard]] double once_px(const TagObservation& seen) const;
   [[nodiscard]] double repeated(const TagObservation& seen) const;
-  void add_lens(const TagObservation& seen, Matrix8d& R) const;
   [[nodiscard]] double lens_px(const TagObservation& seen) const;
   /// @return whether it was seen at another place before
   [[nodiscard]] bool has_moved(const TagObservation& seen);

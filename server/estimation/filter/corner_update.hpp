@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cmath>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -44,7 +45,7 @@ class CornerUpdate final {
       noise.learn(*tags[i].seen, update_.judged()[i].distance, update_.judged()[i].noise_share);
     report.tags_used = static_cast<int>(update_.used().size());
     report.tags_rejected = static_cast<int>(tags.size()) - report.tags_used;
-    has_score_ = false;
+    score_.reset();
     // With many rejected tags the accepted ones underestimate the noise.
     if (options.wants_score && 2 * report.tags_rejected >= static_cast<int>(tags.size()))
       score_all(state);
@@ -62,7 +63,7 @@ class CornerUpdate final {
       const double nis = update_.solve(state.P(), image_, state.held_tags());
       if (iteration == 0) {
         report.nis = nis;
-        if (options.wants_score && !has_score_) note_score();
+        if (options.wants_score && !score_) score_ = update_.shared_score(image_);
       }
       if (moves) state.copy_mean(prior_);
       state.add_error(update_.correction());
@@ -78,9 +79,10 @@ class CornerUpdate final {
   }
 
   /// Score of the camera's pose by the accepted tags of the last image, by all of them when at
-  /// least half were rejected.
-  [[nodiscard]] bool has_score() const { return has_score_; }
-  [[nodiscard]] const StackedUpdate::SharedScore& shared_score() const { return score_; }
+  /// least half were rejected; nullopt: none, or not wanted.
+  [[nodiscard]] const std::optional<StackedUpdate::SharedScore>& shared_score() const {
+    return score_;
+  }
 
  private:
   void score_all(const State& state) {
@@ -88,22 +90,16 @@ class CornerUpdate final {
     update_.use_all(image_);
     if (!update_.empty()) {
       (void)update_.solve(state.P(), image_, state.held_tags());
-      note_score();
+      score_ = update_.shared_score(image_);
     }
     update_.use(gated_);
-  }
-
-  void note_score() {
-    score_ = update_.shared_score(image_);
-    has_score_ = true;
   }
 
   State prior_;  ///< mean only
   ImageMeasurement image_;
   StackedUpdate update_;
   std::vector<std::size_t> gated_;
-  StackedUpdate::SharedScore score_;
-  bool has_score_{false};
+  std::optional<StackedUpdate::SharedScore> score_;
 };
 
 }  // namespace fiducap

@@ -103,12 +103,11 @@ FIDUCAP_INLINE void factor_columns(const View& S, Index m, Index j) {
     }
   }
   Index i = j + cols;
-  double* const below = S.data;
   for (; i + 2 * kLanes<Pack> <= m; i += 2 * kLanes<Pack>)
-    divide_tile<Pack, 2, cols>(S, j, below + i, S.stride);
+    divide_tile<Pack, 2, cols>(S, j, S.data + i, S.stride);
   for (; i + kLanes<Pack> <= m; i += kLanes<Pack>)
-    divide_tile<Pack, 1, cols>(S, j, below + i, S.stride);
-  for (; i < m; ++i) divide_tile<double, 1, cols>(S, j, below + i, S.stride);
+    divide_tile<Pack, 1, cols>(S, j, S.data + i, S.stride);
+  for (; i < m; ++i) divide_tile<double, 1, cols>(S, j, S.data + i, S.stride);
 }
 
 template <class Pack>

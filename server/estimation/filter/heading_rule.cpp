@@ -71,8 +71,7 @@ std::optional<Eigen::Vector3d> up_by_floor(std::span<const Pose> X_AT) {
 }
 
 Eigen::Quaterniond upright_attitude(const Eigen::Quaterniond& q_AT, const Eigen::Vector3d& up_A) {
-  const Eigen::Quaterniond level =
-      Eigen::Quaterniond::FromTwoVectors(up_A, Eigen::Vector3d::UnitZ()) * q_AT;
+  const Eigen::Quaterniond level = rotation_between(up_A, Eigen::Vector3d::UnitZ()) * q_AT;
   return (turn_to_heading(make_heading_rule({}, level), level) * level).normalized();
 }
 

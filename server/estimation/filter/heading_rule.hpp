@@ -24,8 +24,7 @@ struct HeadingRule {
   Pose X_WT;          ///< Position of the tag; without gravity its whole pose.
 };
 
-/// @param q_WT  the tag's attitude in any level axes; selects its most level axis when no survey is
-///              given
+/// @param q_WT  in any level axes; selects the tag's most level axis when no survey is given
 [[nodiscard]] HeadingRule make_heading_rule(const WorkspaceGauge& gauge,
                                             const Eigen::Quaterniond& q_WT);
 

@@ -28,11 +28,6 @@ std::size_t most_readings(double rate_hz, Duration past) {
 }
 }  // namespace
 
-bool SaturationWatch::is_long(const Axis& axis) {
-  if (axis.changes < kNeededChanges || axis.repeats > kMostRepeats) return false;
-  return axis.run * std::log(std::max(axis.repeats, kLeastRepeats)) < std::log(kChance);
-}
-
 std::size_t SaturationWatch::judge(Axis& axis, double value, bool others_move) {
   if (value != axis.last) {
     // A run that was no saturation gives the share of repeats.
@@ -45,8 +40,10 @@ std::size_t SaturationWatch::judge(Axis& axis, double value, bool others_move) {
     return 0;
   }
   ++axis.run;
-  if (axis.is_flat || !others_move || !is_long(axis)) return 0;
-  axis.is_flat = true;
+  if (axis.is_flat || !others_move || axis.changes < kNeededChanges || axis.repeats > kMostRepeats)
+    return 0;
+  axis.is_flat = axis.run * std::log(std::max(axis.repeats, kLeastRepeats)) < std::log(kChance);
+  if (!axis.is_flat) return 0;
   return static_cast<std::size_t>(axis.run);
 }
 

@@ -86,7 +86,6 @@ class SaturationWatch final {
 
   /// @return earlier samples found saturated now
   static std::size_t judge(Axis& axis, double value, bool others_move);
-  [[nodiscard]] static bool is_long(const Axis& axis);
 
   ImuNoise unit_;
   std::array<Axis, 6> axes_{};

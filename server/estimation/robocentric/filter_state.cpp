@@ -14,17 +14,6 @@ void left_error(const Pose& from, const Pose& to, Eigen::Ref<Eigen::VectorXd> er
 }
 }  // namespace
 
-void FilterState::copy_mean(const FilterState& other) {
-  time = other.time;
-  p_WB_B = other.p_WB_B;
-  v_WB_B = other.v_WB_B;
-  q_WB = other.q_WB;
-  bias_f = other.bias_f;
-  bias_w = other.bias_w;
-  X_BV = other.X_BV;
-  tags = other.tags;
-}
-
 void FilterState::add_tag(const LocalTag& tag, const Matrix6d& own) {
   tags.push_back(tag);
   covariance.append(own);

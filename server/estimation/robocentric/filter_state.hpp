@@ -51,11 +51,9 @@ struct LocalTag : TagRecord {
   Pose X_VT;  ///< In the axes of camera 0.
 };
 
-/// The state x of RCARS II-D3, for any number of tags and cameras, with its covariance.
-///
-/// Robocentric: position and velocity of the body in its own rotating axes B, tags in the axes of
-/// camera 0.
-struct FilterState {
+/// The state x of RCARS II-D3, for any number of tags and cameras: position and velocity of the
+/// body in its own rotating axes B, tags in the axes of camera 0.
+struct FilterMean {
   Instant time{};
   Eigen::Vector3d p_WB_B{Eigen::Vector3d::Zero()};
   Eigen::Vector3d v_WB_B{Eigen::Vector3d::Zero()};
@@ -64,6 +62,10 @@ struct FilterState {
   Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
   std::vector<Pose> X_BV;      ///< One per camera.
   std::vector<LocalTag> tags;  ///< Order of entry.
+};
+
+/// The state with its covariance.
+struct FilterState : FilterMean {
   GrowingCovariance covariance;
 
   [[nodiscard]] int cameras() const { return static_cast<int>(X_BV.size()); }
@@ -86,7 +88,7 @@ struct FilterState {
   /// Marginalises a tag.
   void remove_tag(std::size_t i);
   /// Copies all but the covariance.
-  void copy_mean(const FilterState& other);
+  void copy_mean(const FilterState& other) { static_cast<FilterMean&>(*this) = other; }
   /// Sets the covariance to zero at size().
   void resize_covariance() { covariance.reset(size()); }
 
@@ -103,6 +105,13 @@ struct FilterState {
 inline void transport_covariance(FilterState& /*state*/,
                                  const Eigen::Ref<const Eigen::VectorXd>& /*correction*/,
                                  int /*camera*/) {}
+
+/// The rotation R of a position and of an attitude error.
+[[nodiscard]] inline Matrix6d turn_of_pose_error(const Eigen::Matrix3d& R) {
+  Matrix6d out = Matrix6d::Zero();
+  out.topLeftCorner<3, 3>() = out.bottomRightCorner<3, 3>() = R;
+  return out;
+}
 
 /// Innovation and Jacobian of one tag, RCARS II-D4. A tag of the state seen by camera 0 depends on
 /// itself alone; another camera adds both extrinsics; a known tag depends on the body.

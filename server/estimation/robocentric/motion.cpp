@@ -133,9 +133,7 @@ FrameTransition::TagMove FrameTransition::move_tag(const Pose& X_BV, const Pose&
   from_extrinsics.topRightCorner<3, 3>() += skew(lever_B);
   from_extrinsics.bottomRightCorner<3, 3>() -= Eigen::Matrix3d::Identity();
 
-  Matrix6d to_camera = Matrix6d::Zero();
-  to_camera.topLeftCorner<3, 3>() = R_BV.transpose();
-  to_camera.bottomRightCorner<3, 3>() = R_BV.transpose();
+  const Matrix6d to_camera = turn_of_pose_error(R_BV.transpose());
 
   TagMove move;
   move.A = to_camera * from_tag;

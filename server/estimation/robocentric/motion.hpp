@@ -20,8 +20,7 @@ struct MotionSinceImage {
   void restart() { *this = MotionSinceImage{}; }
 };
 
-/// Jacobian and noise of one integration step in the coordinates (body, step since image) of
-/// `layout`.
+/// Jacobian and noise of one integration step; (body, step since image) as in `layout`.
 struct StepJacobians {
   MotionMatrix F{MotionMatrix::Identity()};
   /// Of white noise of gyroscope and accelerometer, held over the step.

@@ -1,3 +1,4 @@
+#include "estimation/filter/matrix6.hpp"
 #include "estimation/robocentric/filter_state.hpp"
 
 #include <Eigen/Cholesky>
@@ -15,28 +16,6 @@ namespace {
 Pose tag_in_body(const FilterState& state, const TagToUse& tag) {
   if (tag.local >= 0) return state.X_BV[0] * state.tags[static_cast<std::size_t>(tag.local)].X_VT;
   return state.X_WB().inverse() * tag.known->X_WT;
-}
-
-/// Corner noise plus the covariance of the given pose, which is not in the state.
-Eigen::Matrix<double, 8, 8> noise_of(const FilterState& state, const TagToUse& tag,
-                                     const Matrix86d& H_BT, double noise_px) {
-  Eigen::Matrix<double, 8, 8> R = Eigen::Matrix<double, 8, 8>::Identity() * noise_px * noise_px;
-  if (tag.local < 0) {
-    Matrix6d B_from_W = Matrix6d::Zero();
-    B_from_W.topLeftCorner<3, 3>() = state.q_WB.conjugate().toRotationMatrix();
-    B_from_W.bottomRightCorner<3, 3>() = B_from_W.topLeftCorner<3, 3>();
-    const Matrix86d H = H_BT * B_from_W;
-    R.noalias() += H * tag.known->covariance * H.transpose();
-  }
-  return R;
-}
-
-void add_body_blocks(TagMeasurement& m, const FilterState& state, const Matrix86d& H_BT,
-                     const Pose& X_BT) {
-  const Matrix83d H_p = H_BT.leftCols<3>();
-  const Matrix83d H_q = H_BT.rightCols<3>();
-  m.add(kPosition, -H_p);
-  m.add(kAttitude, H_p * skew(X_BT.p + state.p_WB_B) - H_q);
 }
 
 void add_tag_blocks(TagMeasurement& m, const FilterState& state, int local, const Matrix86d& H_BT) {
@@ -90,7 +69,7 @@ TagMeasurement measure(const FilterState& state, int camera, const CameraModel& 
       corner_residual(*tag.seen, predicted_tag(state, camera, tag), model);
   m.in_front = residual.in_front;
   m.y = residual.y;
-  m.R = Eigen::Matrix<double, 8, 8>::Identity() * corner_noise_px * corner_noise_px;
+  m.R = Matrix8d::Identity() * corner_noise_px * corner_noise_px;
   if (!m.in_front) return m;
   if (tag.local >= 0 && camera == 0) {
     m.add(state.tag_at(static_cast<std::size_t>(tag.local)), residual.H.leftCols<3>());
@@ -108,8 +87,14 @@ TagMeasurement measure(const FilterState& state, int camera, const CameraModel& 
   if (tag.local >= 0) {
     add_tag_blocks(m, state, tag.local, H_BT);
   } else {
-    add_body_blocks(m, state, H_BT, X_BT);
-    m.R = noise_of(state, tag, H_BT, corner_noise_px);
+    const Matrix83d H_p = H_BT.leftCols<3>();
+    const Matrix83d H_q = H_BT.rightCols<3>();
+    m.add(kPosition, -H_p);
+    m.add(kAttitude, H_p * skew(X_BT.p + state.p_WB_B) - H_q);
+    // The given pose is not in the state.
+    const Matrix6d B_from_W = turn_of_pose_error(state.q_WB.conjugate().toRotationMatrix());
+    const Matrix86d H = H_BT * B_from_W;
+    m.R.noalias() += H * tag.known->covariance * H.transpose();
   }
   return m;
 }
@@ -137,17 +122,10 @@ void augment(FilterState& state, int camera, const CameraModel& model, const Tag
   const CornerResidual residual = corner_residual(seen, X_VT, model);
   const Matrix6d information =
       residual.H.transpose() * residual.H / (corner_noise_px * corner_noise_px);
-  const Matrix6d own = information.inverse();
+  const Matrix6d own = inverse6(information);
 
-  LocalTag tag;
-  tag.tag_id = seen.tag_id;
-  tag.edge_m = seen.edge_m;
-  tag.sightings = 1;
-  if (camera == 0) {
-    tag.X_VT = X_VT;
-    state.add_tag(tag, own);
-    return;
-  }
+  LocalTag tag{{.tag_id = seen.tag_id, .edge_m = seen.edge_m, .sightings = 1}, X_VT};
+  if (camera == 0) return state.add_tag(tag, own);
   // X_V0T = X_BV0⁻¹ X_BVc X_VcT
   const Pose& X_BVc = state.X_BV[static_cast<std::size_t>(camera)];
   const Pose& X_BV0 = state.X_BV[0];
@@ -163,9 +141,7 @@ void augment(FilterState& state, int camera, const CameraModel& model, const Tag
       linear_term(extrinsics(camera) + 3, -R_V0B * skew(arm_B), R_V0B),
       linear_term(extrinsics(0), -R_V0B, zero),
       linear_term(extrinsics(0) + 3, R_V0B * skew(lever_B), -R_V0B)};
-  Matrix6d turn = Matrix6d::Zero();
-  turn.topLeftCorner<3, 3>() = R_V0Vc;
-  turn.bottomRightCorner<3, 3>() = R_V0Vc;
+  const Matrix6d turn = turn_of_pose_error(R_V0Vc);
   const int at = state.tag_at(state.tags.size() - 1);
   redefine(state.covariance, at, at + 3, terms, turn * own * turn.transpose());
 }

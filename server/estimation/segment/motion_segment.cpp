@@ -1,7 +1,6 @@
 #include "estimation/segment/motion_segment.hpp"
 
 #include <Eigen/LU>
-#include <cmath>
 
 #include "estimation/world/error_state.hpp"
 

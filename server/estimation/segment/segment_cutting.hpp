@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "capture/recording/odometry.hpp"
-#include "estimation/estimator_config.hpp"
 #include "estimation/segment/motion_segment.hpp"
 
 namespace fiducap {

@@ -15,6 +15,10 @@ constexpr double kLossBend = 8 * 5.0 * 5.0;
 constexpr double kSurestMotion = 1e-6;
 // Sigma of an unused accelerometer bias.
 constexpr double kUnusedBias = 1e-9;
+
+std::span<const SegmentStep> last_of(std::span<const SegmentStep> steps) {
+  return steps.last(std::min<std::size_t>(1, steps.size()));
+}
 }  // namespace
 
 SegmentElimination::SegmentElimination(MotionSegment& segment)
@@ -39,13 +43,9 @@ void SegmentElimination::prepare_workspace() {
   }
   workspace_.gravity_offset_m_s2 = segment_.gravity_offset_m_s2;
   workspace_.parameter_tests.resize(1);  // measure() includes the parameters
-  for (const KnownTag& known : segment_.tags) {
-    world::WorldTag tag;
-    tag.tag_id = known.tag_id;
-    tag.edge_m = known.edge_m;
-    tag.X_WT = known.X_WT;
-    workspace_.add_tag(tag, Matrix6d::Zero());
-  }
+  for (const KnownTag& known : segment_.tags)
+    workspace_.add_tag({{.tag_id = known.tag_id, .edge_m = known.edge_m}, known.X_WT},
+                       Matrix6d::Zero());
 }
 
 void SegmentElimination::linearise_at(const MotionSegment::Instance& instance) {
@@ -59,11 +59,10 @@ void SegmentElimination::linearise_at(const MotionSegment::Instance& instance) {
 
 SegmentElimination::Information SegmentElimination::run() {
   Information info(rest_);
-  begin_run();
+  eliminated_.clear();
+  sightings_ = outliers_ = 0;
   const auto& instances = segment_.instances;
-  linearise_at(instances.front());
-  remember_rate(instances[1].steps.empty() ? nullptr : &instances[1].steps.front());
-  add_image_factors(instances.front(), info);
+  add_images(instances.front(), std::span(instances[1].steps), info);
   // The body now is the begin.
   info.all.block<15, 15>(0, 0) = info.own;
   info.all.middleRows<15>(0) += info.beside;
@@ -72,44 +71,28 @@ SegmentElimination::Information SegmentElimination::run() {
   for (std::size_t k = 1; k < instances.size(); ++k) {
     const Motion motion = move(instances[k - 1], instances[k]);
     k == 1 ? add_first_motion(motion, info) : add_motion(motion, info);
-    linearise_at(instances[k]);
-    remember_rate(instances[k].steps.empty() ? nullptr : &instances[k].steps.back());
-    add_image_factors(instances[k], info);
+    add_images(instances[k], last_of(instances[k].steps), info);
   }
-  add_end(info);
+  // The body now is the end.
+  info.all.block<15, 15>(15, 15) += info.own;
+  info.all.middleRows<15>(15) += info.beside;
+  info.all.middleCols<15>(15) += info.beside.transpose();
+  info.pull.segment<15>(15) += info.own_pull;
   return info;
 }
 
 /// The images at the fixed ends do not affect the path.
 void SegmentElimination::run_path() {
   Information info(0);
-  begin_run();
+  eliminated_.clear();
+  sightings_ = outliers_ = 0;
   const auto& instances = segment_.instances;
   for (std::size_t k = 1; k < instances.size(); ++k) {
     const Motion motion = move(instances[k - 1], instances[k]);
     k == 1 ? start_body(motion, info) : add_motion(motion, info);
     if (k + 1 == instances.size()) return;
-    linearise_at(instances[k]);
-    remember_rate(instances[k].steps.empty() ? nullptr : &instances[k].steps.back());
-    add_image_factors(instances[k], info);
+    add_images(instances[k], last_of(instances[k].steps), info);
   }
-}
-
-void SegmentElimination::begin_run() {
-  eliminated_.clear();
-  sightings_ = numbers_ = outliers_ = 0;
-}
-
-/// Sets the present motion, for the derivative by the clock shift.
-void SegmentElimination::remember_rate(const SegmentStep* step) {
-  workspace_.a_WB.setZero();
-  workspace_.gyro_B.setZero();
-  if (step == nullptr) return;
-  const InertialInput& input = step->input;
-  workspace_.gyro_B = input.w_B;
-  if (input.has_accelerometer)
-    workspace_.a_WB = workspace_.X_WB.q * (input.f_B - workspace_.bias_f) +
-                      Eigen::Vector3d(0, 0, -segment_.sensors->gravity_m_s2);
 }
 
 SegmentElimination::Motion SegmentElimination::move(const MotionSegment::Instance& from,
@@ -194,17 +177,19 @@ void SegmentElimination::add_gravity(const Motion& m, Information& info) const {
   info.pull(last) -= WG.dot(m.r);
 }
 
-/// The body now is the end.
-void SegmentElimination::add_end(Information& info) const {
-  if (segment_.instances.size() < 2) return;
-  info.all.block<15, 15>(15, 15) += info.own;
-  info.all.middleRows<15>(15) += info.beside;
-  info.all.middleCols<15>(15) += info.beside.transpose();
-  info.pull.segment<15>(15) += info.own_pull;
-}
-
-void SegmentElimination::add_image_factors(const MotionSegment::Instance& instance,
-                                           Information& info) {
+void SegmentElimination::add_images(const MotionSegment::Instance& instance,
+                                    std::span<const SegmentStep> motion, Information& info) {
+  linearise_at(instance);
+  // The present motion, for the derivative by the clock shift.
+  workspace_.a_WB.setZero();
+  workspace_.gyro_B.setZero();
+  if (!motion.empty()) {
+    const InertialInput& input = motion.front().input;
+    workspace_.gyro_B = input.w_B;
+    if (input.has_accelerometer)
+      workspace_.a_WB = workspace_.X_WB.q * (input.f_B - workspace_.bias_f) +
+                        Eigen::Vector3d(0, 0, -segment_.sensors->gravity_m_s2);
+  }
   for (const SegmentImage& image : instance.images) {
     const Eigen::Index rest = info.all.rows();
     ImageSum sum(static_cast<int>(rest) + 15);
@@ -238,7 +223,6 @@ void SegmentElimination::add(const SegmentImage& image, const SegmentSighting& s
   const double trust = 1.0 / (1.0 + distance / kLossBend);
   weight *= trust;
   ++sightings_;
-  numbers_ += 8;
   if (trust < 0.5) ++outliers_;
 
   Parts found;

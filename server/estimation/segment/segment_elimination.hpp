@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <array>
+#include <span>
 #include <vector>
 
 #include "estimation/body_estimate.hpp"
@@ -16,8 +17,7 @@ namespace fiducap {
 /// origin of its axes. Keeps a reference to the segment.
 class SegmentElimination final {
  public:
-  /// ½ zᵀ Λ z − ηᵀ z + cost over z = (the body now, the rest: [begin, end, cameras, tags,
-  /// gravity]).
+  /// ½ zᵀ Λ z − ηᵀ z + cost, z = (the body now, the rest: [begin, end, cameras, tags, gravity]).
   struct Information {
     explicit Information(int rest)
         : own(Matrix15d::Zero()),
@@ -59,7 +59,6 @@ class SegmentElimination final {
   /// Of the inner instances, in their order.
   [[nodiscard]] const std::vector<Eliminated>& eliminated() const { return eliminated_; }
   [[nodiscard]] int sightings() const { return sightings_; }
-  [[nodiscard]] int numbers() const { return numbers_; }
   [[nodiscard]] int outliers() const { return outliers_; }
 
  private:
@@ -100,17 +99,16 @@ class SegmentElimination final {
   };
 
   void prepare_workspace();
-  void begin_run();
   void linearise_at(const MotionSegment::Instance& instance);
-  void remember_rate(const SegmentStep* step);
   [[nodiscard]] Motion move(const MotionSegment::Instance& from, const MotionSegment::Instance& to);
   void add_first_motion(const Motion& m, Information& info) const;
   static void start_body(const Motion& m, Information& info);
   [[nodiscard]] bool asks_for_gravity(const Information& info) const;
   void add_gravity(const Motion& m, Information& info) const;
   void add_motion(const Motion& m, Information& info);
-  void add_end(Information& info) const;
-  void add_image_factors(const MotionSegment::Instance& instance, Information& info);
+  /// @param motion  the step before or after the instance; empty: not known
+  void add_images(const MotionSegment::Instance& instance, std::span<const SegmentStep> motion,
+                  Information& info);
   void add(const SegmentImage& image, const SegmentSighting& sighting, ImageSum& sum);
   static void add_products(const Parts& found, const Matrix8d& weight, const Vector8d& y,
                            const Vector8d& on_time, ImageSum& sum);
@@ -126,7 +124,6 @@ class SegmentElimination final {
   world::FilterState workspace_;  ///< State at the present instance, for measure() and propagate().
   std::vector<Eliminated> eliminated_;
   int sightings_{0};
-  int numbers_{0};
   int outliers_{0};
 };
 

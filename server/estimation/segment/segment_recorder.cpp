@@ -37,13 +37,6 @@ void SegmentRecorder::add(const ImuSample& imu) {
   if (imu_.is_full()) integrate_to(imu_.before_newest().sampled_at, 1.0);
 }
 
-/// Continues with the record of the selected start, which ends at the present image.
-void SegmentRecorder::go_on_from(SegmentRecorder start, const UpdateReport& report) {
-  *this = std::move(start);
-  generation_ = report.generation;
-  start_is_open_ = report.start_is_open;
-}
-
 /// Poses may be in previous axes.
 void SegmentRecorder::break_chain() {
   is_open_ = false;
@@ -68,8 +61,13 @@ std::shared_ptr<const MotionSegment> SegmentRecorder::take() {
 void SegmentRecorder::add(const TagObservations& seen, BodyFilter& filter,
                           const UpdateReport& report, std::span<const TagBelief> beliefs,
                           std::span<const KnownTag> known) {
-  if (auto start = filter.take_start())
-    return go_on_from(std::move(static_cast<SegmentRecorder&>(*start)), report);
+  if (const auto start = filter.take_start()) {
+    // Continues with the record of the selected start, which ends at the present image.
+    *this = std::move(static_cast<SegmentRecorder&>(*start));
+    generation_ = report.generation;
+    start_is_open_ = report.start_is_open;
+    return;
+  }
   start_is_open_ = report.start_is_open;
   if (report.generation != generation_ || report.start_changed) {
     break_chain();
@@ -89,8 +87,8 @@ void SegmentRecorder::add(const TagObservations& seen, BodyFilter& filter,
   for (const KnownTag& tag : known)
     if (body.anchored) places_.try_emplace(tag.tag_id, tag);
   SegmentImage image = segment_image(seen, filter, config_);
-  const bool is_of_use =
-      std::ranges::any_of(image.tags, [&](const auto& s) { return has_place(s.seen.tag_id); });
+  const bool is_of_use = std::ranges::any_of(
+      image.tags, [&](const auto& s) { return places_.contains(s.seen.tag_id); });
   if (is_of_use) of_use_at_ = body.at;
   if (!is_open_) {
     if (!is_of_use) return places_.clear();
@@ -129,7 +127,7 @@ void SegmentRecorder::end(const BodyFilter& filter) {
   std::map<int, bool> is_seen;
   for (MotionSegment::Instance& instance : open_.instances) {
     for (SegmentImage& image : instance.images) {
-      std::erase_if(image.tags, [&](const auto& s) { return !has_place(s.seen.tag_id); });
+      std::erase_if(image.tags, [&](const auto& s) { return !places_.contains(s.seen.tag_id); });
       for (const SegmentSighting& s : image.tags) is_seen[s.seen.tag_id] = true;
     }
     std::erase_if(instance.images, [](const SegmentImage& image) { return image.tags.empty(); });

@@ -47,11 +47,9 @@ class SegmentRecorder final : public FilterObserver {
   [[nodiscard]] std::shared_ptr<const MotionSegment> take();
 
  private:
-  void go_on_from(SegmentRecorder start, const UpdateReport& report);
   void begin(const BodyEstimate& body);
   void integrate_to(Instant to, double imu_variance);
   void add_step(Instant to, const InertialInput& input, Duration longest);
-  [[nodiscard]] bool has_place(int tag_id) const { return places_.contains(tag_id); }
   void shift_axes(const Pose& X_new_old);
   void end(const BodyFilter& filter);
 

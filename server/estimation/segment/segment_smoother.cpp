@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "estimation/segment/segment_elimination.hpp"
 
@@ -37,24 +36,6 @@ std::optional<SegmentElimination::Information> smooth(const MotionSegment& segme
   }
 }
 
-SegmentFactor factor_of(const MotionSegment& segment, const SegmentElimination& elimination,
-                        const SegmentElimination::Information& info) {
-  SegmentFactor out;
-  out.begin = segment.begin();
-  out.end = segment.end();
-  out.cameras = segment.cameras;
-  out.tags = segment.tags;
-  out.scales = segment.scales;
-  out.gravity_offset_m_s2 = segment.gravity_offset_m_s2;
-  out.H = info.all.selfadjointView<Eigen::Lower>();
-  out.g = -info.pull;
-  out.cost = info.cost;
-  out.numbers = elimination.numbers();
-  out.sightings = elimination.sightings();
-  out.outliers = elimination.outliers();
-  return out;
-}
-
 void shift(MotionSegment& segment, const Eigen::Vector3d& by) {
   for (MotionSegment::Instance& instance : segment.instances) instance.body.X_WB.p += by;
   for (KnownTag& tag : segment.tags) tag.X_WT.p += by;
@@ -68,7 +49,19 @@ std::optional<SegmentFactor> condense(MotionSegment& segment) {
   shift(segment, -origin);
   SegmentElimination elimination(segment);
   std::optional<SegmentFactor> out;
-  if (const auto info = smooth(segment, elimination)) out = factor_of(segment, elimination, *info);
+  if (const auto info = smooth(segment, elimination))
+    out = SegmentFactor{.begin = segment.begin(),
+                        .end = segment.end(),
+                        .cameras = segment.cameras,
+                        .tags = segment.tags,
+                        .scales = segment.scales,
+                        .gravity_offset_m_s2 = segment.gravity_offset_m_s2,
+                        .H = info->all.selfadjointView<Eigen::Lower>(),
+                        .g = -info->pull,
+                        .cost = info->cost,
+                        .numbers = 8 * elimination.sightings(),
+                        .sightings = elimination.sightings(),
+                        .outliers = elimination.outliers()};
   shift(segment, origin);
   return out;
 }

@@ -29,15 +29,11 @@ HypothesisPlan::HypothesisPlan(Prior prior, std::span<const ClockEstimate> prese
     : prior_(std::move(prior)), may_search_(searches) {
   for (const ClockEstimate& clock : present) present_shifts_s_.push_back(clock.shift_s);
   has_present_moved_ = is_far_off(prior_.shifts_s, present);
-  refine_from(configured(1.0));
-}
-
-ClockHypothesis HypothesisPlan::configured(double spread) const {
-  return {prior_.shifts_s, spread};
+  refine_from(beside(0, 1.0));
 }
 
 ClockHypothesis HypothesisPlan::beside(double sigmas, double spread) const {
-  ClockHypothesis hypothesis = configured(spread);
+  ClockHypothesis hypothesis{prior_.shifts_s, spread};
   for (std::size_t k = 0; k < hypothesis.shifts_s.size(); ++k)
     hypothesis.shifts_s[k] += sigmas * prior_.sigmas_s[k];
   return hypothesis;
@@ -49,7 +45,13 @@ std::optional<ClockHypothesis> HypothesisPlan::next() const {
 }
 
 bool HypothesisPlan::take(const Outcome& outcome) {
-  const double cost = outcome.explanation.cost + cost_of_shifts(outcome.clocks);
+  double cost_of_shifts = 0;
+  for (std::size_t k = 0; k < outcome.clocks.size(); ++k) {
+    if (!(prior_.sigmas_s[k] > 0)) continue;  // known exactly
+    const double sigmas = (outcome.clocks[k].shift_s - prior_.shifts_s[k]) / prior_.sigmas_s[k];
+    cost_of_shifts += sigmas * sigmas;
+  }
+  const double cost = outcome.explanation.cost + cost_of_shifts;
   switch (stage_) {
     case Stage::kFree:
     case Stage::kPresent:
@@ -107,7 +109,8 @@ void HypothesisPlan::take_searched(double cost) {
       trying_ = beside(lowest_ + step, 0.0);
       return;
     }
-    lowest_ = vertex(step);
+    const auto [below, above] = beside_cost_;
+    lowest_ += minimum_of_parabola(below, lowest_cost_, above) * step;
     enter(stage_ == Stage::kHalf ? Stage::kVertex : Stage::kSearched);
   }
 }
@@ -117,7 +120,7 @@ void HypothesisPlan::enter(Stage stage) {
   step_ = 0;
   if (stage == Stage::kPresent) return refine_from({present_shifts_s_, kFoundSpread});
   if (stage == Stage::kSearched) return refine_from(beside(lowest_, kFoundSpread));
-  if (stage == Stage::kHeld) trying_ = configured(0.0);
+  if (stage == Stage::kHeld) trying_ = beside(0, 0.0);
   if (stage == Stage::kGrid) trying_ = beside(-kSearched_sigma, 0.0);
   if (stage == Stage::kHalf) trying_ = beside(lowest_ - 0.5, 0.0);
   if (stage == Stage::kVertex) trying_ = beside(lowest_, 0.0);
@@ -130,24 +133,8 @@ void HypothesisPlan::refine_from(ClockHypothesis hypothesis) {
   was_best_ = false;
 }
 
-/// Vertex of the parabola through the minimum and its neighbours.
-double HypothesisPlan::vertex(double step) const {
-  const auto [below, above] = beside_cost_;
-  return lowest_ + minimum_of_parabola(below, lowest_cost_, above) * step;
-}
-
 bool HypothesisPlan::is_poor() const {
   return best_.cost > kPoorCost * best_.numbers + kPoorScatter * std::sqrt(best_.numbers);
-}
-
-double HypothesisPlan::cost_of_shifts(std::span<const ClockEstimate> clocks) const {
-  double cost = 0;
-  for (std::size_t k = 0; k < clocks.size(); ++k) {
-    if (!(prior_.sigmas_s[k] > 0)) continue;  // known exactly
-    const double sigmas = (clocks[k].shift_s - prior_.shifts_s[k]) / prior_.sigmas_s[k];
-    cost += sigmas * sigmas;
-  }
-  return cost;
 }
 
 bool HypothesisPlan::is_far_off(std::span<const double> shifts_s,

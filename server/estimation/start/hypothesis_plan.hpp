@@ -55,17 +55,14 @@ class HypothesisPlan final {
     kDone,
   };
 
-  [[nodiscard]] ClockHypothesis configured(double spread) const;
-  /// All cameras by the same number of sigmas: they usually share one computer.
+  /// All cameras this far from the configured shifts: they usually share one computer.
   [[nodiscard]] ClockHypothesis beside(double sigmas, double spread) const;
   [[nodiscard]] bool is_far_off(std::span<const double> shifts_s,
                                 std::span<const ClockEstimate> found) const;
-  [[nodiscard]] double cost_of_shifts(std::span<const ClockEstimate> clocks) const;
   bool take_refined(const Outcome& outcome, double cost);
   void take_searched(double cost);
   void enter(Stage stage);
   void refine_from(ClockHypothesis hypothesis);
-  [[nodiscard]] double vertex(double step) const;
 
   Prior prior_;
   std::vector<double> present_shifts_s_;

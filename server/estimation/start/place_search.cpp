@@ -42,14 +42,6 @@ double cost_of(const Pose& X_AB, std::span<const SightedTag> tags, const PlaceGu
   return cost;
 }
 
-/// Least squares over all tags, first with wide and then with narrow bounds: the result is near the
-/// filter's own solution and a better linearisation point than one tag's noisy pose.
-Pose refine(const Pose& X_AB, std::span<const SightedTag> tags, double noise_px) {
-  const Pose near = resect(X_AB, tags, kFirstInlierSigmas * noise_px);
-  return resect(near, tags, kInlierSigmas * noise_px);
-}
-
-double size_px(const TagObservation& tag) { return (tag.corners_px[0] - tag.corners_px[2]).norm(); }
 }  // namespace
 
 Pose resect(Pose X_AB, std::span<const SightedTag> tags, double inlier_px) {
@@ -84,7 +76,9 @@ std::optional<PlaceFound> find_place(std::span<const SightedTag> tags, const Pla
                                      double corner_noise_px, double same_rad) {
   std::vector<const SightedTag*> proposers;
   for (const SightedTag& tag : tags) proposers.push_back(&tag);
-  std::ranges::sort(proposers, std::greater{}, [](const auto* tag) { return size_px(*tag->seen); });
+  std::ranges::sort(proposers, std::greater{}, [](const SightedTag* tag) {
+    return (tag->seen->corners_px[0] - tag->seen->corners_px[2]).norm();
+  });
   if (proposers.size() > kMaxProposers) proposers.resize(kMaxProposers);
 
   struct Proposal {
@@ -95,8 +89,10 @@ std::optional<PlaceFound> find_place(std::span<const SightedTag> tags, const Pla
   for (const SightedTag* tag : proposers) {
     for (const TagPose& pose : solve_tag_pose(*tag->seen, *tag->camera)) {
       if (!std::isfinite(pose.rms_px)) continue;
-      const Pose X_AB =
-          refine(tag->X_AT * (tag->X_BV * pose.X_VT).inverse(), tags, corner_noise_px);
+      // Wide bounds, then narrow ones: a better linearisation point than one tag's noisy pose.
+      const Pose near = resect(tag->X_AT * (tag->X_BV * pose.X_VT).inverse(), tags,
+                               kFirstInlierSigmas * corner_noise_px);
+      const Pose X_AB = resect(near, tags, kInlierSigmas * corner_noise_px);
       proposals.push_back({X_AB, cost_of(X_AB, tags, guess, corner_noise_px)});
     }
   }

@@ -161,18 +161,15 @@ bool StartSearch::is_noise_settled(const StartingFilter& present) const {
          now.imu_score() < kMayBeNoisy_sigma;
 }
 
-/// Learned noises and lenses are valid only for nearly the same clocks.
-bool StartSearch::is_of_learned_clocks(const ClockHypothesis& hypothesis) const {
-  return std::ranges::equal(hypothesis.shifts_s, priors_shifts_s_,
-                            [](double a, double b) { return std::abs(a - b) < kSameClock_s; });
-}
-
 StartSearch::Trial StartSearch::begin_trial(const ClockHypothesis& hypothesis) const {
   Trial trial{
       hypothesis, {make_(hypothesis), observer_ ? observer_->make_new() : nullptr}, {}, 0, 0, {}};
-  trial.start.filter->begin_with(is_of_learned_clocks(hypothesis)
-                                     ? priors_
-                                     : InitialisationPriors{{}, priors_.corners_px, {}});
+  // Learned noises and lenses are valid only for nearly the same clocks.
+  const bool are_learned =
+      std::ranges::equal(hypothesis.shifts_s, priors_shifts_s_,
+                         [](double a, double b) { return std::abs(a - b) < kSameClock_s; });
+  trial.start.filter->begin_with(are_learned ? priors_
+                                             : InitialisationPriors{{}, priors_.corners_px, {}});
   trial.order.resize(horizon_);
   std::iota(trial.order.begin(), trial.order.end(), std::size_t{0});
   const auto exposed_at = [&](std::size_t i) {

@@ -3,7 +3,6 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <span>
 #include <utility>
 #include <vector>
 
@@ -88,7 +87,6 @@ class StartSearch final {
   [[nodiscard]] bool is_due(Instant now, const StartingFilter& present);
   void begin_plan(const StartingFilter& present);
   [[nodiscard]] bool is_noise_settled(const StartingFilter& present) const;
-  [[nodiscard]] bool is_of_learned_clocks(const ClockHypothesis& hypothesis) const;
   [[nodiscard]] Trial begin_trial(const ClockHypothesis& hypothesis) const;
   void advance(Trial& trial, double& work) const;
   void take_reading(Trial& trial) const;

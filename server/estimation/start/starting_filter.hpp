@@ -3,7 +3,6 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <optional>
 #include <vector>
 
@@ -12,8 +11,7 @@
 
 namespace fiducap {
 
-/// Two learned variances: the factor of the IMU's configured ones, and that of the images' stamps,
-/// s².
+/// Two learned variances: factor of the IMU's configured ones; of the images' stamps, s².
 struct LearnedNoise {
   Eigen::Vector2d applied{1.0, 0.0};
   /// Fading sums of the log likelihood's derivative and expected curvature at `applied`.

@@ -30,7 +30,7 @@ Eigen::Quaterniond AttitudeStart::q_LB(Instant at, const Eigen::Vector3d& bias_w
 }
 
 Eigen::Quaterniond AttitudeStart::q_WB(Instant at, const Eigen::Vector3d& bias_w) const {
-  return Eigen::Quaterniond::FromTwoVectors(f_L_, Eigen::Vector3d::UnitZ()) * q_LB(at, bias_w);
+  return rotation_between(f_L_, Eigen::Vector3d::UnitZ()) * q_LB(at, bias_w);
 }
 
 namespace {
@@ -63,7 +63,6 @@ Eigen::Quaterniond mirrored(const Eigen::Quaterniond& q_VT, const Eigen::Vector3
 
 /// Whitens by the corner noise plus the effect of the camera's attitude error.
 void whiten(double turn_sigma_rad, double weight, CornerResidual& r) {
-  using Matrix8d = Eigen::Matrix<double, 8, 8>;
   const Eigen::Matrix<double, 8, 3> H_q = std::sqrt(weight) * turn_sigma_rad * r.H.rightCols<3>();
   const Eigen::LLT<Matrix8d> noise(Matrix8d::Identity() + H_q * H_q.transpose());
   noise.matrixL().solveInPlace(r.y);
@@ -75,20 +74,16 @@ void TagCandidates::forget(int tag_id) {
   std::erase_if(candidates_, [&](const auto& entry) { return entry.first.first == tag_id; });
 }
 
-void TagCandidates::forget_aged(Instant now) {
-  const auto is_aged = [&](Instant at) { return now - at > kOldestView; };
-  for (auto& [key, candidate] : candidates_)
-    std::erase_if(candidate.views, [&](const View& view) { return is_aged(view.at); });
-  std::erase_if(candidates_, [&](const auto& entry) { return is_aged(entry.second.last_seen); });
-}
-
 std::optional<TagVerdict> TagCandidates::judge(int camera, Instant at, const TagObservation& seen,
                                                const CameraModel& model, double noise_px,
                                                const std::optional<CameraAttitude>& attitude,
                                                const ViewLimits& limits) {
   const auto poses = solve_tag_pose(seen, model);
   if (!std::isfinite(poses[0].rms_px)) return std::nullopt;
-  forget_aged(at);
+  const auto is_aged = [&](Instant then) { return at - then > kOldestView; };
+  for (auto& [key, candidate] : candidates_)
+    std::erase_if(candidate.views, [&](const View& view) { return is_aged(view.at); });
+  std::erase_if(candidates_, [&](const auto& entry) { return is_aged(entry.second.last_seen); });
   Candidate& candidate = candidates_[{seen.tag_id, camera}];
   candidate.last_seen = at;
   ++candidate.seen_times;

@@ -15,9 +15,8 @@
 namespace fiducap {
 
 /// Attitude of the body while it has no pose: rotation by the gyroscope, vertical by the low-pass
-/// filtered accelerometer.
-///
-/// Tilt is accurate to a few degrees without long acceleration; heading is arbitrary and drifts.
+/// filtered accelerometer. Tilt is accurate to a few degrees without long acceleration; heading is
+/// arbitrary and drifts.
 class AttitudeStart final {
  public:
   void add(const ImuSample& imu, const Eigen::Vector3d& bias_w, const Eigen::Vector3d& bias_f);
@@ -111,7 +110,6 @@ class TagCandidates final {
                                                         const CameraModel& model,
                                                         const std::array<TagPose, 2>& poses,
                                                         bool forced);
-  void forget_aged(Instant now);
   [[nodiscard]] std::optional<TagVerdict> judge_alone(Candidate& candidate, const View& newest,
                                                       const std::array<TagPose, 2>& poses,
                                                       bool forced);

@@ -48,9 +48,13 @@ void TagFilter<C>::initialise_new_tags(const TagObservations& seen, UpdateReport
   for (const TagToUse& tag : tags_.fresh) {
     if (const auto verdict = judge(seen, tag, limits)) {
       decided_.emplace_back(tag, *verdict);
-    } else {
-      ++report.tags_pending;
-      wait(seen, tag);
+      continue;
+    }
+    ++report.tags_pending;
+    if constexpr (C::kRemembersImages) {
+      if (!is_following() || !has_imu() || tag.known != nullptr) continue;
+      const auto attitude = follower_.camera_attitude(seen.camera, seen.exposed_at);
+      coordinates().memory().wait(tag.seen->tag_id, attitude->q_WV, state());
     }
   }
   for (const auto& [tag, verdict] : decided_) {
@@ -61,15 +65,6 @@ void TagFilter<C>::initialise_new_tags(const TagObservations& seen, UpdateReport
     }
     if (!admit_late(tag, verdict, report) && !admit(seen, tag, verdict.X_VT, report))
       ++report.tags_pending;
-  }
-}
-
-template <class C>
-void TagFilter<C>::wait(const TagObservations& seen, const TagToUse& tag) {
-  if constexpr (C::kRemembersImages) {
-    if (!is_following() || !has_imu() || tag.known != nullptr) return;
-    const auto attitude = follower_.camera_attitude(seen.camera, seen.exposed_at);
-    coordinates().memory().wait(tag.seen->tag_id, attitude->q_WV, state());
   }
 }
 

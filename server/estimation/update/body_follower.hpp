@@ -130,10 +130,6 @@ class BodyFollower final {
  private:
   void integrate_to(Instant to);
 
-  [[nodiscard]] std::optional<PlaceFound> find_place_of_rig(std::vector<SightedTag> tags,
-                                                            const PlaceGuess& guess,
-                                                            const TagObservations& seen);
-
   /// Variance of an image's corners relative to the configured one; at least 1.
   [[nodiscard]] double excess(const PlaceFound& found, int camera) const {
     const double noise = coordinates_.noise(camera).unexplained_px() / config_.corner_noise_px;
@@ -141,7 +137,6 @@ class BodyFollower final {
   }
 
   void step_to(Instant to, const InertialInput& input, double longest_s);
-
   bool move_by_corners(const TagObservations& seen, std::span<const TagToUse> usable);
 
   BodySensors sensors_;

@@ -35,10 +35,21 @@ template <class C>
 std::optional<PlaceFound> BodyFollower<C>::find_place(const TagObservations& seen,
                                                       std::span<const TagToUse> usable) {
   PlaceGuess guess{turned(seen.exposed_at), kUnknownPosition_m, kUnknownAngle_rad};
-  if (!has_imu()) return find_place_of_rig(coordinates_.sighted(seen.camera, usable), guess, seen);
-  if (!is_turn_lost_) guess.rotation_sigma_rad = filter_rules::kGyroTurn_rad;
-  return fiducap::find_place(coordinates_.sighted(seen.camera, usable), guess,
-                             config_.corner_noise_px);
+  std::vector<SightedTag> tags = coordinates_.sighted(seen.camera, usable);
+  if (has_imu()) {
+    if (!is_turn_lost_) guess.rotation_sigma_rad = filter_rules::kGyroTurn_rad;
+    return fiducap::find_place(tags, guess, config_.corner_noise_px);
+  }
+  if (seen.exposed_at != std::exchange(instant_at_, seen.exposed_at)) instant_.clear();
+  const std::size_t own = tags.size();
+  for (const auto& [corners, tag] : instant_) {
+    tags.push_back(tag);
+    tags.back().seen = &corners;
+  }
+  auto found = fiducap::find_place(tags, guess, config_.corner_noise_px);
+  for (std::size_t i = 0; i < own; ++i) instant_.emplace_back(*tags[i].seen, tags[i]);
+  if (found) found->evidence /= excess(*found, seen.camera);
+  return found;
 }
 
 template <class C>
@@ -52,23 +63,6 @@ std::optional<Eigen::Vector3d> BodyFollower<C>::shift_by(const TagObservations& 
   if (!found) return std::nullopt;
   const Eigen::Quaterniond q_WA = coordinates_.X_WB().q * guess.X_AB.q.conjugate();
   return q_WA * (found->X_AB.p - guess.X_AB.p);
-}
-
-template <class C>
-std::optional<PlaceFound> BodyFollower<C>::find_place_of_rig(std::vector<SightedTag> tags,
-                                                             const PlaceGuess& guess,
-                                                             const TagObservations& seen) {
-  if (seen.exposed_at != std::exchange(instant_at_, seen.exposed_at)) instant_.clear();
-  const std::size_t own = tags.size();
-  for (const auto& [corners, tag] : instant_) {
-    tags.push_back(tag);
-    tags.back().seen = &corners;
-  }
-  auto found = fiducap::find_place(tags, guess, config_.corner_noise_px);
-  for (std::size_t i = 0; i < own; ++i) instant_.emplace_back(*tags[i].seen, tags[i]);
-  if (!found) return found;
-  found->evidence /= excess(*found, seen.camera);
-  return found;
 }
 
 template <class C>

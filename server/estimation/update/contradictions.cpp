@@ -21,13 +21,6 @@ constexpr double kDecisive = 6.0;
 constexpr double kByOneTag_m = 0.05;
 }  // namespace
 
-TagScores::Score& TagScores::score_of(int tag_id) {
-  const auto found = std::ranges::find(scores_, tag_id, &Score::tag_id);
-  if (found != scores_.end()) return *found;
-  if (scores_.size() >= kMostScores) scores_.erase(scores_.begin());
-  return scores_.emplace_back(Score{tag_id, 0, 0});
-}
-
 bool TagScores::is_doubtful(int tag_id) const {
   return std::ranges::any_of(
       scores_, [&](const Score& s) { return s.tag_id == tag_id && s.rejected_alone >= kToDoubt; });
@@ -46,10 +39,14 @@ std::span<const int> TagScores::count(std::span<const TagToUse> used,
     const int tag_id = used[i].seen->tag_id;
     if (accepted[i]) {
       std::erase_if(scores_, [&](const Score& s) { return s.tag_id == tag_id; });
-    } else {
-      Score& score = score_of(tag_id);
-      ++(any ? score.rejected_in_row : score.rejected_alone);
+      continue;
     }
+    auto score = std::ranges::find(scores_, tag_id, &Score::tag_id);
+    if (score == scores_.end()) {
+      if (scores_.size() >= kMostScores) scores_.erase(scores_.begin());
+      score = scores_.insert(scores_.end(), Score{tag_id, 0, 0});
+    }
+    ++(any ? score->rejected_in_row : score->rejected_alone);
   }
   if (!any) return removed_;
   const bool is_one = doubtful() == 1;

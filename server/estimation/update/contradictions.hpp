@@ -37,8 +37,6 @@ class TagScores final {
     int rejected_alone{};   ///< By images that accepted none, since one last did.
   };
 
-  [[nodiscard]] Score& score_of(int tag_id);
-
   std::vector<Score> scores_;
   std::vector<int> removed_;
 };

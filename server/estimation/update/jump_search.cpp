@@ -27,8 +27,6 @@ constexpr double kLeastJump_s = 0.03;
 
 JumpSearch::JumpSearch() : motions_(kMotions), ring_(kImages) {}
 
-void JumpSearch::forget_all() { moments_ = images_ = 0; }
-
 void JumpSearch::note_motion(Instant at, const Pose& X_AB) {
   const auto last = [&](std::size_t back) { return motions_[(moments_ - back) % kMotions].at; };
   if (moments_ > 0 && at < last(1)) forget_all();

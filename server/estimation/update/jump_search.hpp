@@ -27,7 +27,7 @@ class JumpSearch final {
   /// Adds a contradicting image. @param stamp  of the device @param tags  at known poses
   void note_image(int camera, Instant stamp, std::span<const SightedTag> tags);
   void forget_images() { images_ = 0; }
-  void forget_all();
+  void forget_all() { moments_ = images_ = 0; }
 
   struct Found {
     double shift_s{};   ///< The images were exposed this much later.

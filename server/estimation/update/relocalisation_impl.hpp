@@ -108,15 +108,21 @@ void TagFilter<C>::handle_outliers(const TagObservations& seen, UpdateReport& re
   const int factor = may_have_jumped_ ? 2 : 1;
   if (contradictions_.images_without_fit() < factor * kRejectedToRelocalise) return;
   if (!has_imu() || !is_start_over_) return restart();
-  if (is_place_kept(seen.exposed_at) && may_discard_usable()) {
+  // The body's place is better known than by a tag that may have been moved.
+  const double gap_s = contradictions_.seconds_without_fit(seen.exposed_at);
+  const bool is_place_kept = is_following() && contradictions_.has_ever_fit() &&
+                             gap_s < kPlaceKept_s && coordinates().place().sigma_m() < kPlaceKept_m;
+  const auto unconfirmed =
+      std::ranges::count_if(unconfirmed_removals_, &RemovedTag::was_proven) +
+      std::ranges::count_if(tags_.usable, [&](const TagToUse& tag) { return is_proven(tag); });
+  if (is_place_kept && unconfirmed <= kMostUnconfirmed) {
     for (const TagToUse& tag : tags_.usable) {
       unconfirmed_removals_.push_back({tag.seen->tag_id, is_proven(tag)});
       discard_tag(tag.seen->tag_id, seen.exposed_at, report);
     }
     return contradictions_.reset();
   }
-  const bool is_alive = contradictions_.has_ever_fit() &&
-                        contradictions_.seconds_without_fit(seen.exposed_at) < kOneTagTimeout_s;
+  const bool is_alive = contradictions_.has_ever_fit() && gap_s < kOneTagTimeout_s;
   if (is_alive && only_one_outlier_tag()) return;
   begin_relocalisation(seen, report);
 }
@@ -157,23 +163,6 @@ bool TagFilter<C>::only_one_outlier_tag() const {
          scores.doubtful() == 1 && proven >= kProvenOthers;
 }
 
-/// The body's place is better known than by a tag that may have been moved.
-template <class C>
-bool TagFilter<C>::is_place_kept(Instant now) const {
-  return is_following() && contradictions_.has_ever_fit() &&
-         contradictions_.seconds_without_fit(now) < kPlaceKept_s &&
-         coordinates().place().sigma_m() < kPlaceKept_m;
-}
-
-template <class C>
-bool TagFilter<C>::may_discard_usable() const {
-  const auto before = std::ranges::count_if(unconfirmed_removals_,
-                                            [](const RemovedTag& one) { return one.was_proven; });
-  const auto now =
-      std::ranges::count_if(tags_.usable, [&](const TagToUse& tag) { return is_proven(tag); });
-  return before + now <= kMostUnconfirmed;
-}
-
 template <class C>
 void TagFilter<C>::discard_tag(int tag_id, Instant at, UpdateReport& report) {
   const int tag = state().find(tag_id);
@@ -194,19 +183,17 @@ void TagFilter<C>::discard_tag(int tag_id, Instant at, UpdateReport& report) {
 template <class C>
 void TagFilter<C>::confirm_removals() {
   bool fits = false;
+  bool is_confirmed = false;
   for (std::size_t i = 0; i < tags_.usable.size(); ++i) {
+    if (!tags_.accepted[i]) continue;
     const TagToUse& tag = tags_.usable[i];
-    fits = fits || tags_.accepted[i];
     const auto is_same = [&](const RemovedTag& one) { return one.tag_id == tag.seen->tag_id; };
-    if (tags_.accepted[i] && is_proven(tag) &&
-        std::ranges::none_of(unconfirmed_removals_, is_same)) {
-      unconfirmed_removals_.clear();
-      ambiguous_offset_W_.reset();
-    }
+    fits = true;
+    is_confirmed |= is_proven(tag) && std::ranges::none_of(unconfirmed_removals_, is_same);
   }
   images_trusted_ = fits ? images_trusted_ + 1 : std::max(0, images_trusted_ - kTakenBack);
   if (images_trusted_ >= kImagesToTrust) relocalisations_ = 0;
-  if (images_trusted_ >= kImagesToDecide) {
+  if (is_confirmed || images_trusted_ >= kImagesToDecide) {
     unconfirmed_removals_.clear();
     ambiguous_offset_W_.reset();
   }
@@ -264,19 +251,12 @@ void TagFilter<C>::check_single_tag_relocalisation(const TagObservations& seen,
   }
   if (count == 0) return;
   const auto ids = std::span<const int>(against).first(count);
-  resolve_single_tag_relocalisation(seen, single_tag_.contradict(ids, shift_W), ids, report);
-}
-
-template <class C>
-void TagFilter<C>::resolve_single_tag_relocalisation(const TagObservations& seen,
-                                                     SingleTagRelocalisation::Verdict verdict,
-                                                     std::span<const int> against,
-                                                     UpdateReport& report) {
+  const auto verdict = single_tag_.contradict(ids, shift_W);
   if (verdict == SingleTagRelocalisation::Verdict::kOpen) return;
   const int tag_id = single_tag_.tag_id();
   single_tag_.forget();
   if (verdict == SingleTagRelocalisation::Verdict::kOthersWrong) {
-    for (const int other : against) discard_tag(other, seen.exposed_at, report);
+    for (const int other : ids) discard_tag(other, seen.exposed_at, report);
     return contradictions_.reset();
   }
   discard_tag(tag_id, seen.exposed_at, report);

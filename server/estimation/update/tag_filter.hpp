@@ -122,16 +122,11 @@ class TagFilter final : public StartingFilter {
   void handle_outliers(const TagObservations& seen, UpdateReport& report);
   void begin_relocalisation(const TagObservations& seen, UpdateReport& report);
   [[nodiscard]] bool only_one_outlier_tag() const;
-  [[nodiscard]] bool is_place_kept(Instant now) const;
   [[nodiscard]] bool is_proven(const TagToUse& tag) const;
-  [[nodiscard]] bool may_discard_usable() const;
   void discard_tag(int tag_id, Instant at, UpdateReport& report);
   void confirm_removals();
   void update_ambiguity(const TagObservations& seen);
   void check_single_tag_relocalisation(const TagObservations& seen, UpdateReport& report);
-  void resolve_single_tag_relocalisation(const TagObservations& seen,
-                                         SingleTagRelocalisation::Verdict verdict,
-                                         std::span<const int> against, UpdateReport& report);
   void lose_motion(bool is_turn_lost);
   bool relocalise(const TagObservations& seen);
   [[nodiscard]] bool is_relocalisation_doubtful(const Pose& X_AB, Instant at) const;
@@ -153,7 +148,6 @@ class TagFilter final : public StartingFilter {
                                          const TagVerdict& verdict);
   /// At its first sighting, when past images are remembered.
   bool admit_late(const TagToUse& tag, const TagVerdict& verdict, UpdateReport& report);
-  void wait(const TagObservations& seen, const TagToUse& tag);
   void follow_again(long from, UpdateReport& report);
 
   BodyFollower<Coordinates> follower_;

@@ -160,7 +160,7 @@ void TagFilter<C>::predict(const TagObservations& seen, std::span<const KnownTag
   sort(seen, known);
   gap_before_s_ = contradictions_.seconds_without_fit(seen.exposed_at);
   const double longest_s = has_imu() ? kLostAfterWithImu_s : kLostAfterWithoutImu_s;
-  if (contradictions_.seconds_without_fit(seen.exposed_at) > longest_s) lose_motion(false);
+  if (gap_before_s_ > longest_s) lose_motion(false);
   coordinates().forget_aim();
   if (C::kStartsBeforeTags && is_in_mode(FilterMode::kStarting) && has_imu() &&
       follower_.knows_attitude() && !tags_.fresh.empty()) {
@@ -271,17 +271,15 @@ void TagFilter<C>::note_exact_tags() {
 template <class C>
 void TagFilter<C>::add_bend_of_prints(BodyEstimate& body) const {
   const Eigen::Vector3d p_WB = body.X_WB.p;
-  bool is_found = exact_tag_W_.has_value();
-  Eigen::Vector3d nearest = exact_tag_W_.value_or(Eigen::Vector3d(Eigen::Vector3d::Zero()));
+  std::optional<Eigen::Vector3d> nearest = exact_tag_W_;
   for (std::size_t i = 0; i < state().tags.size() && body.anchored; ++i) {
     const int tag_id = state().tags[i].tag_id;
     if (coordinates().is_own(i) && anchor_.defined_by() != tag_id && !priors_.contains(tag_id))
       continue;
     const Eigen::Vector3d p_WT = tag_in_workspace(state(), i).X_WT.p;
-    if (!is_found || (p_WB - p_WT).norm() < (p_WB - nearest).norm()) nearest = p_WT;
-    is_found = true;
+    if (!nearest || (p_WB - p_WT).norm() < (p_WB - *nearest).norm()) nearest = p_WT;
   }
-  if (is_found) body.covariance.topLeftCorner<6, 6>() += bend_of_print(p_WB - nearest);
+  if (nearest) body.covariance.topLeftCorner<6, 6>() += bend_of_print(p_WB - *nearest);
 }
 
 template <class C>

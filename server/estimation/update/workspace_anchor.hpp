@@ -1,6 +1,5 @@
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <functional>
@@ -11,6 +10,7 @@
 #include "base/pose.hpp"
 #include "estimation/filter/chi_square.hpp"
 #include "estimation/filter/heading_rule.hpp"
+#include "estimation/filter/matrix6.hpp"
 #include "estimation/known_tag.hpp"
 
 namespace fiducap {
@@ -59,7 +59,7 @@ template <class State>
       Vector6d apart;
       apart << link.map->X_WT.p - own.X_WT.p, log_so3(link.map->X_WT.q * own.X_WT.q.conjugate());
       const Matrix6d S = own.covariance + link.map->covariance;
-      return apart.dot(S.ldlt().solve(apart)) < kGate;  // rejects NaN as well
+      return squared_distance(apart, S) < kGate;  // rejects NaN as well
     };
     (void)anchor_local_to_known(trial, index(links[i]), links[i].map->X_WT, level);
     if (!agrees(links[i])) continue;  // its tilt against gravity

@@ -57,7 +57,9 @@ void CalibrationMonitor::begin(FilterState& state) {
         !state.clocks[static_cast<std::size_t>(c)].rows_apart)
       all_.push_back({Kind::kReadout, c, -1, layout::readout(c), kReadout_s});
   }
-  add_sizes(state.cameras());
+  if (rules_.doubts || rules_.assumes)
+    all_.push_back({Kind::kAllPrints, -1, -1, layout::sizes(state.cameras()), kAllSizes});
+  if (rules_.assumes) assume(all_.back(), kAssumedScale);
   for (const Parameter& parameter : all_)
     state.clear_column(parameter.column,
                        parameter.is_refined ? parameter.sigmas.open : parameter.sigmas.tight);
@@ -93,43 +95,32 @@ void CalibrationMonitor::add_lens(int camera) {
   add({Kind::kDistortion, camera, -1, layout::distortion(camera), kDistortion}, k1, 0);
 }
 
-void CalibrationMonitor::add_sizes(int cameras) {
-  if (!rules_.doubts && !rules_.assumes) return;
-  all_.push_back({Kind::kAllPrints, -1, -1, layout::sizes(cameras), kAllSizes});
-  if (rules_.assumes) assume(all_.back(), kAssumedScale);
-}
-
-/// A free slot, or that of the tag unseen for longest without a likely error. -1: none. (The error
-/// of a visible tag that is not watched would be attributed to its neighbours.)
-int CalibrationMonitor::free_print_slot(const FilterState& state) const {
-  int room = -1;
+void CalibrationMonitor::watch_print(FilterState& state, int tag_id) const {
+  if (!state.has_tested_parameters() || !rules_.doubts) return;
+  // A free slot, or that of the tag unseen for longest without a likely error. (The error of a
+  // visible tag that is not watched would be attributed to its neighbours.)
+  std::size_t room = all_.size();
   Instant longest = state.time;
   for (std::size_t i = 0; i < all_.size(); ++i) {
-    const int print = all_[i].print;
-    if (print < 0) continue;
-    const int tag_id = watched_tag(state, all_[i]);
-    if (tag_id < 0) return print;
+    if (all_[i].print < 0) continue;
+    const int watched = watched_tag(state, all_[i]);
+    if (watched < 0) {
+      room = i;
+      break;
+    }
     if (state.parameter_tests[i].is_open || std::abs(score(state, all_[i])) > kLikely_sigma)
       continue;
-    const int tag = state.find(tag_id);
+    const int tag = state.find(watched);
     if (tag < 0) continue;
     const Instant seen = state.tags[static_cast<std::size_t>(tag)].last_seen;
     if (seen >= longest) continue;
     longest = seen;
-    room = print;
+    room = i;
   }
-  return room;
-}
-
-void CalibrationMonitor::watch_print(FilterState& state, int tag_id) const {
-  if (!state.has_tested_parameters() || !rules_.doubts) return;
-  const int room = free_print_slot(state);
-  if (room < 0) return;
-  for (std::size_t i = 0; i < all_.size(); ++i) {
-    if (all_[i].print == room) state.parameter_tests[i] = {};
-  }
-  state.sizes.watched[static_cast<std::size_t>(room)] = {tag_id, 0.0};
-  state.clear_column(layout::print(state.cameras(), room), kOneSize.tight);
+  if (room == all_.size()) return;
+  state.parameter_tests[room] = {};
+  state.sizes.watched[static_cast<std::size_t>(all_[room].print)] = {tag_id, 0.0};
+  state.clear_column(all_[room].column, kOneSize.tight);
 }
 
 double CalibrationMonitor::value(const FilterState& state, const Parameter& parameter) {
@@ -174,7 +165,9 @@ bool CalibrationMonitor::update_tests(FilterState& state, int camera, double dis
       const double sigma = std::sqrt(state.P()(parameter.column, parameter.column));
       if (test.images_open > kLeastOpenImages && sigma < parameter.sigmas.settled &&
           std::abs(value(state, parameter)) < kClosed_sigma * sigma) {
-        close(state, camera, i);
+        exchange_prior(state, camera, parameter.column, value(state, parameter),
+                       parameter.sigmas.open, parameter.sigmas.tight);
+        test = {};
       }
       continue;
     }
@@ -194,22 +187,22 @@ bool CalibrationMonitor::update_tests(FilterState& state, int camera, double dis
   return opens;
 }
 
-/// A lens is calibrated as a whole: with one wrong parameter the others are uncertain, too.
-bool CalibrationMonitor::opens_with(const Parameter& parameter, const Parameter& other) {
-  return &parameter == &other ||
-         (is_of_lens(parameter.kind) && is_of_lens(other.kind) && parameter.camera == other.camera);
-}
-
 void CalibrationMonitor::open(FilterState& state, int camera, std::size_t parameter) const {
+  const Parameter& wrong = all_[parameter];
   std::vector<std::size_t> opened;
   for (std::size_t i = 0; i < all_.size(); ++i) {
     const Parameter& one = all_[i];
-    if (state.parameter_tests[i].is_open || !opens_with(all_[parameter], one)) continue;
+    // A lens is calibrated as a whole: with one wrong parameter the others are uncertain, too.
+    const bool is_of_same_lens =
+        is_of_lens(wrong.kind) && is_of_lens(one.kind) && wrong.camera == one.camera;
+    if (state.parameter_tests[i].is_open || (i != parameter && !is_of_same_lens)) continue;
     exchange_prior(state, camera, one.column, value(state, one), one.sigmas.tight, one.sigmas.open);
     state.parameter_tests[i] = {.is_open = true};
     opened.push_back(i);
   }
-  const std::vector<int> closed = closed_columns(state);
+  std::vector<int> closed;
+  for (std::size_t i = 0; i < all_.size(); ++i)
+    if (!state.parameter_tests[i].is_open) closed.push_back(all_[i].column);
   for (const std::size_t i : opened)
     widen(state, all_[i].column, kUnsureShare * std::abs(value(state, all_[i])), closed);
   // Its error may have raised the scores of the others.
@@ -236,19 +229,6 @@ std::vector<WrongNumber> CalibrationMonitor::found_wrong(const FilterState& stat
       out.push_back({one.kind, one.camera});
   }
   return out;
-}
-
-std::vector<int> CalibrationMonitor::closed_columns(const FilterState& state) const {
-  std::vector<int> columns;
-  for (std::size_t i = 0; i < all_.size(); ++i)
-    if (!state.parameter_tests[i].is_open) columns.push_back(all_[i].column);
-  return columns;
-}
-
-void CalibrationMonitor::close(FilterState& state, int camera, std::size_t parameter) const {
-  const Parameter& one = all_[parameter];
-  exchange_prior(state, camera, one.column, value(state, one), one.sigmas.open, one.sigmas.tight);
-  state.parameter_tests[parameter] = {};
 }
 
 void CalibrationMonitor::release_confirmed_prints(FilterState& state) const {
@@ -304,9 +284,16 @@ bool CalibrationMonitor::are_confirmed(const FilterState& state, int camera) con
 Matrix6d CalibrationMonitor::unmodelled_covariance(const FilterState& state) const {
   Matrix6d out = Matrix6d::Zero();
   for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
-    if (state.parameter_tests[i].is_open || !(std::abs(score(state, all_[i])) > kLikely_sigma))
+    const Parameter& one = all_[i];
+    if (state.parameter_tests[i].is_open || !(std::abs(score(state, one)) > kLikely_sigma))
       continue;
-    const Vector6d shift = body_shift(state, all_[i]);
+    // Motion of the body when the parameter is opened.
+    const auto p = state.P().col(one.column);
+    const double gained =
+        1 / (one.sigmas.open * one.sigmas.open) - 1 / (one.sigmas.tight * one.sigmas.tight);
+    const double S = 1 + gained * p(one.column);
+    if (!(S > 1e-9)) continue;
+    const Vector6d shift = -gained / S * value(state, one) * p.head<6>();
     out += shift * shift.transpose();
   }
   for (const Parameter& parameter : all_) {
@@ -317,15 +304,6 @@ Matrix6d CalibrationMonitor::unmodelled_covariance(const FilterState& state) con
     out += std::max(0.0, more) * along * along.transpose();
   }
   return out;
-}
-
-Vector6d CalibrationMonitor::body_shift(const FilterState& state, const Parameter& parameter) {
-  const auto p = state.P().col(parameter.column);
-  const double gained = 1 / (parameter.sigmas.open * parameter.sigmas.open) -
-                        1 / (parameter.sigmas.tight * parameter.sigmas.tight);
-  const double S = 1 + gained * p(parameter.column);
-  if (!(S > 1e-9)) return Vector6d::Zero();
-  return -gained / S * value(state, parameter) * p.head<6>();
 }
 
 }  // namespace fiducap::world

@@ -143,25 +143,14 @@ class CalibrationMonitor final {
   };
 
   [[nodiscard]] static double score(const FilterState& state, const Parameter& parameter);
-  /// Motion of the body when the parameter is opened (world-side error).
-  [[nodiscard]] static Vector6d body_shift(const FilterState& state, const Parameter& parameter);
   [[nodiscard]] static double value(const FilterState& state, const Parameter& parameter);
   static void assume(Parameter& parameter, double sigma);
-  [[nodiscard]] static bool opens_with(const Parameter& parameter, const Parameter& other);
   /// Id of the tag of a kOnePrint; -1: free.
   [[nodiscard]] static int watched_tag(const FilterState& state, const Parameter& parameter) {
     return state.sizes.watched[static_cast<std::size_t>(parameter.print)].tag_id;
   }
-  [[nodiscard]] int free_print_slot(const FilterState& state) const;
-  [[nodiscard]] std::vector<int> closed_columns(const FilterState& state) const;
   void add_lens(int camera);
-  void add_sizes(int cameras);
-  void list_lens(const FilterState& state, int camera, std::vector<FoundMismatch>& out) const;
   void open(FilterState& state, int camera, std::size_t parameter) const;
-  bool open_by_map(FilterState& state, const KnownMap& map, int body_id) const;
-  bool reopen(FilterState& state, std::size_t parameter) const;
-  [[nodiscard]] bool is_closed(const FilterState& state, std::size_t parameter) const;
-  void close(FilterState& state, int camera, std::size_t parameter) const;
   void release_confirmed_prints(FilterState& state) const;
 
   /// Score of a likely error: 90 % of right parameters are below.

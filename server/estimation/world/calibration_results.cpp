@@ -1,11 +1,12 @@
 #include "estimation/world/calibration_monitor.hpp"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
 #include "capture/lens/camera_model.hpp"
 
-// CalibrationMonitor: reports, and tests after an exchange with the map.
+// Exchange of priors. CalibrationMonitor: reports, and tests after an exchange with the map.
 namespace fiducap::world {
 
 namespace {
@@ -21,7 +22,65 @@ constexpr double kRefinedDistortion = 0.02;  // refined alone
 constexpr double kTypicalRadius = 0.25;
 // Validity of a judgement by the map: longest delay of a graph of some thousand segments.
 constexpr Duration kJudgementHolds = std::chrono::seconds(10);
+// Held tags may have only a common error.
+constexpr double kRelativeRounding = 1e-9;
+
+/// A column of the covariance in two parts.
+struct Column {
+  Eigen::VectorXd given_held;  ///< Conditional on the held tags; theirs: zero.
+  Eigen::VectorXd by_held;     ///< By the uncertainty of the held tags.
+};
+
+Column column_of(const FilterState& state, int column) {
+  const auto P = state.P();
+  Column out{P.col(column), Eigen::VectorXd::Zero(P.rows())};
+  std::vector<int> held;
+  for (const int at : state.held_tags())
+    for (int i = 0; i < layout::kPoseSize; ++i) held.push_back(at + i);
+  if (held.empty()) return out;
+  Eigen::MatrixXd of_held = P(held, held);
+  of_held.diagonal() *= 1 + kRelativeRounding;
+  const Eigen::VectorXd share = of_held.ldlt().solve(out.given_held(held));
+  out.by_held = P(Eigen::all, held) * share;
+  out.by_held(held) = out.given_held(held);
+  out.given_held -= out.by_held;
+  return out;
+}
 }  // namespace
+
+double information_of(const FilterState& state, int column, double prior_sigma) {
+  const double variance = state.P()(column, column);
+  return variance > 0 ? 1 / variance - 1 / (prior_sigma * prior_sigma) : 0.0;
+}
+
+void exchange_prior(FilterState& state, int camera, int column, double value, double from_sigma,
+                    double to_sigma) {
+  const double gained = 1 / (to_sigma * to_sigma) - 1 / (from_sigma * from_sigma);
+  const Column of = column_of(state, column);
+  const double S = 1 + gained * of.given_held(column);
+  if (!(S > 1e-9)) return;
+  const double factor = gained / S;
+  const double by_held = of.by_held(column);
+  auto P = state.P();
+  for (Eigen::Index k = 0; k < P.cols(); ++k) {
+    const double own = factor * (1 - factor * by_held) * of.given_held(k) + factor * of.by_held(k);
+    P.col(k) -= own * of.given_held + factor * of.given_held(k) * of.by_held;
+  }
+  const Eigen::VectorXd correction = -factor * value * of.given_held;
+  state.add_error(correction);
+  transport_covariance(state, correction, camera);
+}
+
+void widen(FilterState& state, int column, double sigma, const std::vector<int>& closed) {
+  auto P = state.P();
+  const double variance = P(column, column);
+  if (!(variance > 0) || sigma * sigma <= variance) return;
+  const Column of = column_of(state, column);
+  if (!(of.given_held(column) > 0)) return;
+  Eigen::VectorXd along = of.given_held / of.given_held(column);
+  for (const int other : closed) along(other) = 0;
+  P += (sigma * sigma - variance) * along * along.transpose();
+}
 
 void CalibrationMonitor::list(const FilterState& state, std::vector<FoundMismatch>& out) const {
   for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
@@ -34,18 +93,14 @@ void CalibrationMonitor::list(const FilterState& state, std::vector<FoundMismatc
     if (parameter.print >= 0 && tag_id < 0) continue;
     out.push_back({parameter.kind, parameter.camera, tag_id, found, sigma, {}});
   }
-  for (int c = 0; c < state.cameras() && state.has_tested_parameters(); ++c)
-    list_lens(state, c, out);
-}
-
-void CalibrationMonitor::list_lens(const FilterState& state, int camera,
-                                   std::vector<FoundMismatch>& out) const {
-  const LensEstimate now = lens(state, camera);
-  if (!is_refined(camera) || is_as_calibrated(state, camera) || now.focal_sigma > kRefinedFocal ||
-      now.centre_sigma_px.maxCoeff() > kRefinedCentre_px)
-    return;
-  if (now.focal_sigma == 0 && now.k1_sigma > kRefinedDistortion) return;
-  out.push_back({Kind::kLens, camera, -1, now.offset.focal, now.focal_sigma, now});
+  for (int c = 0; c < state.cameras() && state.has_tested_parameters(); ++c) {
+    const LensEstimate now = lens(state, c);
+    if (!is_refined(c) || is_as_calibrated(state, c) || now.focal_sigma > kRefinedFocal ||
+        now.centre_sigma_px.maxCoeff() > kRefinedCentre_px ||
+        (now.focal_sigma == 0 && now.k1_sigma > kRefinedDistortion))
+      continue;
+    out.push_back({Kind::kLens, c, -1, now.offset.focal, now.focal_sigma, now});
+  }
 }
 
 /// Deviations within the sigmas of a calibration are not reported.
@@ -121,14 +176,6 @@ void CalibrationMonitor::restore_test_statistics(FilterState& state,
 }
 
 bool CalibrationMonitor::follow_map(FilterState& state, const KnownMap& map, int body_id) const {
-  const bool is_new = open_by_map(state, map, body_id);
-  if (!map.is_judged) return is_new;
-  state.judged_until = state.time + kJudgementHolds;
-  reset_tests(state, kLikely_sigma);
-  return is_new;
-}
-
-bool CalibrationMonitor::open_by_map(FilterState& state, const KnownMap& map, int body_id) const {
   const auto is_wrong_lens = [&](const Parameter& one) {
     return std::ranges::any_of(map.wrong_lenses, [&](const auto& lens) {
       return lens.body_id == body_id && lens.camera == one.camera && lens.kind == one.kind;
@@ -151,33 +198,27 @@ bool CalibrationMonitor::open_by_map(FilterState& state, const KnownMap& map, in
       const int tag_id = watched_tag(state, one);
       is_wrong = tag_id >= 0 && is_wrong_print(tag_id);
     }
-    is_new |= is_wrong && reopen(state, i);
+    if (!is_wrong || one.is_refined || one.assumed_sigma > 0 || state.parameter_tests[i].is_open)
+      continue;
+    // Without its earlier information, which was relative to other tag poses.
+    state.parameter_tests[i] = {.is_open = true};
+    state.clear_column(one.column, one.sigmas.open);
+    is_new = true;
   }
+  if (!map.is_judged) return is_new;
+  state.judged_until = state.time + kJudgementHolds;
+  reset_tests(state, kLikely_sigma);
   return is_new;
-}
-
-/// Opens a parameter without its earlier information, which was relative to other tag poses.
-bool CalibrationMonitor::reopen(FilterState& state, std::size_t parameter) const {
-  const Parameter& one = all_[parameter];
-  if (one.is_refined || one.assumed_sigma > 0 || state.parameter_tests[parameter].is_open)
-    return false;
-  state.parameter_tests[parameter] = {.is_open = true};
-  state.clear_column(one.column, one.sigmas.open);
-  return true;
-}
-
-bool CalibrationMonitor::is_closed(const FilterState& state, std::size_t parameter) const {
-  const Parameter& one = all_[parameter];
-  const bool is_free = one.print >= 0 && watched_tag(state, one) < 0;
-  const bool is_assumed = one.assumed_sigma > 0;
-  return !one.is_refined && !is_assumed && !is_free && !state.parameter_tests[parameter].is_open;
 }
 
 void CalibrationMonitor::reset_tests(FilterState& state, double from_sigma) const {
   Eigen::VectorXd error = Eigen::VectorXd::Zero(state.size());
   for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
     const Parameter& one = all_[i];
-    if (!is_closed(state, i) || std::abs(score(state, one)) < from_sigma) continue;
+    const bool is_free = one.print >= 0 && watched_tag(state, one) < 0;
+    if (one.is_refined || one.assumed_sigma > 0 || is_free || state.parameter_tests[i].is_open ||
+        std::abs(score(state, one)) < from_sigma)
+      continue;
     error(one.column) = -value(state, one);
     state.clear_column(one.column, one.sigmas.tight);
     state.parameter_tests[i] = {};

@@ -106,25 +106,6 @@ void FilterState::remove_tags(std::span<const std::size_t> numbers) {
   list_held();
 }
 
-void FilterState::copy_mean(const FilterState& other) {
-  time = other.time;
-  X_WB = other.X_WB;
-  v_WB = other.v_WB;
-  bias_f = other.bias_f;
-  bias_w = other.bias_w;
-  X_BV = other.X_BV;
-  clones = other.clones;
-  clocks = other.clocks;
-  lenses = other.lenses;
-  sizes = other.sizes;
-  gravity_offset_m_s2 = other.gravity_offset_m_s2;
-  parameter_tests = other.parameter_tests;
-  gyro_B = other.gyro_B;
-  a_WB = other.a_WB;
-  tags = other.tags;
-  held_ = other.held_;
-}
-
 void FilterState::add_error(const ErrorRef& error) {
   const Eigen::Vector3d phi = error.segment<3>(layout::kAttitude);
   v_WB = exp_so3(phi) * v_WB + left_jacobian_so3(phi) * error.segment<3>(layout::kVelocity);

@@ -68,9 +68,8 @@ struct Clone {
   long image{-1};  ///< Number of the image in ImageMemory; -1: unused.
 };
 
-/// The state with its covariance: body, biases, extrinsics, clocks, gravity, clones, tags, all in
-/// W. Gravity along −z when there is an IMU.
-struct FilterState {
+/// Body, biases, extrinsics, clocks, gravity (with an IMU along −z), clones, tags, all in W.
+struct FilterMean {
   Instant time{};
   Pose X_WB;
   Eigen::Vector3d v_WB{Eigen::Vector3d::Zero()};
@@ -88,6 +87,10 @@ struct FilterState {
   /// Present motion from the last integration step; not estimated.
   Eigen::Vector3d gyro_B{Eigen::Vector3d::Zero()};  ///< bias not removed
   Eigen::Vector3d a_WB{Eigen::Vector3d::Zero()};
+};
+
+/// The state with its covariance.
+struct FilterState : FilterMean {
   GrowingCovariance covariance;
 
   [[nodiscard]] int cameras() const { return static_cast<int>(X_BV.size()); }
@@ -139,7 +142,10 @@ struct FilterState {
   /// Makes a tag the map's, at its pose; does not change the covariance.
   void hand_over(std::size_t i, const Pose& X_WT);
   /// Copies all but the covariance.
-  void copy_mean(const FilterState& other);
+  void copy_mean(const FilterState& other) {
+    static_cast<FilterMean&>(*this) = other;
+    held_ = other.held_;
+  }
   /// x ⊞ ξ, with ξ of length size() as in `layout`.
   void add_error(const Eigen::Ref<const Eigen::VectorXd>& error);
   /// The error ξ to another mean with the same tags: other = this ⊞ ξ.

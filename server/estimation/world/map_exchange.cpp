@@ -1,9 +1,8 @@
+#include "estimation/filter/matrix6.hpp"
 #include "estimation/world/tag_entry.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <cmath>
 
 #include "base/pose.hpp"
 #include "estimation/filter/heading_rule.hpp"
@@ -40,9 +39,9 @@ struct Conditional {
 };
 
 /// The nearest covariance.
-Matrix6d without_negative(const Eigen::SelfAdjointEigenSolver<Matrix6d>& eigen) {
-  const Vector6d values = eigen.eigenvalues().cwiseMax(kRounding);
-  return eigen.eigenvectors() * values.asDiagonal() * eigen.eigenvectors().transpose();
+Matrix6d without_negative(const SymmetricEigen6& eigen) {
+  const Vector6d values = eigen.values.cwiseMax(kRounding);
+  return eigen.V * values.asDiagonal() * eigen.V.transpose();
 }
 
 /// @param there  the other tags; @param joint  their covariance, six numbers each
@@ -76,8 +75,8 @@ Conditional condition_on(const KnownTag& tag, const std::vector<const KnownTag*>
     // used.
     const Matrix6d shared = out.A * among * out.A.transpose();
     const Matrix6d rest = own - shared;
-    const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(0.5 * (rest + rest.transpose()));
-    if (count > 1 && eigen.eigenvalues()(0) < -kMostNegative * eigen.eigenvalues()(5)) continue;
+    const SymmetricEigen6 eigen = symmetric_eigen(0.5 * (rest + rest.transpose()));
+    if (count > 1 && eigen.values(0) < -kMostNegative * eigen.values(5)) continue;
     out.own = 0.5 * (shared + shared.transpose()) + without_negative(eigen);
     return out;
   }
@@ -128,15 +127,6 @@ std::optional<Pose> agreed_axes(FilterState& state, const KnownMap& map, bool le
   return best_axes;
 }
 
-/// First columns of every pose in the state.
-std::vector<int> pose_columns(const FilterState& state) {
-  std::vector<int> out{layout::kPosition};
-  for (int c = 0; c < state.cameras(); ++c) out.push_back(layout::camera(c));
-  for (std::size_t i = 0; i < state.clones.size(); ++i) out.push_back(state.clone_at(i));
-  for (std::size_t i = 0; i < state.tags.size(); ++i) out.push_back(state.tag_at(i));
-  return out;
-}
-
 void forget_room(FilterState& state, bool level) {
   // Rotation about the body: about a far origin it would be metres.
   Eigen::Matrix<double, 6, 6> common = Matrix6d::Identity();
@@ -145,11 +135,7 @@ void forget_room(FilterState& state, bool level) {
   unknown << Eigen::Vector3d::Constant(kRoom_m * kRoom_m),
       Eigen::Vector3d::Constant(kRoom_rad * kRoom_rad);
   if (level) unknown.segment<2>(3).setZero();
-  const Matrix6d room = common * unknown.asDiagonal() * common.transpose();
-  auto P = state.P();
-  const std::vector<int> poses = pose_columns(state);
-  for (const int a : poses)
-    for (const int b : poses) P.block<6, 6>(a, b) += room;
+  add_common_error(state, common * unknown.asDiagonal() * common.transpose());
 }
 
 /// Columns of the state's covariance with the plain errors of these tags.

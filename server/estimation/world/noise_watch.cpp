@@ -2,7 +2,6 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <utility>
 
@@ -39,25 +38,19 @@ const Eigen::Vector2d kNoticeable(0.0, 0.25e-6);
 constexpr double kClockKnown_s = 0.003;
 constexpr double kClockApplied_s = 0.003;
 constexpr int kSightingsToBeOld = 10;
-
-bool is_clock_known(const FilterState& state, int camera) {
-  const CameraClock& clock = state.clocks[static_cast<std::size_t>(camera)];
-  const double variance = state.P()(layout::clock(camera), layout::clock(camera));
-  return std::abs(clock.seconds_to(0)) < kClockApplied_s &&
-         variance < kClockKnown_s * kClockKnown_s;
-}
-
-/// A new tag shares the body's error, so that the motion relative to it shows no noise.
-bool is_old(const FilterState& state, const TagToUse& tag) {
-  if (tag.local < 0) return true;
-  const WorldTag& own = state.tags[static_cast<std::size_t>(tag.local)];
-  return own.held || own.sightings >= kSightingsToBeOld;
-}
 }  // namespace
 
 bool teaches_of_noise(const FilterState& state, int camera, std::span<const TagToUse> tags) {
-  return is_clock_known(state, camera) &&
-         std::ranges::all_of(tags, [&](const TagToUse& tag) { return is_old(state, tag); });
+  const CameraClock& clock = state.clocks[static_cast<std::size_t>(camera)];
+  const double variance = state.P()(layout::clock(camera), layout::clock(camera));
+  // A new tag shares the body's error, so that the motion relative to it shows no noise.
+  const auto is_old = [&](const TagToUse& tag) {
+    if (tag.local < 0) return true;
+    const WorldTag& own = state.tags[static_cast<std::size_t>(tag.local)];
+    return own.held || own.sightings >= kSightingsToBeOld;
+  };
+  return std::abs(clock.seconds_to(0)) < kClockApplied_s &&
+         variance < kClockKnown_s * kClockKnown_s && std::ranges::all_of(tags, is_old);
 }
 
 Eigen::Matrix2d NoiseWatch::curvature() const {
@@ -72,8 +65,6 @@ void NoiseWatch::lose_motion() {
       Eigen::Vector3d::Constant(4e-4);
   D_.setZero();
 }
-
-void NoiseWatch::begin_with(const LearnedNoise& learned) { now_ = earlier_ = before_ = learned; }
 
 void NoiseWatch::take_back() {
   now_ = earlier_ = before_;
@@ -96,10 +87,6 @@ void NoiseWatch::discard_since_outlier() {
   likely_variance_ = outgrown_ = 1;
   now_ = earlier_ = before_ = *doubted_since_;
   doubted_since_.reset();
-}
-
-double NoiseWatch::sigma_of(Noise noise) const {
-  return std::sqrt(curvature().inverse()(noise, noise));
 }
 
 void NoiseWatch::follow(const MotionSinceImage& motion) {
@@ -142,12 +129,6 @@ void NoiseWatch::learn(const StackedUpdate::SharedScore& score, const Vector6d& 
   before_ = std::exchange(earlier_, now_);
 }
 
-double NoiseWatch::score_of(Noise noise) const {
-  const double information = now_.information(noise, noise) + kTiny(noise);
-  return normal_score(now_.derivative(noise) / std::sqrt(information),
-                      now_.third(noise) / std::pow(information, 1.5));
-}
-
 void NoiseWatch::apply_estimate() {
   const Eigen::Matrix2d J = curvature();
   const Eigen::Vector2d to_declared =
@@ -158,7 +139,9 @@ void NoiseWatch::apply_estimate() {
   for (const Noise noise : {kImu, kStamps}) {
     const bool was_beyond = before(noise) > kDeclared(noise);
     // Score test at the configured noise; afterwards the estimate alone decides.
-    const double score = score_of(noise);
+    const double information = now_.information(noise, noise) + kTiny(noise);
+    const double score = normal_score(now_.derivative(noise) / std::sqrt(information),
+                                      now_.third(noise) / std::pow(information, 1.5));
     const bool is_significant =
         estimate(noise) > kDeclared(noise) && (was_beyond || score > kSignificant_sigma);
     now_.applied(noise) =
@@ -188,8 +171,9 @@ void NoiseWatch::list(std::vector<FoundMismatch>& out) const {
   using Kind = FoundMismatch::Kind;
   const double density = std::sqrt(imu_variance());
   if (density > kReportedNoise)
-    out.push_back(
-        {.kind = Kind::kImuNoise, .value = density, .sigma = sigma_of(kImu) / (2 * density)});
+    out.push_back({.kind = Kind::kImuNoise,
+                   .value = density,
+                   .sigma = std::sqrt(curvature().inverse()(kImu, kImu)) / (2 * density)});
   if (jitter_s() > kReportedJitter_s)
     out.push_back({.kind = Kind::kStampJitter, .value = jitter_s()});
 }

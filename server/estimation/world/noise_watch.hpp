@@ -32,7 +32,7 @@ class NoiseWatch final {
   NoiseWatch() { lose_motion(); }
   void restart() { *this = NoiseWatch{}; }
   /// Begins with noise learned from the same samples before.
-  void begin_with(const LearnedNoise& learned);
+  void begin_with(const LearnedNoise& learned) { now_ = earlier_ = before_ = learned; }
   [[nodiscard]] const LearnedNoise& learned() const { return now_; }
   /// The body was lost; learned noises stay.
   void lose_motion();
@@ -67,9 +67,6 @@ class NoiseWatch final {
   enum Noise { kImu, kStamps };
 
   [[nodiscard]] Eigen::Matrix2d curvature() const;
-  [[nodiscard]] double sigma_of(Noise noise) const;
-  /// Score test at the applied noise, in sigmas of a normal distribution.
-  [[nodiscard]] double score_of(Noise noise) const;
   void apply_estimate();
   void reweigh();
 

@@ -1,8 +1,6 @@
 #include "estimation/world/tag_entry.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -13,6 +11,7 @@
 #include "estimation/filter/chi_square.hpp"
 #include "estimation/filter/growing_covariance.hpp"
 #include "estimation/filter/kalman_gain.hpp"
+#include "estimation/filter/matrix6.hpp"
 #include "estimation/world/corner_measurement.hpp"
 
 namespace fiducap::world {
@@ -23,13 +22,6 @@ constexpr double kFocalFarOff = 1e-3;
 constexpr double kCentreFarOff_px = 1.0;
 constexpr double kDistortionFarOff = 1e-2;
 constexpr int kStepsWhenFarOff = 4;
-
-int steps_to_place(const LensOffset& lens) {
-  const bool is_far_off = std::abs(lens.focal) > kFocalFarOff ||
-                          lens.centre_px.norm() > kCentreFarOff_px ||
-                          std::abs(lens.k1) > kDistortionFarOff;
-  return is_far_off ? kStepsWhenFarOff : 0;
-}
 
 /// A tag's pose by its corners: H_T ξ_T = y − Σ H_b ξ_b − n over the other blocks b, solved for ξ_T
 /// by weighted least squares.
@@ -45,7 +37,7 @@ PlaceByCorners place_by_corners(const TagMeasurement& m, int at) {
     if (m.blocks[b].at == at + 3) H.rightCols<3>() = m.blocks[b].H;
   }
   const Eigen::Matrix<double, 6, 8> weighted = m.R.ldlt().solve(H).transpose();
-  const Matrix6d own = (weighted * H).inverse();
+  const Matrix6d own = inverse6(weighted * H);
   return {own * weighted, 0.5 * (own + own.transpose())};
 }
 
@@ -53,8 +45,11 @@ PlaceByCorners place_by_corners(const TagMeasurement& m, int at) {
 void correct_place(FilterState& state, int camera, const CameraModel& model, const TagToUse& tag,
                    const CornerNoise& noise) {
   const int at = state.tag_at(static_cast<std::size_t>(tag.local));
-  const int steps = steps_to_place(state.lenses[static_cast<std::size_t>(camera)]);
-  for (int step = 0; step < steps; ++step) {
+  const LensOffset& lens = state.lenses[static_cast<std::size_t>(camera)];
+  const bool is_far_off = std::abs(lens.focal) > kFocalFarOff ||
+                          lens.centre_px.norm() > kCentreFarOff_px ||
+                          std::abs(lens.k1) > kDistortionFarOff;
+  for (int step = 0; is_far_off && step < kStepsWhenFarOff; ++step) {
     const TagMeasurement m = measure(state, camera, model, tag, noise);
     Eigen::VectorXd error = Eigen::VectorXd::Zero(state.size());
     error.tail<6>() = place_by_corners(m, at).solve * m.y;
@@ -96,25 +91,16 @@ void follow_map(FilterState& state, const TagObservations& seen, std::span<const
     }
   }
 }
-
-/// Removes held tags that are not in the map any more.
-void forget_unknown(FilterState& state, const KnownMap& map) {
-  for (std::size_t i = state.tags.size(); i-- > 0;)
-    if (state.tags[i].held && map.find(state.tags[i].tag_id) == nullptr) state.remove_tag(i);
-}
 }  // namespace
 
 void augment(FilterState& state, int camera, const CameraModel& model, const TagObservation& seen,
              const Pose& X_VT, const CornerNoise& noise) {
-  WorldTag tag;
-  tag.tag_id = seen.tag_id;
-  tag.edge_m = seen.edge_m;
-  tag.sightings = 1;
   const CameraClock& clock = state.clocks[static_cast<std::size_t>(camera)];
-  tag.X_WT =
-      state.X_WB_after(clock.seconds_to(0)) * state.X_BV[static_cast<std::size_t>(camera)] * X_VT;
+  const Pose X_WV =
+      state.X_WB_after(clock.seconds_to(0)) * state.X_BV[static_cast<std::size_t>(camera)];
   const int local = static_cast<int>(state.tags.size());
-  state.add_tag(tag, Matrix6d::Zero());
+  state.add_tag({{.tag_id = seen.tag_id, .edge_m = seen.edge_m, .sightings = 1}, X_WV * X_VT},
+                Matrix6d::Zero());
 
   const TagToUse use{&seen, local, nullptr};
   const int at = state.tag_at(static_cast<std::size_t>(local));
@@ -134,15 +120,9 @@ void augment(FilterState& state, int camera, const CameraModel& model, const Tag
 }
 
 void hold(FilterState& state, const KnownTag& known, Instant at) {
-  WorldTag tag;
-  tag.tag_id = known.tag_id;
-  tag.edge_m = known.edge_m;
-  tag.X_WT = known.X_WT;
-  tag.held = true;
-  tag.first_seen = at;
-  tag.last_seen = at;
   const Matrix6d J = world_from_plain_error(known.X_WT.p);
-  state.add_tag(tag, J * known.covariance * J.transpose());
+  state.add_tag({{known.tag_id, known.edge_m, 0, at, at}, known.X_WT, true},
+                J * known.covariance * J.transpose());
 }
 
 bool replace_held(FilterState& state, std::size_t tag, const KnownTag& now) {
@@ -157,19 +137,18 @@ bool replace_held(FilterState& state, std::size_t tag, const KnownTag& now) {
   const Vector6d moved = world_error_between(state.tags[tag].X_WT, now.X_WT);
   Matrix6d apart = S + R;
   apart.diagonal().array() += kLeastSigma * kLeastSigma;
-  if (!(moved.dot(apart.ldlt().solve(moved)) < kGate)) return false;
+  if (!(squared_distance(moved, apart) < kGate)) return false;
 
   // Position and heading of a reference tag are exact, so S may be singular.
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(S);
+  const SymmetricEigen6 eigen = symmetric_eigen(S);
   const double least =
-      std::max(kLeastSigma * kLeastSigma, kSingular * std::max(0.0, eigen.eigenvalues()(5)));
-  Vector6d inverse = Vector6d::Zero();
+      std::max(kLeastSigma * kLeastSigma, kSingular * std::max(0.0, eigen.values(5)));
+  Vector6d inverted = Vector6d::Zero();
   for (int k = 0; k < 6; ++k) {
-    if (eigen.eigenvalues()(k) > least) inverse(k) = 1.0 / eigen.eigenvalues()(k);
+    if (eigen.values(k) > least) inverted(k) = 1.0 / eigen.values(k);
   }
   const Eigen::Matrix<double, Eigen::Dynamic, 6> G =
-      P.middleCols<6>(at) *
-      (eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose());
+      P.middleCols<6>(at) * (eigen.V * inverted.asDiagonal() * eigen.V.transpose());
   const Eigen::Matrix<double, Eigen::Dynamic, 6> GD = G * (S - R);
   // A variance must not become negative by rounding.
   for (Eigen::Index k = 0; k < P.cols(); ++k) {
@@ -226,7 +205,8 @@ std::optional<Pose> HeldTags::take_over(FilterState& state, const KnownMap& map,
 void HeldTags::follow(FilterState& state, const TagObservations& seen,
                       std::span<const KnownTag> known, const KnownMap* whole, bool is_anchored) {
   if (whole == nullptr) follow_map(state, seen, known);
-  if (whole != nullptr) forget_unknown(state, *whole);
+  for (std::size_t i = state.tags.size(); whole != nullptr && i-- > 0;)
+    if (state.tags[i].held && whole->find(state.tags[i].tag_id) == nullptr) state.remove_tag(i);
   if (is_anchored) {
     for (const KnownTag& tag : known)
       if (is_in_view(seen, tag.tag_id)) hold_one(state, tag, whole, seen.exposed_at);

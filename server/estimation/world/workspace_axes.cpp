@@ -10,22 +10,16 @@ using namespace layout;  // NOLINT: block names
 
 namespace {
 /// A motion of the whole workspace, g = (translation, rotation): four numbers with gravity (yaw
-/// only), six without. Only the first `size` columns are used.
+/// only), six without.
 struct RoomShift {
-  int size{};
   Matrix6d N{Matrix6d::Zero()};  ///< ξ ← ξ + N g, the same for every pose
   Matrix6d L{Matrix6d::Zero()};  ///< g = L ξ_T removes the reference tag's own error
 };
 
-RoomShift whole_shift() {
-  RoomShift shift{6, Matrix6d::Identity(), -Matrix6d::Identity()};
-  return shift;
-}
-
-/// @param h  the tag's heading axis in W
-RoomShift level_shift(const Eigen::Vector3d& p_WT, const Eigen::Vector3d& h) {
+RoomShift shift_for(const Pose& X_WT, const HeadingRule& rule, bool level) {
+  if (!level) return {Matrix6d::Identity(), -Matrix6d::Identity()};
+  const Eigen::Vector3d h = X_WT.q * Eigen::Vector3d::Unit(rule.axis);  // the tag's heading axis
   RoomShift shift;
-  shift.size = 4;
   shift.N.topLeftCorner<3, 3>().setIdentity();
   shift.N(5, 3) = 1;
   const double level2 = h.x() * h.x() + h.y() * h.y();
@@ -35,12 +29,8 @@ RoomShift level_shift(const Eigen::Vector3d& p_WT, const Eigen::Vector3d& h) {
   shift.L.block<1, 3>(3, 3) = -heading;
   shift.L.topLeftCorner<3, 3>() = -Eigen::Matrix3d::Identity();
   shift.L.topRightCorner<3, 3>() =
-      skew(p_WT) * (Eigen::Matrix3d::Identity() - Eigen::Vector3d::UnitZ() * heading);
+      skew(X_WT.p) * (Eigen::Matrix3d::Identity() - Eigen::Vector3d::UnitZ() * heading);
   return shift;
-}
-
-RoomShift shift_for(const Pose& X_WT, const HeadingRule& rule, bool level) {
-  return level ? level_shift(X_WT.p, X_WT.q * Eigen::Vector3d::Unit(rule.axis)) : whole_shift();
 }
 
 /// First columns of all poses in the state: body, cameras, clones, tags.
@@ -125,20 +115,22 @@ ReferenceSlack slack_of_reference(const FilterState& state, std::size_t tag,
   return {turn + (reference.X_WT.p - rule.X_WT.p).norm(), std::sqrt(std::max(0.0, variance))};
 }
 
+void add_common_error(FilterState& state, const Matrix6d& covariance) {
+  for (std::size_t a = 0; a < poses(state); ++a) {
+    for (std::size_t b = 0; b < poses(state); ++b)
+      state.P().block<6, 6>(pose_at(state, a), pose_at(state, b)) += covariance;
+  }
+}
+
 Pose anchor_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& X_WT,
                      bool level) {
   const Pose seen = state.X_WV(camera) * X_VT;
   const Pose G = axes_between(seen, X_WT, level);
   move_axes(state, G);
-  // The same unknown motion for the body and all tags.
-  Eigen::Matrix<double, 6, 1> unknown;
+  Vector6d unknown;
   unknown << Eigen::Vector3d::Constant(kUnknownPosition_m), 0, 0, kUnknownAngle_rad;
   if (!level) unknown.tail<3>().setConstant(kUnknownAngle_rad);
-  const Matrix6d shift = unknown.cwiseAbs2().asDiagonal();
-  for (std::size_t a = 0; a < poses(state); ++a) {
-    for (std::size_t b = 0; b < poses(state); ++b)
-      state.P().block<6, 6>(pose_at(state, a), pose_at(state, b)) += shift;
-  }
+  add_common_error(state, unknown.cwiseAbs2().asDiagonal());
   return G;
 }
 

@@ -8,6 +8,10 @@ namespace fiducap::world {
 /// Expresses the state in other axes: X_new = G X for every pose; errors rotate with the axes.
 void move_axes(FilterState& state, const Pose& G);
 
+/// Adds an unknown motion of the whole workspace: one world-side error of the body, all cameras,
+/// clones and tags.
+void add_common_error(FilterState& state, const Matrix6d& covariance);
+
 /// Redefines W by a tag in the state: its position and heading (`level`: the vertical comes from
 /// gravity), or its whole pose, become exact. No measurable quantity changes.
 /// @return X_WnewWold

@@ -24,19 +24,16 @@ WorldCoordinates::WorldCoordinates(const BodySensors& sensors, const EstimatorCo
     : sensors_(sensors),
       config_(config),
       gravity_W_(0, 0, -sensors.gravity_m_s2),
-      calibration_monitor_(sensors.cameras, doubts()) {
+      // Without an IMU the parameters cannot be distinguished.
+      calibration_monitor_(sensors.cameras,
+                           {.doubts = config.doubt_configuration && sensors.imu.has_value(),
+                            .refines = config.refine_intrinsics,
+                            .assumes = config.doubt_configuration && !sensors.imu}) {
   if (config.landmarks && sensors.imu) window_.emplace(sensors.cameras.size(), LandmarkRules{});
   for (const CameraMount& mount : sensors.cameras) {
     lenses_.push_back(mount.model);
     corner_noise_.emplace_back(config, config.learn_corner_noise, &mount);
   }
-}
-
-/// Without an IMU the parameters cannot be distinguished.
-CalibrationMonitor::Rules WorldCoordinates::doubts() const {
-  return {.doubts = config_.doubt_configuration && sensors_.imu.has_value(),
-          .refines = config_.refine_intrinsics,
-          .assumes = config_.doubt_configuration && !sensors_.imu};
 }
 
 void WorldCoordinates::reset(const ClockHypothesis& clocks) {
@@ -78,11 +75,7 @@ void WorldCoordinates::reset_camera(int camera, const ClockHypothesis& clocks) {
 
 void WorldCoordinates::open_clock(int camera, double sigma_s) {
   if (!config_.estimate_clocks || !sensors_.imu) return;
-  const int at = layout::clock(camera);
-  auto P = state_.P();
-  P.row(at).setZero();
-  P.col(at).setZero();
-  P(at, at) = sigma_s * sigma_s;
+  state_.clear_column(layout::clock(camera), sigma_s);
 }
 
 ClockEstimate WorldCoordinates::clock(int camera) const {
@@ -263,20 +256,18 @@ UpdateReport WorldCoordinates::correct(const TagObservations& seen, std::span<co
                            corner_noise_[camera], accepted);
   state_.release_blocks();
   if (linearisation_) linearisation_->release_blocks();
-  note_fit(report.tags_used > 0);
-  if (learns && corner_update_.has_score() && images_without_fit_ <= kUnfitToLearnFrom) {
-    noise_watch_.learn(corner_update_.shared_score(), on_time);
-    apply_jitter();
-  }
-  if (watches && report.tags_used > 0) noise_watch_.correct(corner_update_.shared_score(), on_time);
-  return report;
-}
-
-/// Only the second consecutive fit ends a doubt: the first one may remove a tag.
-void WorldCoordinates::note_fit(bool fits) {
+  // Only the second consecutive fit ends a doubt: the first one may remove a tag.
+  const bool fits = report.tags_used > 0;
   if (!fits && images_without_fit_ == 0) noise_watch_.begin_doubt();
   if (fits && images_without_fit_ == 0) noise_watch_.end_doubt();
   images_without_fit_ = fits ? 0 : images_without_fit_ + 1;
+  const auto& score = corner_update_.shared_score();
+  if (learns && score && images_without_fit_ <= kUnfitToLearnFrom) {
+    noise_watch_.learn(*score, on_time);
+    apply_jitter();
+  }
+  if (watches && fits && score) noise_watch_.correct(*score, on_time);
+  return report;
 }
 
 void WorldCoordinates::set_clock(int camera, double shift_s, double sigma_s) {

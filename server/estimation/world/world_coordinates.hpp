@@ -143,11 +143,9 @@ class WorldCoordinates final {
     FIDUCAP_ASSERT(camera >= 0 && camera < static_cast<int>(sensors_.cameras.size()));
     return sensors_.cameras[static_cast<std::size_t>(camera)].model;
   }
-  [[nodiscard]] CalibrationMonitor::Rules doubts() const;
   void apply_jitter() {
     for (CameraClock& clock : state_.clocks) clock.jitter_s = noise_watch_.jitter_s();
   }
-  void note_fit(bool fits);
   [[nodiscard]] bool watches_noise() const;
   void reset_camera(int camera, const ClockHypothesis& clocks);
 

@@ -6,7 +6,6 @@
 #include "estimation/update/body_follower_impl.hpp"
 #include "estimation/update/relocalisation_impl.hpp"
 #include "estimation/update/tag_filter_impl.hpp"
-#include "estimation/world/tag_entry.hpp"
 
 namespace fiducap {
 template class TagFilter<world::WorldCoordinates>;

@@ -5,8 +5,8 @@
 
 #include <Eigen/SVD>
 
-#include "base/text.hpp"
 #include "detection/tag_family.hpp"
+#include "detection/tag_geometry.hpp"
 #include "mapping/formats/map_exchange.hpp"
 #include "mapping/formats/yaml_place.hpp"
 
@@ -69,9 +69,9 @@ MarkerCorners corners_of(const YamlPlace& place) {
   return corners;
 }
 
-Eigen::Vector3d corner_of_square(std::size_t i, double edge) {
-  const double half = 0.5 * edge;
-  return {i == 1 || i == 2 ? half : -half, i < 2 ? half : -half, 0};
+/// In the order of MarkerCorners.
+Eigen::Vector3d marker_corner(std::size_t i, double edge) {
+  return tag_corner(3 - static_cast<int>(i), edge);
 }
 
 /// Least squares.
@@ -93,7 +93,7 @@ Marker fitted(const MarkerCorners& corners, const YamlPlace& place) {
   double worst = 0;
   for (std::size_t i = 0; i < 4; ++i)
     worst = std::max(
-        worst, (marker.X_WT * corner_of_square(i, marker.edge) - corners[i]).norm() / marker.edge);
+        worst, (marker.X_WT * marker_corner(i, marker.edge) - corners[i]).norm() / marker.edge);
   if (!(worst <= kSquare))
     place.refuse("a corner is " + shortest(100 * worst) +
                  " % of the edge away from a square: must be at most 1");
@@ -206,7 +206,7 @@ ExportedMap map_to_aruco_yaml(const TagMap& map) {
   for (const MapTag* entry : tags) {
     text += "   - { id: " + std::to_string(entry->tag.tag_id) + ", corners: [ ";
     for (std::size_t i = 0; i < 4; ++i) {
-      const Eigen::Vector3d corner = entry->tag.X_WT * corner_of_square(i, entry->tag.edge_m);
+      const Eigen::Vector3d corner = entry->tag.X_WT * marker_corner(i, entry->tag.edge_m);
       text += (i == 0 ? "[ " : ",\n       [ ") + to_point_text(corner.x()) + ", " +
               to_point_text(corner.y()) + ", " + to_point_text(corner.z()) + " ]";
     }

@@ -2,7 +2,6 @@
 // sizes are edges of the black square: so are ours. ROS asserts that a size is no whole number.
 #include <map>
 
-#include "base/text.hpp"
 #include "mapping/formats/map_exchange.hpp"
 #include "mapping/formats/yaml_place.hpp"
 

@@ -2,7 +2,6 @@
 #include <array>
 #include <string_view>
 
-#include "base/text.hpp"
 #include "mapping/formats/map_exchange.hpp"
 #include "mapping/formats/map_format.hpp"
 

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <initializer_list>
@@ -8,11 +7,10 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <system_error>
-#include <utility>
 #include <vector>
 
 #include "base/expected.hpp"
+#include "base/text.hpp"
 #include "mapping/formats/map_format.hpp"
 #include "mapping/tag_map.hpp"
 
@@ -33,11 +31,7 @@ template <typename T>
 [[nodiscard]] std::optional<T> number_from(std::string_view text) {
   if (text.starts_with('+')) text.remove_prefix(1);
   T value{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || text.empty()) return std::nullopt;
-  if constexpr (std::is_floating_point_v<T>) {
-    if (!std::isfinite(value)) return std::nullopt;
-  }
+  if (!parse_number(text, value) || !std::isfinite(value)) return std::nullopt;
   return value;
 }
 

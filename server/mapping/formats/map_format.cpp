@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <utility>
 
-#include "base/text.hpp"
 #include "mapping/formats/map_exchange.hpp"
 
 namespace fiducap {
@@ -57,7 +56,6 @@ std::string end_of(const std::string& file) {
 
 // --- one signature for all formats ---
 
-using Read = Expected<ImportedMap>(const std::string&, const MapImportOptions&, const std::string&);
 using Write = ExportedMap(const TagMap&, std::optional<FieldSize>);
 
 Expected<ImportedMap> read_own_map(const std::string& text, const MapImportOptions& options,
@@ -107,7 +105,7 @@ struct FormatEntry {
   MapFormat format;
   std::string_view name;
   bool takes_edge;  ///< The file has no sizes, or none in metres.
-  Read* read;
+  MapReader* read;
   Write* write;
 };
 constexpr std::array<FormatEntry, 7> kMapFormats{{
@@ -137,10 +135,7 @@ std::optional<MapFormat> map_format_from(std::string_view name) {
 }
 
 std::string map_format_names() {
-  std::string names;
-  for (const FormatEntry& entry : kMapFormats)
-    names += (names.empty() ? "" : ", ") + std::string(entry.name);
-  return names;
+  return comma_list(kMapFormats, [](const FormatEntry& entry) { return entry.name; });
 }
 
 Expected<MapFormat> map_format_of(const std::string& file, std::string_view text) {

@@ -89,34 +89,28 @@ struct FieldSize {
 // Formats of other programs. At least one tag, or an Error. Writers leave out tags that the map
 // itself does not trust, with a remark. Places are in workspace axes, tag axes are ours (x right, y
 // up, z out of the face).
+using MapReader = Expected<ImportedMap>(const std::string& text, const MapImportOptions& options,
+                                        const std::string& context);
 
 /// TagSLAM, `tagslam.yaml` and `poses.yaml`: tags of static bodies that have a pose. Rotations are
 /// rotation vectors in radians; noises, 1-sigma along the tag's own axes, become covariances.
-[[nodiscard]] Expected<ImportedMap> map_from_tagslam_yaml(const std::string& text,
-                                                          const MapImportOptions& options,
-                                                          const std::string& context);
+[[nodiscard]] MapReader map_from_tagslam_yaml;
 /// One static body `workspace`. `poses.yaml` is a part of `tagslam.yaml`: the same text is both.
 [[nodiscard]] ExportedMap map_to_tagslam_yaml(const TagMap& map);
 
 /// apriltag_ros of ROS 1, `tags.yaml`: the layout of its one bundle; left-out places are zero,
 /// left-out rotations none. Standalone tags have no place.
-[[nodiscard]] Expected<ImportedMap> map_from_bundle_yaml(const std::string& text,
-                                                         const MapImportOptions& options,
-                                                         const std::string& context);
+[[nodiscard]] MapReader map_from_bundle_yaml;
 [[nodiscard]] ExportedMap map_to_bundle_yaml(const TagMap& map);
 
 /// RCARS workspace: `calibratedTags` and `tags.tagN`, sizes are not in the file. Its passive qTI,
 /// from inertial to tag axes, has the same four numbers as our q_WT.
-[[nodiscard]] Expected<ImportedMap> map_from_rcars_yaml(const std::string& text,
-                                                        const MapImportOptions& options,
-                                                        const std::string& context);
+[[nodiscard]] MapReader map_from_rcars_yaml;
 [[nodiscard]] ExportedMap map_to_rcars_yaml(const TagMap& map);
 
 /// Marker map of the ArUco library (MarkerMapper), OpenCV's YAML: four corners per id, clockwise
 /// from the top-left, in metres, or in pixels, which need `edge_m`.
-[[nodiscard]] Expected<ImportedMap> map_from_aruco_yaml(const std::string& text,
-                                                        const MapImportOptions& options,
-                                                        const std::string& context);
+[[nodiscard]] MapReader map_from_aruco_yaml;
 [[nodiscard]] ExportedMap map_to_aruco_yaml(const TagMap& map);
 
 }  // namespace fiducap

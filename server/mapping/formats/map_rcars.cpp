@@ -6,7 +6,6 @@
 #include <unordered_map>
 #include <utility>
 
-#include "base/text.hpp"
 #include "mapping/formats/map_exchange.hpp"
 #include "mapping/formats/yaml_place.hpp"
 

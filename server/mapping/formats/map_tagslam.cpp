@@ -8,7 +8,6 @@
 #include <optional>
 
 #include "base/pose.hpp"
-#include "base/text.hpp"
 #include "mapping/formats/map_exchange.hpp"
 #include "mapping/formats/yaml_place.hpp"
 

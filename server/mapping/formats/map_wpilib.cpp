@@ -2,7 +2,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/text.hpp"
 #include "mapping/formats/map_exchange.hpp"
 #include "mapping/formats/map_format.hpp"
 

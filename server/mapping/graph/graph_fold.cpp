@@ -15,14 +15,12 @@ namespace {
 /// The segments of the workspace without the raw data, which the equations do not need.
 GraphState workspace_of(const GraphState& graph) {
   GraphState out;
-  out.bodies = graph.bodies;
-  out.nodes = graph.nodes;
+  static_cast<GraphEstimates&>(out) = graph;
+  out.tags.clear();
   out.starts = graph.starts;
   out.level = graph.level;
-  out.common_scale = graph.common_scale;
   out.common_scale_prior = graph.common_scale_prior;
   out.tests_sizes = graph.tests_sizes;
-  out.gravity_offset_m_s2 = graph.gravity_offset_m_s2;
   out.gravity_sigma_m_s2 = graph.gravity_sigma_m_s2;
   for (const GraphSegment& segment : graph.segments) {
     if (graph.nodes[segment.begin].component != kInWorkspace) continue;
@@ -99,27 +97,24 @@ void MapGraph::keep_bounded(bool is_converged) {
   std::map<int, std::size_t> tags;
   for (const GraphSegment& segment : state_.segments) ++segments[component_of(segment)];
   for (const GraphTag& tag : state_.tags) ++tags[tag.component];
-  for (const auto& [component, count] : segments) {
+  for (const auto& entry : segments) {
+    const int component = entry.first;
+    const std::size_t count = entry.second;
     const std::size_t most = most_segments(tags[component]);
     const bool is_placed = component == kInWorkspace;
     if (is_placed && is_converged) {
       if (count > most) fold();
     } else if (count > (is_placed ? 2 * most : most)) {
-      forget_oldest(component, count / 2);
+      std::size_t oldest = count / 2;
+      const auto is_kept = [&](const GraphSegment& segment) {
+        if (oldest == 0 || component_of(segment) != component) return true;
+        --oldest;
+        return false;
+      };
+      renumber_chains(keep_segments(is_kept, state_));
+      drop_unbound(component);
     }
   }
-}
-
-void MapGraph::forget_oldest(int component, std::size_t count) {
-  std::size_t left = count;
-  renumber_chains(keep_segments(
-      [&](const GraphSegment& segment) {
-        if (left == 0 || component_of(segment) != component) return true;
-        --left;
-        return false;
-      },
-      state_));
-  drop_unbound(component);
 }
 
 void MapGraph::fold() {
@@ -149,7 +144,16 @@ void MapGraph::follow(const EpochOrder& order) {
     for (GraphSegment& entry : state_.segments) {
       const bool has_tag = std::ranges::any_of(
           entry.raw.tags, [&](const auto& t) { return t.tag_id == order.tag_id; });
-      if (has_tag && entry.raw.end().at > order.opens->gone) rebind(entry);
+      if (!has_tag || entry.raw.end().at <= order.opens->gone) continue;
+      MotionSegment raw = entry.raw;
+      const std::vector<int> epochs = epochs_.sort(raw);
+      auto factor = condense(raw);
+      if (!factor) continue;
+      const GraphNode& begin = state_.nodes[entry.begin];
+      const Pose G = axes_between(raw.begin().X_WB, begin.at.X_WB, raw.has_imu());
+      entry.raw = std::move(raw);
+      entry.factor = std::move(*factor);
+      bind_tags(G, epochs, entry);
     }
   } else {
     for (GraphTag& tag : state_.tags)
@@ -184,19 +188,6 @@ void MapGraph::replace_body(int body_id, std::vector<MotionSegment> segments) {
   count_sightings();
   renumber_chains(forget_unbound_paths(state_));
   for (MotionSegment& segment : segments) (void)add(std::move(segment));
-}
-
-/// Binds sightings to other epochs of their tags, or to none.
-void MapGraph::rebind(GraphSegment& entry) {
-  MotionSegment raw = entry.raw;
-  const std::vector<int> epochs = epochs_.sort(raw);
-  auto factor = condense(raw);
-  if (!factor) return;
-  const GraphNode& begin = state_.nodes[entry.begin];
-  const Pose G = axes_between(raw.begin().X_WB, begin.at.X_WB, raw.has_imu());
-  entry.raw = std::move(raw);
-  entry.factor = std::move(*factor);
-  bind_tags(G, epochs, entry);
 }
 
 }  // namespace fiducap

@@ -4,10 +4,10 @@
 #include <utility>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 
 #include "base/pose.hpp"
 #include "estimation/filter/heading_rule.hpp"
+#include "estimation/filter/matrix6.hpp"
 
 namespace fiducap {
 
@@ -149,10 +149,9 @@ class PriorMaker final {
   }
 
   static Matrix6d information(const Matrix6d& covariance) {
-    const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(0.5 *
-                                                        (covariance + covariance.transpose()));
-    const Vector6d values = eigen.eigenvalues().cwiseMax(kExact * kExact).cwiseInverse();
-    return eigen.eigenvectors() * values.asDiagonal() * eigen.eigenvectors().transpose();
+    const SymmetricEigen6 eigen = symmetric_eigen(0.5 * (covariance + covariance.transpose()));
+    const Vector6d values = eigen.values.cwiseMax(kExact * kExact).cwiseInverse();
+    return eigen.V * values.asDiagonal() * eigen.V.transpose();
   }
 
   std::span<const PriorTag> tags_;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <tuple>
+#include <utility>
 
 #include "estimation/world/filter_state.hpp"
 #include "mapping/graph/calibration_terms.hpp"
@@ -116,11 +117,7 @@ bool MapGraph::iterate(const std::stop_token& stop, GraphSolution& done) {
       move_by(delta, variables, equations.H, state_);
       return true;
     }
-    const auto nodes = state_.nodes;
-    const auto tags = state_.tags;
-    const auto bodies = state_.bodies;
-    const double common_scale = state_.common_scale;
-    const double gravity_offset_m_s2 = state_.gravity_offset_m_s2;
+    GraphEstimates before = state_;
     move_by(delta, variables, equations.H, state_);
     const int again = condense_again(stop);
     if (stop.stop_requested()) return false;
@@ -131,11 +128,7 @@ bool MapGraph::iterate(const std::stop_token& stop, GraphSolution& done) {
       equations = std::move(next);
       continue;
     }
-    state_.nodes = nodes;
-    state_.tags = tags;
-    state_.bodies = bodies;
-    state_.common_scale = common_scale;
-    state_.gravity_offset_m_s2 = gravity_offset_m_s2;
+    static_cast<GraphEstimates&>(state_) = std::move(before);
     // No step gains the little that is predicted: the limit of the linearisation.
     damping *= 100;
     if (damping > kMostDamping) return gain < kBetweenLinearisations;

@@ -73,18 +73,22 @@ struct ChainStart {
   std::optional<Eigen::Vector3d> up_B{};  ///< The vertical there, by odometry.
 };
 
-/// All variables, factors and priors of the map graph.
-struct GraphState {
+/// The variables of the map graph.
+struct GraphEstimates {
   std::vector<GraphBody> bodies;
   std::vector<GraphNode> nodes;
   std::vector<GraphTag> tags;
+  double common_scale{};         ///< Relative error of all configured tag sizes.
+  double gravity_offset_m_s2{};  ///< Gravity minus the sensors' value.
+};
+
+/// All variables, factors and priors of the map graph.
+struct GraphState : GraphEstimates {
   std::vector<GraphSegment> segments;
   std::vector<ChainStart> starts;
-  double common_scale{};  ///< Relative error of all configured tag sizes …
   TestedPrior common_scale_prior;
-  bool tests_sizes{false};                             ///< … which may be wrong.
-  double gravity_offset_m_s2{};                        ///< Gravity minus the sensors' value …
-  double gravity_sigma_m_s2{kUsualGravitySigma_m_s2};  ///< … and its prior, 1-sigma.
+  bool tests_sizes{false};                             ///< Configured sizes may be wrong.
+  double gravity_sigma_m_s2{kUsualGravitySigma_m_s2};  ///< Prior of gravity, 1-sigma.
   GraphPrior prior;
   std::map<int, bool> level;  ///< Per component: its vertical is known, by gravity or odometry.
 };

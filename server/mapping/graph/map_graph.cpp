@@ -98,7 +98,13 @@ bool MapGraph::add(MotionSegment segment) {
   entry.begin = continues_chain(segment)
                     ? *chains_.at(segment.body_id).node
                     : begin_chain(body, segment, is_in_workspace(segment, epochs));
-  join_workspace(entry.begin, segment, epochs);
+  const GraphNode& begin = state_.nodes[entry.begin];
+  // A body that began in axes of its own may have been anchored since.
+  if (begin.component != kInWorkspace && is_in_workspace(segment, epochs))
+    merge_components(
+        begin.component, kInWorkspace,
+        axes_between(begin.at.X_WB, segment.begin().X_WB, state_.level.at(begin.component)),
+        state_);
   const int component = state_.nodes[entry.begin].component;
   const Pose G =
       axes_between(segment.begin().X_WB, state_.nodes[entry.begin].at.X_WB, segment.has_imu());
@@ -125,35 +131,30 @@ bool MapGraph::continues_chain(const MotionSegment& segment) const {
 /// @param G  from the filter's axes, which the segment's tags are in, to the component's
 void MapGraph::bind_tags(const Pose& G, const std::vector<int>& epochs, GraphSegment& entry) {
   entry.tags.clear();
+  const int component = component_of(entry);
   for (std::size_t i = 0; i < epochs.size(); ++i) {
     const KnownTag& tag = entry.raw.tags[i];
-    entry.tags.push_back(
-        tag_of(component_of(entry), tag, epochs[i], G * tag.X_WT, entry.raw.begin().at));
+    const auto found = std::ranges::find_if(state_.tags, [&](const GraphTag& t) {
+      return t.tag_id == tag.tag_id && t.component == component && t.epoch == epochs[i];
+    });
+    entry.tags.push_back(static_cast<std::size_t>(found - state_.tags.begin()));
+    if (found != state_.tags.end()) continue;
+    GraphTag added{.tag_id = tag.tag_id,
+                   .edge_m = tag.edge_m,
+                   .X_WT = G * tag.X_WT,
+                   .component = component,
+                   .first_seen = entry.raw.begin().at,
+                   .epoch = epochs[i],
+                   .scale_prior = {}};
+    // The same printed tag as in other components, or as before it was moved.
+    const auto same = std::find_if(state_.tags.rbegin(), state_.tags.rend(),
+                                   [&](const GraphTag& t) { return t.tag_id == tag.tag_id; });
+    if (same != state_.tags.rend()) {
+      added.scale = same->scale;
+      added.scale_prior = same->scale_prior;
+    }
+    state_.tags.push_back(added);
   }
-}
-
-std::size_t MapGraph::tag_of(int component, const KnownTag& tag, int epoch, const Pose& X_WT,
-                             Instant now) {
-  const auto found = std::ranges::find_if(state_.tags, [&](const GraphTag& t) {
-    return t.tag_id == tag.tag_id && t.component == component && t.epoch == epoch;
-  });
-  if (found != state_.tags.end()) return static_cast<std::size_t>(found - state_.tags.begin());
-  GraphTag added{.tag_id = tag.tag_id,
-                 .edge_m = tag.edge_m,
-                 .X_WT = X_WT,
-                 .component = component,
-                 .first_seen = now,
-                 .epoch = epoch,
-                 .scale_prior = {}};
-  // The same printed tag as in other components, or as before it was moved.
-  const auto same = std::find_if(state_.tags.rbegin(), state_.tags.rend(),
-                                 [&](const GraphTag& t) { return t.tag_id == tag.tag_id; });
-  if (same != state_.tags.rend()) {
-    added.scale = same->scale;
-    added.scale_prior = same->scale_prior;
-  }
-  state_.tags.push_back(added);
-  return state_.tags.size() - 1;
 }
 
 std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment,
@@ -188,16 +189,6 @@ bool MapGraph::is_in_workspace(const MotionSegment& segment, const std::vector<i
       if (segment.tags[i].tag_id == tag.tag_id && epochs[i] == tag.epoch) return true;
     return false;
   });
-}
-
-/// A body that began in axes of its own has been anchored since.
-void MapGraph::join_workspace(std::size_t begin, const MotionSegment& segment,
-                              const std::vector<int>& epochs) {
-  const GraphNode& node = state_.nodes[begin];
-  if (node.component == kInWorkspace || !is_in_workspace(segment, epochs)) return;
-  const bool level = state_.level.at(node.component);
-  merge_components(node.component, kInWorkspace,
-                   axes_between(node.at.X_WB, segment.begin().X_WB, level), state_);
 }
 
 void MapGraph::count_sightings(const GraphSegment& entry) {

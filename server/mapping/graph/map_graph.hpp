@@ -2,7 +2,6 @@
 
 #include <map>
 #include <optional>
-#include <set>
 #include <stop_token>
 #include <vector>
 
@@ -83,13 +82,9 @@ class MapGraph final {
   [[nodiscard]] bool continues_chain(const MotionSegment& segment) const;
   [[nodiscard]] bool is_in_workspace(const MotionSegment& segment,
                                      const std::vector<int>& epochs) const;
-  void join_workspace(std::size_t begin, const MotionSegment& segment,
-                      const std::vector<int>& epochs);
   void hold_reference(const GraphSegment& entry, const std::vector<int>& epochs);
   void link_components(const GraphSegment& entry, int component);
-  /// Index of a tag, added when the component does not have it.
-  [[nodiscard]] std::size_t tag_of(int component, const KnownTag& tag, int epoch, const Pose& X_WT,
-                                   Instant now);
+  /// Adds tags that the component does not have.
   void bind_tags(const Pose& G, const std::vector<int>& epochs, GraphSegment& entry);
   void count_sightings(const GraphSegment& entry);
   void count_sightings();
@@ -106,10 +101,8 @@ class MapGraph final {
   [[nodiscard]] int component_of(const GraphSegment& segment) const {
     return state_.nodes[segment.begin].component;
   }
-  void rebind(GraphSegment& entry);
   void renumber_chains(const std::vector<std::optional<std::size_t>>& now);
   void keep_bounded(bool is_converged);
-  void forget_oldest(int component, std::size_t count);
   void drop_unbound(int component);
 
   GraphState state_;

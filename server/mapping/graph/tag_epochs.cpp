@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <set>
 
+#include "base/numeric.hpp"
 #include "detection/tag_geometry.hpp"
 #include "mapping/graph/map_graph.hpp"
 
@@ -45,10 +46,7 @@ bool is_seen_there(MotionSegment& segment, const KnownTag& tag) {
                   off.push_back(distance_off(segment, instance, image, sighting.seen, tag));
                   return true;
                 });
-  if (off.empty()) return false;
-  const auto middle = off.begin() + static_cast<std::ptrdiff_t>(off.size() / 2);
-  std::nth_element(off.begin(), middle, off.end());
-  return *middle < kElsewhere;
+  return !off.empty() && nth_smallest(off, off.size() / 2) < kElsewhere;
 }
 
 }  // namespace

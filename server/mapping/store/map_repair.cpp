@@ -91,20 +91,20 @@ Expected<void> copy_content(const SqliteFile& from, const std::vector<std::int64
                             SqliteFile& to) {
   if (auto set = to.execute("PRAGMA auto_vacuum = INCREMENTAL; PRAGMA synchronous = EXTRA"); !set)
     return set;
-  auto transaction = SqliteTransaction::begin(to);
-  if (!transaction) return tl::unexpected(transaction.error());
-  if (auto created = create_tables(to); !created) return created;
-  for (const std::int64_t version : sound) {
-    auto map = load_map(from, version);
-    if (!map) return tl::unexpected(map.error());
-    map->parent = sound_ancestor(from, sound, *map);
-    if (auto written = insert_map(to, *map); !written) return written;
-  }
-  if (const auto learned = load_extrinsics(from)) {
-    for (const StoredExtrinsics& one : *learned)
-      if (auto written = save_extrinsics(to, one); !written) return written;
-  }
-  return transaction->commit();
+  return to.transaction([&]() -> Expected<void> {
+    if (auto created = create_tables(to); !created) return created;
+    for (const std::int64_t version : sound) {
+      auto map = load_map(from, version);
+      if (!map) return tl::unexpected(map.error());
+      map->parent = sound_ancestor(from, sound, *map);
+      if (auto written = insert_map(to, *map); !written) return written;
+    }
+    if (const auto learned = load_extrinsics(from)) {
+      for (const StoredExtrinsics& one : *learned)
+        if (auto written = save_extrinsics(to, one); !written) return written;
+    }
+    return {};
+  });
 }
 
 Expected<SqliteFile> open_damaged(const std::string& path) {

@@ -170,15 +170,13 @@ Expected<void> migrate(SqliteFile& file) {
   const auto schema = file.integer("PRAGMA user_version");
   if (!schema) return tl::unexpected(schema.error());
   if (*schema == kMapStoreSchema) return {};
-  auto transaction = SqliteTransaction::begin(file);
-  if (!transaction) return tl::unexpected(transaction.error());
-  if (*schema < 2) {
-    if (auto created = create_ties(file); !created) return created;
-  }
-  if (auto created = file.execute(kCreateLenses); !created) return created;
-  const std::string mark = "PRAGMA user_version = " + std::to_string(kMapStoreSchema);
-  if (auto marked = file.execute(mark.c_str()); !marked) return marked;
-  return transaction->commit();
+  return file.transaction([&]() -> Expected<void> {
+    if (*schema < 2) {
+      if (auto created = create_ties(file); !created) return created;
+    }
+    if (auto created = file.execute(kCreateLenses); !created) return created;
+    return file.execute(("PRAGMA user_version = " + std::to_string(kMapStoreSchema)).c_str());
+  });
 }
 
 Expected<void> create_tables(SqliteFile& file) {

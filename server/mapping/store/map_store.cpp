@@ -120,10 +120,7 @@ Expected<void> set_up(SqliteFile& file, bool fresh) {
   // A long reader may make the log grow; afterwards it is cut to 8 MB.
   if (auto set = file.execute("PRAGMA journal_size_limit = 8388608"); !set) return set;
   if (!fresh) return migrate(file);
-  auto transaction = SqliteTransaction::begin(file);
-  if (!transaction) return tl::unexpected(transaction.error());
-  if (auto created = create_tables(file); !created) return created;
-  return transaction->commit();
+  return file.transaction([&] { return create_tables(file); });
 }
 
 Expected<std::vector<VersionAge>> ages_of(const SqliteFile& file) {
@@ -220,22 +217,19 @@ Expected<TagMap> MapStore::commit(const TagMap& map, const std::string& comment)
   SqliteFile& file = *file_;
   if (const auto fault = fault_in(map))
     return fail(ErrorCode::kInvalid, "not stored: " + *fault, file.path());
-  auto transaction = SqliteTransaction::begin(file);
-  if (!transaction) return tl::unexpected(transaction.error());
-  const auto newest_version = file.integer("SELECT coalesce(max(version), 0) FROM version");
-  if (!newest_version) return tl::unexpected(newest_version.error());
-
   TagMap stored = map;
-  stored.version = *newest_version + 1;
-  // A map from elsewhere may have a number that this store never assigned.
-  stored.parent = map.version >= 1 && map.version <= *newest_version ? map.version : 0;
-  stored.comment = comment;
-  stored.hash = content_hash(stored);
-  if (auto written = insert_map(file, stored); !written) return tl::unexpected(written.error());
-  if (auto removed = remove_old_ties(file, stored.version, kAutomaticComment); !removed)
-    return tl::unexpected(removed.error());
-  if (auto done = transaction->commit(); !done) return tl::unexpected(done.error());
-  return stored;
+  const auto done = file.transaction([&]() -> Expected<void> {
+    const auto newest_version = file.integer("SELECT coalesce(max(version), 0) FROM version");
+    if (!newest_version) return tl::unexpected(newest_version.error());
+    stored.version = *newest_version + 1;
+    // A map from elsewhere may have a number that this store never assigned.
+    stored.parent = map.version >= 1 && map.version <= *newest_version ? map.version : 0;
+    stored.comment = comment;
+    stored.hash = content_hash(stored);
+    if (auto written = insert_map(file, stored); !written) return written;
+    return remove_old_ties(file, stored.version, kAutomaticComment);
+  });
+  return done.map([&] { return std::move(stored); });
 }
 
 Expected<void> check_version_name(const std::string& name) {
@@ -250,10 +244,7 @@ Expected<void> check_version_name(const std::string& name) {
 
 Expected<void> MapStore::name_version(std::int64_t version, const std::string& name) {
   if (auto good = check_version_name(name); !good) return good;
-  auto transaction = SqliteTransaction::begin(*file_);
-  if (!transaction) return tl::unexpected(transaction.error());
-  if (auto set = set_comment(*file_, version, name); !set) return set;
-  return transaction->commit();
+  return file_->transaction([&] { return set_comment(*file_, version, name); });
 }
 
 Expected<int> MapStore::thin() {
@@ -263,13 +254,12 @@ Expected<int> MapStore::thin() {
   const auto going = few_sound(file, versions_to_thin(*ages));
   if (!going) return tl::unexpected(going.error());
   if (going->empty()) return 0;
-  auto transaction = SqliteTransaction::begin(file);
-  if (!transaction) return tl::unexpected(transaction.error());
-  for (const std::int64_t version : *going)
-    if (auto removed = remove_map(file, version); !removed) return tl::unexpected(removed.error());
-  if (auto given = return_free_pages(file); !given) return tl::unexpected(given.error());
-  if (auto done = transaction->commit(); !done) return tl::unexpected(done.error());
-  return static_cast<int>(going->size());
+  const auto done = file.transaction([&]() -> Expected<void> {
+    for (const std::int64_t version : *going)
+      if (auto removed = remove_map(file, version); !removed) return removed;
+    return return_free_pages(file);
+  });
+  return done.map([&] { return static_cast<int>(going->size()); });
 }
 
 Expected<TagMap> MapStore::newest() const {
@@ -301,10 +291,7 @@ Expected<TagMap> MapStore::load(std::int64_t version) const { return load_map(*f
 Expected<std::vector<MapVersionInfo>> MapStore::log() const { return list_maps(*file_); }
 
 Expected<void> MapStore::save_extrinsics(const StoredExtrinsics& extrinsics) {
-  auto transaction = SqliteTransaction::begin(*file_);
-  if (!transaction) return tl::unexpected(transaction.error());
-  if (auto saved = fiducap::save_extrinsics(*file_, extrinsics); !saved) return saved;
-  return transaction->commit();
+  return file_->transaction([&] { return fiducap::save_extrinsics(*file_, extrinsics); });
 }
 
 Expected<std::vector<StoredExtrinsics>> MapStore::extrinsics() const {

@@ -182,6 +182,21 @@ Expected<void> SqliteFile::execute(const char* sql) {
   return {};
 }
 
+Expected<void> SqliteFile::transaction(const std::function<Expected<void>()>& work) {
+  // Also when `work` throws. Fails only when SQLite has rolled back already.
+  struct Rollback {
+    SqliteFile* file;
+    ~Rollback() {
+      if (file != nullptr) (void)file->execute("ROLLBACK");
+    }
+  };
+  if (auto begun = execute("BEGIN IMMEDIATE"); !begun) return begun;
+  Rollback rollback{this};
+  auto done = work().and_then([this] { return execute("COMMIT"); });
+  if (done) rollback.file = nullptr;
+  return done;
+}
+
 Expected<std::int64_t> SqliteFile::integer(std::string_view sql) const {
   auto query = prepare(sql);
   return query.step().map([&query](bool row) { return row ? query.integer(0) : 0; });
@@ -235,26 +250,6 @@ Expected<SqliteShape> SqliteFile::shape() const {
   }
   if (code != SQLITE_OK) return tl::unexpected<Error>(error_of(code, sqlite3_errstr(code), path_));
   return shape;
-}
-
-// --- SqliteTransaction ---
-
-Expected<SqliteTransaction> SqliteTransaction::begin(SqliteFile& file) {
-  return file.execute("BEGIN IMMEDIATE").map([&file] { return SqliteTransaction(file); });
-}
-
-SqliteTransaction::SqliteTransaction(SqliteTransaction&& other) noexcept
-    : file_(std::exchange(other.file_, nullptr)) {}
-
-SqliteTransaction::~SqliteTransaction() {
-  // Fails only when SQLite has rolled back already.
-  if (file_ != nullptr) (void)file_->execute("ROLLBACK");
-}
-
-Expected<void> SqliteTransaction::commit() {
-  auto done = file_->execute("COMMIT");
-  if (done) file_ = nullptr;
-  return done;
 }
 
 }  // namespace fiducap

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -81,6 +82,8 @@ class SqliteFile final {
                                                  Access access = Access::kWrite);
 
   [[nodiscard]] Expected<void> execute(const char* sql);
+  /// Commits what `work` does; rolls back when it fails. Takes the write lock at once.
+  [[nodiscard]] Expected<void> transaction(const std::function<Expected<void>()>& work);
   [[nodiscard]] SqliteStatement prepare(std::string_view sql) const {
     return {file_.get(), path_, sql};
   }
@@ -103,21 +106,6 @@ class SqliteFile final {
 
   std::unique_ptr<sqlite3, Close> file_;
   std::string path_;
-};
-
-/// Rolls back unless committed.
-class SqliteTransaction final {
- public:
-  /// Takes the write lock at once.
-  [[nodiscard]] static Expected<SqliteTransaction> begin(SqliteFile& file);
-  SqliteTransaction(SqliteTransaction&& other) noexcept;
-  SqliteTransaction& operator=(SqliteTransaction&&) = delete;
-  ~SqliteTransaction();
-  [[nodiscard]] Expected<void> commit();
-
- private:
-  explicit SqliteTransaction(SqliteFile& file) : file_(&file) {}
-  SqliteFile* file_;
 };
 
 }  // namespace fiducap

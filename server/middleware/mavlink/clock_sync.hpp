@@ -10,8 +10,7 @@
 
 namespace fiducap::mavlink {
 
-/// Clock offset of the autopilot by TIMESYNC, from the reply with the shortest round trip of the
-/// last seconds. Ten requests a second at first, later one.
+/// Clock offset of the autopilot by TIMESYNC, from the quickest reply of the last seconds.
 ///
 /// A request carries a random number in the field for the own clock, which the autopilot returns
 /// unchanged. A reply therefore proves that the autopilot received the request at its address.

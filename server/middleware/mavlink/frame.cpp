@@ -144,8 +144,7 @@ std::optional<Frame> next_frame(std::span<const std::byte>& in) {
 std::size_t FrameStream::keep(std::span<const std::byte> piece) {
   // A cut-off frame is shorter than kMaxFrame: moved to the front it leaves room.
   if (begin_ > 0) {
-    std::copy(buffer_.begin() + static_cast<std::ptrdiff_t>(begin_),
-              buffer_.begin() + static_cast<std::ptrdiff_t>(end_), buffer_.begin());
+    std::ranges::copy(std::span(buffer_).subspan(begin_, end_ - begin_), buffer_.begin());
     end_ -= begin_;
     begin_ = 0;
   }

@@ -54,7 +54,6 @@ inline constexpr std::uint8_t kOnboardComputer = 191;  ///< MAV_COMP_ID
 inline constexpr std::uint8_t kVisualInertialOdometry = 197;
 inline constexpr std::uint16_t kSetMessageInterval = 511;  ///< MAV_CMD
 inline constexpr std::uint8_t kRawSensors = 1;             ///< MAV_DATA_STREAM
-inline constexpr std::uint8_t kAccepted = 0;               ///< MAV_RESULT
 
 struct Sender {
   std::uint8_t system{};
@@ -67,6 +66,8 @@ struct Frame {
   std::uint8_t system{};
   std::uint8_t component{};
   std::span<const std::byte> payload;
+
+  [[nodiscard]] bool is(MessageId id) const { return message == static_cast<std::uint32_t>(id); }
 };
 
 /// Header and end of a frame that is appended to `out`, around its payload.
@@ -93,13 +94,11 @@ template <std::size_t N>
   return payload;
 }
 
-/// Removes the next frame of a known message with a correct checksum from `in`. Skips other
-/// messages and noise.
+/// Removes the next intact frame of a known message from `in`. Skips other messages and noise.
 /// @return nullopt when there is none; the rest of the datagram is then less than a frame
 [[nodiscard]] std::optional<Frame> next_frame(std::span<const std::byte>& in);
 
-/// Extracts frames from a stream that arrives in arbitrary pieces. Allocates nothing; pieces longer
-/// than the buffer are taken in parts.
+/// Extracts frames from a stream that arrives in pieces of any size. Allocates nothing.
 class FrameStream final {
  public:
   /// @param take  called with every frame of a known message, as `next_frame` returns it
@@ -144,7 +143,6 @@ struct Heartbeat {
   std::uint8_t system_status{};
 };
 
-/// Append one frame.
 void encode_heartbeat(const Sender& from, const Heartbeat& heartbeat, std::vector<std::byte>& out);
 void encode_timesync(const Sender& from, const Timesync& timesync, std::vector<std::byte>& out);
 

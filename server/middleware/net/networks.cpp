@@ -5,9 +5,10 @@
 #include <net/if.h>
 
 #include <bit>
-#include <charconv>
 #include <cstring>
 #include <memory>
+
+#include "base/text.hpp"
 
 namespace fiducap::net {
 
@@ -22,20 +23,6 @@ Peer::Address masked(Peer::Address address, int prefix) {
     const int bits = std::clamp(prefix - 8 * static_cast<int>(i), 0, 8);
     address[i] = static_cast<std::uint8_t>(address[i] & (0xff00 >> bits));
   }
-  return address;
-}
-
-/// IPv4 or IPv6. @param[out] is_ipv4
-std::optional<Peer::Address> parse_ip(const std::string& text, bool& is_ipv4) {
-  is_ipv4 = false;
-  if (const auto v4 = parse_address(text)) {
-    is_ipv4 = true;
-    return Peer(*v4, 0).address;
-  }
-  in6_addr v6{};
-  if (::inet_pton(AF_INET6, text.c_str(), &v6) != 1) return std::nullopt;
-  Peer::Address address{};
-  std::memcpy(address.data(), &v6, address.size());
   return address;
 }
 
@@ -67,18 +54,17 @@ bool Network::contains(const Peer& peer) const { return masked(peer.address, pre
 
 std::optional<Network> parse_network(const std::string& text) {
   const auto slash = text.find('/');
-  bool is_ipv4 = false;
-  const auto address = parse_ip(text.substr(0, slash), is_ipv4);
-  if (!address) return std::nullopt;
-  const int most = is_ipv4 ? 32 : 128;
+  const std::string host = text.substr(0, slash);
+  const auto ipv4 = parse_address(host);
+  Peer::Address address = ipv4 ? Peer(*ipv4, 0).address : Peer::Address{};
+  if (!ipv4 && ::inet_pton(AF_INET6, host.c_str(), address.data()) != 1) return std::nullopt;
+  const int most = ipv4 ? 32 : 128;
   int bits = most;
-  if (slash != std::string::npos) {
-    const char* const end = text.data() + text.size();
-    const auto [stop, error] = std::from_chars(text.data() + slash + 1, end, bits);
-    if (error != std::errc{} || stop != end || bits < 0 || bits > most) return std::nullopt;
-  }
-  const int prefix = bits + (is_ipv4 ? kIpv4Prefix : 0);
-  return Network{masked(*address, prefix), prefix};
+  if (slash != std::string::npos &&
+      (!parse_number(text.substr(slash + 1), bits) || bits < 0 || bits > most))
+    return std::nullopt;
+  const int prefix = bits + (ipv4 ? kIpv4Prefix : 0);
+  return Network{masked(address, prefix), prefix};
 }
 
 std::string text_of(const Network& network) {
@@ -106,17 +92,11 @@ std::vector<Network> attached_networks() {
 
 bool TrustedNetworks::contains(const Peer& peer, Instant now) {
   const bool is_trusted = has(peer);
-  if (!queried_at_ || now - *queried_at_ > (is_trusted ? kForgetAfter : kQueryAgain)) {
-    queried_at_ = now;
-    attached_now_ = attached_();
-    return has(peer);
-  }
-  return is_trusted;
-}
-
-bool TrustedNetworks::has(const Peer& peer) const {
-  const auto matches = [&](const Network& network) { return network.contains(peer); };
-  return std::ranges::any_of(configured_, matches) || std::ranges::any_of(attached_now_, matches);
+  if (queried_at_ && now - *queried_at_ <= (is_trusted ? kForgetAfter : kQueryAgain))
+    return is_trusted;
+  queried_at_ = now;
+  attached_now_ = attached_();
+  return has(peer);
 }
 
 }  // namespace fiducap::net

@@ -44,7 +44,10 @@ class TrustedNetworks final {
   [[nodiscard]] bool contains(const Peer& peer, Instant now);
 
  private:
-  [[nodiscard]] bool has(const Peer& peer) const;
+  [[nodiscard]] bool has(const Peer& peer) const {
+    const auto matches = [&](const Network& network) { return network.contains(peer); };
+    return std::ranges::any_of(configured_, matches) || std::ranges::any_of(attached_now_, matches);
+  }
 
   std::vector<Network> configured_;
   Attached attached_;

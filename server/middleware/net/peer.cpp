@@ -6,9 +6,10 @@
 #include <algorithm>
 #include <bit>
 #include <cerrno>
-#include <charconv>
 #include <cstring>
 #include <system_error>
+
+#include "base/text.hpp"
 
 namespace fiducap::net {
 
@@ -51,21 +52,10 @@ bool Peer::is_ipv4() const {
   return std::equal(kMappedIPv4.begin(), kMappedIPv4.end(), address.begin());
 }
 
-std::uint32_t Peer::ipv4() const {
-  return std::uint32_t{address[12]} << 24 | std::uint32_t{address[13]} << 16 |
-         std::uint32_t{address[14]} << 8 | address[15];
-}
-
 bool Peer::is_loopback() const {
   if (is_ipv4()) return address[12] == 127;
   return address[15] == 1 && std::all_of(address.begin(), address.end() - 1,
                                          [](std::uint8_t byte) { return byte == 0; });
-}
-
-Peer Peer::with_port(std::uint16_t other) const {
-  Peer peer = *this;
-  peer.port = other;
-  return peer;
 }
 
 std::optional<std::uint32_t> parse_address(const std::string& text) {
@@ -85,9 +75,7 @@ std::optional<Peer> parse_peer(const std::string& text) {
   if (colon == std::string::npos) return std::nullopt;
   const auto address = parse_address(text.substr(0, colon));
   std::uint16_t port = 0;
-  const char* end = text.data() + text.size();
-  const auto [rest, error] = std::from_chars(text.data() + colon + 1, end, port);
-  if (!address || error != std::errc{} || rest != end || port == 0) return std::nullopt;
+  if (!address || !parse_number(text.substr(colon + 1), port) || port == 0) return std::nullopt;
   return Peer{*address, port};
 }
 

@@ -41,18 +41,24 @@ struct Peer {
 
   [[nodiscard]] bool is_ipv4() const;
   /// a.b.c.d as 0xaabbccdd. @pre is_ipv4()
-  [[nodiscard]] std::uint32_t ipv4() const;
+  [[nodiscard]] std::uint32_t ipv4() const {
+    return std::uint32_t{address[12]} << 24 | std::uint32_t{address[13]} << 16 |
+           std::uint32_t{address[14]} << 8 | address[15];
+  }
   [[nodiscard]] bool is_loopback() const;
   [[nodiscard]] bool same_address(const Peer& other) const {
     return address == other.address && scope == other.scope;
   }
-  [[nodiscard]] Peer with_port(std::uint16_t other) const;
+  [[nodiscard]] Peer with_port(std::uint16_t other) const {
+    Peer peer = *this;
+    peer.port = other;
+    return peer;
+  }
   auto operator<=>(const Peer&) const = default;
 };
 
 /// a.b.c.d as 0xaabbccdd. @return nullopt for any other text
 [[nodiscard]] std::optional<std::uint32_t> parse_address(const std::string& text);
-/// Whether the text is an IPv4 or IPv6 address.
 [[nodiscard]] bool is_address(const std::string& text);
 /// `10.0.0.7:1511`. @return nullopt for any other text
 [[nodiscard]] std::optional<Peer> parse_peer(const std::string& text);
@@ -84,8 +90,7 @@ class SocketAddress final {
   socklen_t size_{kCapacity};
 };
 
-/// Keyed hash of short inputs. J.-P. Aumasson, D. J. Bernstein, "SipHash: a fast short-input PRF",
-/// 2012 (SipHash-2-4).
+/// Keyed hash of short inputs: SipHash-2-4 (J.-P. Aumasson, D. J. Bernstein, 2012).
 [[nodiscard]] std::uint64_t siphash(const std::array<std::uint64_t, 2>& key,
                                     std::span<const std::uint8_t> data);
 /// From the system's source of randomness.

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <Eigen/LU>
 
 #include "base/numeric.hpp"
 #include "base/pose.hpp"
@@ -193,24 +192,13 @@ void CameraAgreement::judge() {
   const bool again = found && candidate_ && are_the_same(*found, *candidate_);
   found_again_ = again ? found_again_ + 1 : 1;
   candidate_ = found;
-  if (found && found_again_ >= kSure) conclude(*found);
-}
-
-void CameraAgreement::conclude(const AgreementFinding& found) {
-  switch (found.kind) {
-    case Kind::kAgree:
-      return note_agreement(found);
-    case Kind::kShifted:
-    case Kind::kJumped: {
-      new_finding_ = found;
-      new_finding_->jump_s = known_shift_s_ ? found.shift_s - *known_shift_s_ : 0;
-      known_shift_s_ = found.shift_s;
-      shift_was_reported_ = true;
-      return;
-    }
-    default:
-      return note_wrong_axes(found);
-  }
+  if (!found || found_again_ < kSure) return;
+  if (found->kind == Kind::kAgree) return note_agreement(*found);
+  if (found->kind != Kind::kShifted && found->kind != Kind::kJumped) return note_wrong_axes(*found);
+  new_finding_ = found;
+  new_finding_->jump_s = known_shift_s_ ? found->shift_s - *known_shift_s_ : 0;
+  known_shift_s_ = found->shift_s;
+  shift_was_reported_ = true;
 }
 
 /// Turns about few axes agree with many causes and do not end a contradiction.

@@ -47,7 +47,6 @@ class CameraAgreement final {
   void pair_up(const GyroIntegral& gyro);
   void pair(const LargestTags& now, std::size_t number, const GyroIntegral& gyro);
   void judge();
-  void conclude(const AgreementFinding& found);
   void note_agreement(const AgreementFinding& found);
   void note_wrong_axes(const AgreementFinding& found);
 

@@ -156,16 +156,15 @@ std::optional<CameraTurn> turn_between(const LargestTags& before, const LargestT
   return as_camera_turn(first->turn_V, first->covariance);
 }
 
-void GyroIntegral::restart() {
-  last_.reset();
-  begin_ = end_ = 0;
-}
-
 void GyroIntegral::add(const ImuSample& imu) {
   if (!imu.w_WB_B.allFinite()) return;
   const bool is_clipped =
       range_rad_s_ > 0 && imu.w_WB_B.cwiseAbs().maxCoeff() > kClipped * range_rad_s_;
-  if (is_clipped) return restart();
+  if (is_clipped) {
+    last_.reset();
+    begin_ = end_ = 0;
+    return;
+  }
   const std::optional<ImuSample> before = std::exchange(last_, imu);
   const bool is_back = before && imu.sampled_at <= before->sampled_at;
   if (is_back && before->sampled_at - imu.sampled_at < kOtherClock) {

@@ -65,7 +65,6 @@ class GyroIntegral final {
   static constexpr Duration kStep = std::chrono::milliseconds(5);
   static constexpr std::int64_t kSteps = 1024;
 
-  void restart();
   [[nodiscard]] Eigen::Vector3d at(Instant t) const;
   [[nodiscard]] static std::size_t place(std::int64_t step) {
     return static_cast<std::size_t>(step & (kSteps - 1));

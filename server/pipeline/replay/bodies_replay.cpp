@@ -46,9 +46,7 @@ void BodiesReplay::follow(std::vector<MapTurn> turns,
 Expected<void> BodiesReplay::run(const Watch& watch) {
   for (std::size_t body = 0; body < bodies_.size(); ++body)
     if (const auto done = advance(body); !done) return done;
-  if (!turns_.empty()) {
-    if (const auto done = run_by_turns(watch); !done) return done;
-  }
+  if (const auto done = run_by_turns(watch); !done) return done;
   while (const auto body = earliest()) {
     if (!turns_.empty()) ++turns_missed_;
     if (const auto done = take_next(*body, map_.view(bodies_[*body].id), watch); !done) return done;
@@ -181,12 +179,6 @@ bool BodiesReplay::is_at(const Body& body, const MapTurn& turn) {
   return to_ns(time_of(image) - clock_shift_of(image)) == turn.stamp_ns;
 }
 
-std::shared_ptr<const TagMap> BodiesReplay::published(std::int64_t revision) const {
-  for (const MapView& view : published_)
-    if (static_cast<std::int64_t>(view.revision) == revision) return view.map;
-  return nullptr;
-}
-
 /// First takes images whose turns were lost, with the present map.
 Expected<void> BodiesReplay::skip_to(const MapTurn& turn, const Watch& watch) {
   Body& body = bodies_[turn.body];
@@ -211,10 +203,15 @@ Expected<void> BodiesReplay::run_by_turns(const Watch& watch) {
     }
     MapView now = map_.view(bodies_[turn.body].id);
     remember(now);
-    const auto seen = published(turn.revision);
-    if (!seen) ++turns_missed_;
-    const MapView view{
-        seen ? seen : now.map, turn.may_define_workspace, now.revision, {}, now.body_id};
+    const auto seen = std::ranges::find(published_, turn.revision, [](const MapView& view) {
+      return static_cast<std::int64_t>(view.revision);
+    });
+    if (seen == published_.end()) ++turns_missed_;
+    const MapView view{seen != published_.end() ? seen->map : now.map,
+                       turn.may_define_workspace,
+                       now.revision,
+                       {},
+                       now.body_id};
     last_.reset();
     if (const auto done = take_next(turn.body, view, watch); !done) return done;
     compare(turn);

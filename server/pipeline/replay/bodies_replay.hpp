@@ -99,7 +99,6 @@ class BodiesReplay final {
   Expected<void> skip_to(const MapTurn& turn, const Watch& watch);
   [[nodiscard]] static bool is_at(const Body& body, const MapTurn& turn);
   void compare(const MapTurn& turn);
-  [[nodiscard]] std::shared_ptr<const TagMap> published(std::int64_t revision) const;
 
   std::vector<Body> bodies_;
   void refine(Instant now);

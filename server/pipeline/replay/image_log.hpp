@@ -61,13 +61,4 @@ struct CostedPose {
 [[nodiscard]] double motion_misfit(const StampedPose& a, const StampedPose& b,
                                    const Odometry* odometry);
 
-/// At most `most` of them, evenly chosen.
-template <typename T>
-std::vector<T> thinned(const std::vector<T>& all, std::size_t most) {
-  if (all.size() <= most) return all;
-  std::vector<T> out;
-  for (std::size_t i = 0; i < most; ++i) out.push_back(all[i * all.size() / most]);
-  return out;
-}
-
 }  // namespace fiducap

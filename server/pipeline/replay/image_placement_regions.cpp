@@ -4,6 +4,7 @@
 #include <set>
 #include <utility>
 
+#include "base/numeric.hpp"
 #include "base/pose.hpp"
 #include "detection/tag_geometry.hpp"
 #include "estimation/filter/filter_rules.hpp"

@@ -38,9 +38,10 @@ bool read_fields(Fields fields, MapTurn& turn) {
   const bool placed = fields.size() == kWithPose;
   const bool good = (placed || fields.size() == kWithoutPose) &&
                     (!placed || parse(fields.subspan(kWithoutPose), pose)) &&
-                    parse(fields[0], turn.turn) && parse(fields[1], turn.body) &&
-                    parse(fields[2], turn.stamp_ns) && parse(fields[3], turn.camera) &&
-                    parse(fields[4], turn.revision) && parse(fields[5], may_define);
+                    parse_number(fields[0], turn.turn) && parse_number(fields[1], turn.body) &&
+                    parse_number(fields[2], turn.stamp_ns) &&
+                    parse_number(fields[3], turn.camera) &&
+                    parse_number(fields[4], turn.revision) && parse_number(fields[5], may_define);
   turn.may_define_workspace = may_define != 0;
   if (placed) turn.X_WB = Pose{{pose[3], pose[4], pose[5], pose[6]}, {pose[0], pose[1], pose[2]}};
   return good;
@@ -49,8 +50,8 @@ bool read_fields(Fields fields, MapTurn& turn) {
 bool read_fields(Fields fields, RefinementTurn& turn) {
   std::uint64_t adopted = 0;
   const bool is_adopted = fields.size() == 2;
-  const bool good = (is_adopted || fields.size() == 1) && parse(fields[0], turn.taken) &&
-                    (!is_adopted || (parse(fields[1], adopted) && adopted >= turn.taken));
+  const bool good = (is_adopted || fields.size() == 1) && parse_number(fields[0], turn.taken) &&
+                    (!is_adopted || (parse_number(fields[1], adopted) && adopted >= turn.taken));
   if (is_adopted) turn.adopted = adopted;
   return good;
 }

@@ -285,11 +285,7 @@ KnownTag known_tag(const RecordedTag& tag) {
 
 void add_known(const OfflineSetup& setup, TagMap& start) {
   for (const KnownTag& known : setup.known) {
-    if (start.find(known.tag_id) != nullptr) continue;
-    const auto place =
-        std::lower_bound(start.tags.begin(), start.tags.end(), known.tag_id,
-                         [](const MapTag& entry, int id) { return entry.tag.tag_id < id; });
-    start.tags.insert(place, {known, TagState::kSurveyed, 0, 0, 0, 0});
+    if (start.find(known.tag_id) == nullptr) start.insert({known, TagState::kSurveyed});
   }
   if (!start.reference_tag) start.reference_tag = setup.gauge.reference_tag;
 }

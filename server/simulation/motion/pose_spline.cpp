@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <optional>
 #include <string_view>
 #include <utility>
 
+#include "base/text.hpp"
 #include "simulation/motion/motion.hpp"
 
 namespace fiducap::simulation {
@@ -55,20 +55,14 @@ std::optional<std::vector<std::string_view>> fields_of(std::string_view line) {
   return fields;
 }
 
-template <typename T>
-bool read(std::string_view text, T& value) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc{} && end == text.data() + text.size();
-}
-
 /// Integer nanoseconds: a double cannot represent Unix time in nanoseconds.
 bool read_time(std::string_view text, bool nanoseconds, std::int64_t& ns) {
-  if (nanoseconds) return read(text, ns);
+  if (nanoseconds) return parse_number(text, ns);
   const std::size_t dot = std::min(text.find('.'), text.size());
   std::int64_t whole = 0;
   double part = 0;
-  if (!read(text.substr(0, dot), whole) || std::abs(whole) > 9'000'000'000) return false;
-  if (dot + 1 < text.size() && !read(text.substr(dot), part)) return false;
+  if (!parse_number(text.substr(0, dot), whole) || std::abs(whole) > 9'000'000'000) return false;
+  if (dot + 1 < text.size() && !parse_number(text.substr(dot), part)) return false;
   ns = whole * 1'000'000'000 + std::llround(part * 1e9);
   return true;
 }
@@ -81,7 +75,7 @@ std::optional<std::pair<std::int64_t, Pose>> pose_of(std::string_view line) {
   std::array<double, 7> x{};
   if (!read_time((*fields)[0], euroc, ns)) return std::nullopt;
   for (std::size_t i = 0; i < x.size(); ++i)
-    if (!read((*fields)[i + 1], x[i]) || !std::isfinite(x[i])) return std::nullopt;
+    if (!parse_number((*fields)[i + 1], x[i]) || !std::isfinite(x[i])) return std::nullopt;
   const Eigen::Quaterniond q = euroc ? Eigen::Quaterniond(x[3], x[4], x[5], x[6])
                                      : Eigen::Quaterniond(x[6], x[3], x[4], x[5]);
   if (std::abs(q.norm() - 1.0) > 0.01) return std::nullopt;

@@ -31,6 +31,8 @@ struct OutputAxes {
   UpAxis up{UpAxis::kZ};
   AxesScope scope{AxesScope::kWorld};
   double units_per_m{1.0};  ///< 1 metres, 1000 millimetres.
+
+  bool operator==(const OutputAxes&) const = default;
 };
 
 /// The pose, velocity, rate, acceleration and covariance in the client's axes and units.
@@ -59,20 +61,22 @@ class AxesChange final {
   double units_per_m_;
 };
 
+/// The world axes N of an autopilot. Its body axes are always F: x forward, y right, z down.
+enum class AutopilotWorld {
+  kNed,  ///< North, east, down. W is taken as east, north, up (REP-103): x' = y, y' = x, z' = −z.
+  kFrd,  ///< Heading unknown to the compass: x' = x, y' = −y, z' = −z.
+};
+
 namespace words {
 
 inline constexpr std::array<Word<UpAxis>, 3> kUpAxis{
     {{"z", UpAxis::kZ}, {"y", UpAxis::kY}, {"down", UpAxis::kDown}}};
 inline constexpr std::array<Word<AxesScope>, 2> kAxesScope{
     {{"world", AxesScope::kWorld}, {"world-and-body", AxesScope::kWorldAndBody}}};
+inline constexpr std::array<Word<AutopilotWorld>, 2> kAutopilotWorld{
+    {{"ned", AutopilotWorld::kNed}, {"frd", AutopilotWorld::kFrd}}};
 
 }  // namespace words
-
-/// The world axes N of an autopilot. Its body axes are always F: x forward, y right, z down.
-enum class AutopilotWorld {
-  kNed,  ///< North, east, down. W is taken as east, north, up (REP-103): x' = y, y' = x, z' = −z.
-  kFrd,  ///< Heading unknown to the compass: x' = x, y' = −y, z' = −z.
-};
 
 /// A body's pivot in the axes of PX4 and ArduPilot. P is taken as x forward, y left, z up.
 struct AutopilotOdometry {
@@ -99,12 +103,5 @@ struct AutopilotOdometry {
 /// 1..100 while the pose is valid, else −1. 100 at 1 cm and 1 degree or better, less by the worse
 /// of the two; at most 50 while no tag is seen.
 [[nodiscard]] std::int8_t autopilot_quality(const BodyPose& body);
-
-namespace words {
-
-inline constexpr std::array<Word<AutopilotWorld>, 2> kAutopilotWorld{
-    {{"ned", AutopilotWorld::kNed}, {"frd", AutopilotWorld::kFrd}}};
-
-}  // namespace words
 
 }  // namespace fiducap

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "base/text.hpp"
+#include "streaming/conventions/text_fields.hpp"
 
 namespace fiducap {
 
@@ -66,8 +67,6 @@ std::string_view word_at(std::string_view words, char32_t place) {
 
 constexpr char32_t kFirstPrintable = 0x20;
 constexpr char32_t kDelete = 0x7f;
-constexpr unsigned char kContinuationMask = 0xc0;
-constexpr unsigned char kContinuation = 0x80;
 
 bool is_fit(char32_t c, const NameRule& rule) {
   if (c < kFirstPrintable || c == kDelete) return false;
@@ -90,14 +89,6 @@ std::string fitted(std::string_view name, const NameRule& rule) {
   return out;
 }
 
-void cut(std::string& name, std::size_t max_bytes) {
-  if (name.size() <= max_bytes) return;
-  std::size_t end = max_bytes;
-  while (end > 0 && (static_cast<unsigned char>(name[end]) & kContinuationMask) == kContinuation)
-    --end;
-  name.resize(end);
-}
-
 bool has(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
@@ -108,8 +99,7 @@ std::string distinct(const std::string& plain, const std::vector<std::string>& t
   std::string name = plain;
   for (int again = 2; has(taken, name); ++again) {
     const std::string suffix = "_" + std::to_string(again);
-    name = plain;
-    cut(name, max_bytes > suffix.size() ? max_bytes - suffix.size() : 0);
+    name = whole_characters(plain, max_bytes > suffix.size() ? max_bytes - suffix.size() : 0);
     name += suffix;
   }
   return name;
@@ -132,9 +122,9 @@ std::string ascii_of(char32_t c) {
 }
 
 std::string client_name(const std::string& name, const NameRule& rule, const NameAliases& aliases) {
-  std::string out = fitted(wanted_name(name, aliases), rule);
-  cut(out, rule.max_bytes);
-  return out.empty() ? "_" : out;
+  const std::string fit = fitted(wanted_name(name, aliases), rule);
+  const std::string_view out = whole_characters(fit, rule.max_bytes);
+  return out.empty() ? "_" : std::string(out);
 }
 
 std::vector<std::string> make_distinct(const SceneModel& model, const NameAliases& aliases,

@@ -44,30 +44,47 @@ inline constexpr OutputAxes kMetres{UpAxis::kZ, AxesScope::kWorld, 1.0};
 inline constexpr OutputAxes kMetresYUp{UpAxis::kY, AxesScope::kWorldAndBody, 1.0};
 inline constexpr OutputAxes kMillimetres{UpAxis::kZ, AxesScope::kWorld, 1000.0};
 inline constexpr OutputAxes kAutopilot{UpAxis::kDown, AxesScope::kWorldAndBody, 1.0};
-
-inline constexpr NameRule kVrpnNames{95, "@", false, true};
-inline constexpr NameRule kNatNetNames{255, ",", false, true};
-inline constexpr NameRule kViconNames{127, "!\"#$%&'()*+,-./:;<=>?@[\\]^`{|}~", true, false};
-inline constexpr NameRule kQualisysNames{255, "<>&\"'", false, true};
 inline constexpr NameRule kRosNames{90, "-./~{}:\\", true, false};
-inline constexpr NameRule kNoNames{0, "", true, true};
-inline constexpr NameRule kNativeNames{128, "", false, true};
 
 inline constexpr std::array<ProtocolConventions, 8> kProtocolConventions{{
-    {"vrpn", kMetres, "xyzw", WhenInvalid::kStop, "no reports", kVrpnNames, "UTC of the pose"},
-    {"natnet", kMetresYUp, "xyzw", WhenInvalid::kFlag,
-     "tracking-valid bit clear, mean error 0, last pose kept", kNatNetNames,
+    {"vrpn", kMetres, "xyzw", WhenInvalid::kStop, "no reports", {95, "@"}, "UTC of the pose"},
+    {"natnet",
+     kMetresYUp,
+     "xyzw",
+     WhenInvalid::kFlag,
+     "tracking-valid bit clear, mean error 0, last pose kept",
+     {255, ","},
      "server seconds of the pose; exposure and transmit in ticks"},
-    {"vicon", kMillimetres, "matrix", WhenInvalid::kFlag, "occluded", kViconNames,
+    {"vicon",
+     kMillimetres,
+     "matrix",
+     WhenInvalid::kFlag,
+     "occluded",
+     {127, "!\"#$%&'()*+,-./:;<=>?@[\\]^`{|}~", true, false},
      "frame number = time of the pose x rate; total latency counts back to that time"},
-    {"qualisys", kMillimetres, "matrix", WhenInvalid::kFlag, "NaN", kQualisysNames,
+    {"qualisys",
+     kMillimetres,
+     "matrix",
+     WhenInvalid::kFlag,
+     "NaN",
+     {255, "<>&\"'"},
      "server microseconds of the pose"},
     {"ros2", kMetres, "xyzw", WhenInvalid::kStop, "no messages; diagnostics say why", kRosNames,
      "UTC of the pose"},
     {"px4", kAutopilot, "wxyz", WhenInvalid::kStop, "no messages", kRosNames, "UTC of the pose"},
-    {"mavlink", kAutopilot, "wxyz", WhenInvalid::kStop, "no messages", kNoNames,
+    {"mavlink",
+     kAutopilot,
+     "wxyz",
+     WhenInvalid::kStop,
+     "no messages",
+     {0, "", true},
      "server time of the pose; TIMESYNC ties it to the autopilot's"},
-    {"native", kMetres, "wxyz", WhenInvalid::kFlag, "valid = false", kNativeNames,
+    {"native",
+     kMetres,
+     "wxyz",
+     WhenInvalid::kFlag,
+     "valid = false",
+     {128},
      "server nanoseconds of the pose, with its offset to UTC"},
 }};
 

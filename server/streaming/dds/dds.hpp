@@ -1,15 +1,10 @@
 #pragma once
 
 #include <array>
-#include <functional>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "base/config_check.hpp"
-#include "base/expected.hpp"
-#include "base/time.hpp"
-#include "middleware/participant.hpp"
 #include "streaming/conventions/client_names.hpp"
 #include "streaming/streamer.hpp"
 
@@ -68,25 +63,12 @@ void describe(V& v, DdsConfig& c) {
 
 using ProtocolConfig = DdsConfig;
 
-using JoinDomain = std::function<Expected<std::shared_ptr<Participant>>()>;
-
 /// ROS 2 topics and the native keyed types on DDS. A topic without subscribers is not written.
 ///
 /// The middleware has its own threads for discovery and repeats; each topic is written once per
 /// frame, on the I/O thread. Leaves a domain with too many participants (Participant::is_flooded)
 /// and joins it again ten seconds later.
-/// @param join  also called later
-/// @param events  for `/diagnostics`; nullptr: only the bodies
 /// @return Error with the topic that could not be created
-[[nodiscard]] StartedStreamer start_dds_server(JoinDomain join, const DdsConfig& config,
-                                               std::shared_ptr<const SceneModel> model,
-                                               const Clock& clock,
-                                               const EventBoard* events = nullptr);
-
-/// For the list of protocols (streaming/CMakeLists.txt).
-[[nodiscard]] inline StartedStreamer serve(const ProtocolContext& context,
-                                           const DdsConfig& config) {
-  return start_dds_server(context.join_dds, config, context.model, context.clock, &context.events);
-}
+[[nodiscard]] StartedStreamer serve(const ProtocolContext& context, const DdsConfig& config);
 
 }  // namespace fiducap::dds

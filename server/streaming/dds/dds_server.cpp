@@ -2,29 +2,16 @@
 #include <cstdint>
 #include <future>
 #include <map>
-#include <optional>
 #include <set>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "base/log.hpp"
 #include "base/time.hpp"
-#include "middleware/endpoints.hpp"
-#include "streaming/conventions/frame_sequence.hpp"
 #include "streaming/dds/dds.hpp"
-#include "streaming/dds/ros_messages.hpp"
 #include "streaming/dds/topics.hpp"
-#include "streaming/streamer.hpp"
 
 namespace fiducap::dds {
 
 namespace {
-
-// The name in ROS.
-std::string shown(const std::string& topic) {
-  return topic.starts_with("rt/") ? topic.substr(2) : topic;
-}
 
 /// Subscribers by participant: DDS has no connections, only matching readers. Updated when the page
 /// asks, at most a few times a second.
@@ -33,10 +20,48 @@ class Listeners final {
   explicit Listeners(const Clock& clock) : clock_(clock) {}
 
   /// Starts an update from all writers.
-  void begin();
-  void note(const Writer& writer);
+  void begin() {
+    for (auto& [participant, listener] : by_participant_) listener.topics.clear();
+  }
+
+  void note(const Writer& writer) {
+    if (!writer.has_readers()) return;
+    for (const auto& participant : writer.reading_participants()) {
+      auto [place, is_new] = by_participant_.try_emplace(participant);
+      Listener& listener = place->second;
+      if (is_new) listener.since = clock_.now();
+      const std::string& topic = writer.topic();
+      listener.topics.insert(topic.starts_with("rt/") ? topic.substr(2) : topic);  // as in ROS
+      const Count now{writer.handle(), writer.written(), writer.refused()};
+      Count& before = listener.before.try_emplace(topic, now).first->second;
+      if (before.writer != now.writer) before = {now.writer, 0, 0};
+      listener.sent += now.written - before.written;
+      listener.refused += now.refused - before.refused;
+      before = now;
+    }
+  }
+
   /// Removes participants that were not seen in this update.
-  void append_to(std::vector<ClientStatus>& out);
+  void append_to(std::vector<ClientStatus>& out) {
+    for (auto at = by_participant_.begin(); at != by_participant_.end();) {
+      const Listener& listener = at->second;
+      if (listener.topics.empty()) {
+        at = by_participant_.erase(at);
+        continue;
+      }
+      std::string detail;
+      for (const auto& topic : listener.topics) {
+        if (detail.size() > 200) {
+          detail += " …";
+          break;
+        }
+        detail += (detail.empty() ? "" : " ") + topic;
+      }
+      out.push_back({"dds", "participant " + at->first, std::move(detail), listener.sent,
+                     listener.refused, to_seconds(clock_.now() - listener.since)});
+      ++at;
+    }
+  }
 
  private:
   /// A topic's writer at the last update. A new one, for another model, counts from zero.
@@ -57,57 +82,18 @@ class Listeners final {
   std::map<std::string, Listener> by_participant_;
 };
 
-void Listeners::begin() {
-  for (auto& [participant, listener] : by_participant_) listener.topics.clear();
-}
-
-void Listeners::note(const Writer& writer) {
-  if (!writer.has_readers()) return;
-  for (const auto& participant : writer.reading_participants()) {
-    auto [place, is_new] = by_participant_.try_emplace(participant);
-    Listener& listener = place->second;
-    if (is_new) listener.since = clock_.now();
-    listener.topics.insert(shown(writer.topic()));
-    const Count now{writer.handle(), writer.written(), writer.refused()};
-    Count& before = listener.before.try_emplace(writer.topic(), now).first->second;
-    if (before.writer != now.writer) before = {now.writer, 0, 0};
-    listener.sent += now.written - before.written;
-    listener.refused += now.refused - before.refused;
-    before = now;
-  }
-}
-
-void Listeners::append_to(std::vector<ClientStatus>& out) {
-  for (auto at = by_participant_.begin(); at != by_participant_.end();) {
-    const Listener& listener = at->second;
-    if (listener.topics.empty()) {
-      at = by_participant_.erase(at);
-      continue;
-    }
-    std::string detail;
-    for (const auto& topic : listener.topics) {
-      if (detail.size() > 200) {
-        detail += " …";
-        break;
-      }
-      detail += (detail.empty() ? "" : " ") + topic;
-    }
-    out.push_back({"dds", "participant " + at->first, std::move(detail), listener.sent,
-                   listener.refused, to_seconds(clock_.now() - listener.since)});
-    ++at;
-  }
-}
-
-/// All topics, for the model in use.
-class Offer final {
+/// All topics in one membership of the domain, for the model in use.
+class Presence final {
  public:
-  Offer(const Participant& in, const DdsConfig& config, const EventBoard* events)
-      : aliases_(config.aliases),
-        make_(in, config),
+  Presence(std::shared_ptr<Participant> joined, const DdsConfig& config, const EventBoard* events)
+      : participant_(std::move(joined)),
+        aliases_(config.aliases),
+        make_(*participant_, config),
         scene_(make_),
         map_(make_),
         health_(make_, events) {}
 
+  [[nodiscard]] const Participant& participant() const { return *participant_; }
   /// @return the first topic of all models that could not be created
   [[nodiscard]] Expected<void> made() const { return make_.result(); }
   /// @return the first topic of these bodies that could not be created
@@ -146,6 +132,7 @@ class Offer final {
   }
 
  private:
+  std::shared_ptr<Participant> participant_;  ///< Outlives the topics.
   NameAliases aliases_;
   TopicMaker make_;
   SceneTopics scene_;
@@ -159,23 +146,15 @@ class Offer final {
   std::vector<std::uint32_t> counts_;
 };
 
-/// All topics in one membership of the domain.
-struct Presence {
-  Presence(std::shared_ptr<Participant> joined, const DdsConfig& config, const EventBoard* events)
-      : participant(std::move(joined)), offer(*participant, config, events) {}
-
-  std::shared_ptr<Participant> participant;
-  Offer offer;  // destroyed before the participant
-};
-
 class DdsServer final : public Streamer {
  public:
-  DdsServer(JoinDomain join, const DdsConfig& config, const Clock& clock, const EventBoard* events)
-      : join_(std::move(join)),
+  DdsServer(const ProtocolContext& context, const DdsConfig& config)
+      : Streamer("dds"),
+        join_(context.join_dds),
         config_(config),
-        clock_(clock),
-        events_(events),
-        listeners_(clock) {}
+        clock_(context.clock),
+        events_(context.events),
+        listeners_(context.clock) {}
 
   Expected<void> join(std::shared_ptr<const SceneModel> model) {
     auto presence = enter(*model);
@@ -184,24 +163,22 @@ class DdsServer final : public Streamer {
     return {};
   }
 
-  [[nodiscard]] std::string_view protocol() const override { return "dds"; }
-
   void publish(const std::shared_ptr<const SceneFrame>& frame) override {
     if (stopped_) return;
     if (!presence_) return rejoin(frame->model);
-    if (presence_->participant->is_flooded()) return leave();
-    Offer& offer = presence_->offer;
+    if (presence_->participant().is_flooded()) return leave();
     if (frame->model->generation != model_->generation) {
       model_ = frame->model;
-      if (const auto made = offer.use(*model_); !made) log::warning("dds", made.error().text());
+      if (const auto made = presence_->use(*model_); !made)
+        log::warning("dds", made.error().text());
     }
-    offer.publish(*frame);
+    presence_->publish(*frame);
   }
 
   void append_clients(std::vector<ClientStatus>& out) const override {
     if (!presence_) return;
     listeners_.begin();
-    presence_->offer.each([this](const Writer& writer) { listeners_.note(writer); });
+    presence_->each([this](const Writer& writer) { listeners_.note(writer); });
     listeners_.append_to(out);
   }
 
@@ -239,8 +216,7 @@ class DdsServer final : public Streamer {
     auto joined = joining_.get();
     if (!joined) return log::warning("dds", joined.error().text());
     // The bodies may have changed meanwhile.
-    if (const auto made = (*joined)->offer.use(*model); !made)
-      log::warning("dds", made.error().text());
+    if (const auto made = (*joined)->use(*model); !made) log::warning("dds", made.error().text());
     use_presence(std::move(*joined), model);
   }
 
@@ -249,8 +225,8 @@ class DdsServer final : public Streamer {
     auto participant = join_();
     if (!participant) return tl::unexpected(participant.error());
     auto presence = std::make_unique<Presence>(std::move(*participant), config_, events_);
-    if (auto made = presence->offer.made(); !made) return tl::unexpected(made.error());
-    if (auto made = presence->offer.use(model); !made) return tl::unexpected(made.error());
+    if (auto made = presence->made(); !made) return tl::unexpected(made.error());
+    if (auto made = presence->use(model); !made) return tl::unexpected(made.error());
     return presence;
   }
 
@@ -258,7 +234,7 @@ class DdsServer final : public Streamer {
     model_ = std::move(model);
     presence_ = std::move(presence);
     log::info("dds",
-              "serves ROS 2 topics in domain " + std::to_string(presence_->participant->domain()));
+              "serves ROS 2 topics in domain " + std::to_string(presence_->participant().domain()));
   }
 
   JoinDomain join_;
@@ -288,11 +264,9 @@ std::vector<ConfigError> DdsConfig::check() const {
       .errors;
 }
 
-StartedStreamer start_dds_server(JoinDomain join, const DdsConfig& config,
-                                 std::shared_ptr<const SceneModel> model, const Clock& clock,
-                                 const EventBoard* events) {
-  auto server = std::make_unique<DdsServer>(std::move(join), config, clock, events);
-  if (const auto joined = server->join(std::move(model)); !joined)
+StartedStreamer serve(const ProtocolContext& context, const DdsConfig& config) {
+  auto server = std::make_unique<DdsServer>(context, config);
+  if (const auto joined = server->join(context.model); !joined)
     return tl::unexpected(joined.error());
   return server;
 }

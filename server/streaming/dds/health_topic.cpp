@@ -15,17 +15,8 @@ Level level_of(const BodyPose& body) {
   return body.state == BodyState::kTracking && body.valid ? kOk : kWarning;
 }
 
-Level level_of(Severity severity) {
-  switch (severity) {
-    case Severity::kInfo:
-      return kOk;
-    case Severity::kWarning:
-      return kWarning;
-    case Severity::kError:
-      return kError;
-  }
-  return kError;
-}
+static_assert(static_cast<int>(Severity::kError) == kError);
+Level level_of(Severity severity) { return static_cast<Level>(severity); }
 
 char* key(const char* text) { return const_cast<char*>(text); }
 

@@ -1,17 +1,17 @@
 #include "streaming/dds/ros_messages.hpp"
 
 #include <algorithm>
+#include <array>
+#include <utility>
 
 #include "streaming/conventions/protocol_conventions.hpp"
+#include "streaming/conventions/text_fields.hpp"
 
 namespace fiducap::dds {
 
 namespace {
 
 constexpr std::size_t kLongestName = 100;
-
-bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); }
-bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
 std::string as_ros_name(const std::string& name) {
   std::string out;
@@ -26,40 +26,28 @@ std::string as_ros_name(const std::string& name) {
   return (out.front() == '_' ? "body" : "body_") + out;
 }
 
-struct Known {
-  const dds_topic_descriptor* type;
-  const char* hash;  ///< RIHS01 (REP-2011): SHA-256 over the type's description as JSON.
-};
+/// Descriptor, and RIHS01 (REP-2011): SHA-256 over the type's description as JSON.
+using KnownType = std::pair<const dds_topic_descriptor*, const char*>;
 
-Known known(RosType type) {
-  switch (type) {
-    case RosType::kPoseStamped:
-      return {&geometry_msgs_msg_dds__PoseStamped__desc,
-              "10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8"};
-    case RosType::kTwistStamped:
-      return {&geometry_msgs_msg_dds__TwistStamped__desc,
-              "5f0fcd4f81d5d06ad9b4c4c63e3ea51b82d6ae4d0558f1d475229b1121db6f64"};
-    case RosType::kOdometry:
-      return {&nav_msgs_msg_dds__Odometry__desc,
-              "3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0"};
-    case RosType::kTfMessage:
-      return {&tf2_msgs_msg_dds__TFMessage__desc,
-              "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"};
-    case RosType::kNamedPoseArray:
-      return {&motion_capture_tracking_interfaces_msg_dds__NamedPoseArray__desc,
-              "d4c89ff7e0670d5f83b0322513e1c8dc2c3b279a68495daa026c352f0027e5f2"};
-    case RosType::kRigidBodies:
-      return {&mocap4r2_msgs_msg_dds__RigidBodies__desc,
-              "1f2d74f2a1706c59639a2349b7be91e9e4d751fad6fc3048c59d8f1f0576ea70"};
-    case RosType::kDiagnosticArray:
-      return {&diagnostic_msgs_msg_dds__DiagnosticArray__desc,
-              "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e"};
-    case RosType::kVehicleOdometry:
-      return {&px4_msgs_msg_dds__VehicleOdometry__desc,
-              "4295b96ad312084aa35c84bdcec65ba2f57eb4f6a293d57d52d95acbe99ff817"};
-  }
-  return {};
-}
+/// By RosType.
+constexpr std::array<KnownType, 8> kKnownTypes{{
+    {&geometry_msgs_msg_dds__PoseStamped__desc,
+     "10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8"},
+    {&geometry_msgs_msg_dds__TwistStamped__desc,
+     "5f0fcd4f81d5d06ad9b4c4c63e3ea51b82d6ae4d0558f1d475229b1121db6f64"},
+    {&nav_msgs_msg_dds__Odometry__desc,
+     "3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0"},
+    {&tf2_msgs_msg_dds__TFMessage__desc,
+     "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"},
+    {&motion_capture_tracking_interfaces_msg_dds__NamedPoseArray__desc,
+     "d4c89ff7e0670d5f83b0322513e1c8dc2c3b279a68495daa026c352f0027e5f2"},
+    {&mocap4r2_msgs_msg_dds__RigidBodies__desc,
+     "1f2d74f2a1706c59639a2349b7be91e9e4d751fad6fc3048c59d8f1f0576ea70"},
+    {&diagnostic_msgs_msg_dds__DiagnosticArray__desc,
+     "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e"},
+    {&px4_msgs_msg_dds__VehicleOdometry__desc,
+     "4295b96ad312084aa35c84bdcec65ba2f57eb4f6a293d57d52d95acbe99ff817"},
+}};
 
 constexpr std::int64_t kNsPerSecond = 1'000'000'000;
 
@@ -85,33 +73,8 @@ void put(const Eigen::Quaterniond& from, T (&to)[4]) {
   to[3] = static_cast<T>(from.z());
 }
 
-fiducap_dds_BodyState to_dds(BodyState state) {
-  switch (state) {
-    case BodyState::kSearching:
-      return fiducap_dds_SEARCHING;
-    case BodyState::kTracking:
-      return fiducap_dds_TRACKING;
-    case BodyState::kCoasting:
-      return fiducap_dds_COASTING;
-    case BodyState::kLost:
-      return fiducap_dds_LOST;
-  }
-  return fiducap_dds_LOST;
-}
-
-fiducap_dds_TagState to_dds(TagState state) {
-  switch (state) {
-    case TagState::kLocal:
-      return fiducap_dds_LOCAL;
-    case TagState::kCalibrated:
-      return fiducap_dds_CALIBRATED;
-    case TagState::kSurveyed:
-      return fiducap_dds_SURVEYED;
-    case TagState::kQuarantined:
-      return fiducap_dds_QUARANTINED;
-  }
-  return fiducap_dds_QUARANTINED;
-}
+static_assert(static_cast<int>(BodyState::kLost) == fiducap_dds_LOST);
+static_assert(static_cast<int>(TagState::kQuarantined) == fiducap_dds_QUARANTINED);
 
 }  // namespace
 
@@ -148,8 +111,9 @@ std::vector<std::string> ros_names(const SceneModel& model, const NameAliases& a
   return make_distinct(model, aliases, fit, kLongestName);
 }
 
+static_assert(kKnownTypes.size() == static_cast<std::size_t>(RosType::kVehicleOdometry) + 1);
 TopicName ros_topic(const std::string& topic, RosType type) {
-  const auto [descriptor, hash] = known(type);
+  const auto [descriptor, hash] = kKnownTypes[static_cast<std::size_t>(type)];
   return {"rt" + topic, descriptor, std::string("RIHS01_") + hash};
 }
 
@@ -210,7 +174,7 @@ void fill(fiducap_dds_Body& out, const BodyPose& body, const SceneFrame& frame,
   out.utc_ns = frame.utc_ns();
   const bool seen = body.exposed_at != Instant{};
   out.exposed_utc_ns = seen ? to_ns(body.exposed_at) + frame.utc_offset.count() : 0;
-  out.state = to_dds(body.state);
+  out.state = static_cast<fiducap_dds_BodyState>(body.state);
   out.valid = body.valid;
   out.tags_in_view = static_cast<std::uint32_t>(std::max(body.tags_in_view, 0));
   out.reset_counter = jumps;
@@ -226,7 +190,7 @@ void fill(fiducap_dds_Body& out, const BodyPose& body, const SceneFrame& frame,
 void fill(fiducap_dds_Tag& out, const MapTag& tag, std::int64_t map_version) {
   out.id = tag.tag.tag_id;
   out.edge_m = tag.tag.edge_m;
-  out.state = to_dds(tag.state);
+  out.state = static_cast<fiducap_dds_TagState>(tag.state);
   out.map_version = static_cast<std::uint64_t>(std::max<std::int64_t>(map_version, 0));
   put(tag.tag.X_WT.p, out.position);
   put(tag.tag.X_WT.q, out.attitude);

@@ -7,11 +7,6 @@ namespace fiducap::dds {
 
 namespace {
 
-Qos with_deadline(Qos qos, double rate_hz) {
-  if (rate_hz > 0) qos.deadline_s = 1 / rate_hz;
-  return qos;
-}
-
 std_msgs_msg_dds__Header_ header_of(const SceneFrame& frame, const std::string& world_frame) {
   return {to_ros(frame.utc_ns()), borrowed(world_frame)};
 }
@@ -22,8 +17,6 @@ bool is_settled(const MapTag& tag) {
   return tag.component == 0 &&
          (tag.state == TagState::kCalibrated || tag.state == TagState::kSurveyed);
 }
-
-bool has(const TagMap& map, int id) { return map.find(id) != nullptr; }
 
 }  // namespace
 
@@ -47,31 +40,19 @@ BodyTopics::BodyTopics(TopicMaker& make, std::string name, bool alone)
 }
 
 void BodyTopics::publish(const SceneFrame& frame, const BodyPose& body, std::uint32_t jumps) {
-  const std_msgs_msg_dds__Header_ header{to_ros(frame.utc_ns()), borrowed(world_frame_)};
-  if (is_wanted(pose_)) {
-    geometry_msgs_msg_dds__PoseStamped_ message;
-    message.header = header;
+  const auto send_stamped = [&](std::optional<Writer>& writer, auto message) {
+    message.header = header_of(frame, world_frame_);
     fill(message, body);
-    send(pose_, &message);
-  }
-  if (is_wanted(twist_)) {
-    geometry_msgs_msg_dds__TwistStamped_ message;
-    message.header = header;
-    fill(message, body);
-    send(twist_, &message);
-  }
+    send(writer, &message);
+  };
+  if (is_wanted(pose_)) send_stamped(pose_, geometry_msgs_msg_dds__PoseStamped_{});
+  if (is_wanted(twist_)) send_stamped(twist_, geometry_msgs_msg_dds__TwistStamped_{});
   if (is_wanted(odometry_)) {
-    nav_msgs_msg_dds__Odometry_ message;
-    message.header = header;
+    nav_msgs_msg_dds__Odometry_ message{};
     message.child_frame_id = borrowed(name_);
-    fill(message, body);
-    send(odometry_, &message);
+    send_stamped(odometry_, message);
   }
-  if (is_wanted(px4_)) publish_px4(frame, body, jumps);
-}
-
-void BodyTopics::publish_px4(const SceneFrame& frame, const BodyPose& body, std::uint32_t jumps) {
-  if (!px4_schedule_.is_due(frame.at, frame.rate_hz)) return;
+  if (!is_wanted(px4_) || !px4_schedule_.is_due(frame.at, frame.rate_hz)) return;
   px4_msgs_msg_dds__VehicleOdometry_ message;
   fill(message, body, frame.utc_ns(), px4_world_, jumps);
   send(px4_, &message);
@@ -80,10 +61,11 @@ void BodyTopics::publish_px4(const SceneFrame& frame, const BodyPose& body, std:
 SceneTopics::SceneTopics(TopicMaker& make) : world_frame_(make.config().world_frame) {
   const DdsConfig& config = make.config();
   const Qos stream = make.stream();
+  Qos with_deadline = stream;
+  if (config.poses_deadline_hz > 0) with_deadline.deadline_s = 1 / config.poses_deadline_hz;
   // tf2 subscribes as reliable.
   tf_ = make.make(config.tf, ros_topic("/tf", RosType::kTfMessage), {true, false, 1, 0});
-  poses_ = make.make(config.poses, ros_topic("/poses", RosType::kNamedPoseArray),
-                     with_deadline(stream, config.poses_deadline_hz));
+  poses_ = make.make(config.poses, ros_topic("/poses", RosType::kNamedPoseArray), with_deadline);
   rigid_bodies_ =
       make.make(config.rigid_bodies, ros_topic("/rigid_bodies", RosType::kRigidBodies), stream);
   native_ = make.make(config.native, {"fiducap/bodies", &fiducap_dds_Body_desc, {}}, stream);
@@ -195,7 +177,7 @@ void MapTopics::publish_tf(const SceneFrame& frame) {
       std::equal(settled.begin(), settled.end(), sent_tf_.begin(), sent_tf_.end(), same)) {
     return;
   }
-  const std_msgs_msg_dds__Header_ header{to_ros(frame.utc_ns()), borrowed(world_frame_)};
+  const auto header = header_of(frame, world_frame_);
   std::vector<geometry_msgs_msg_dds__TransformStamped_> transforms;
   for (std::size_t i = 0; i < settled.size(); ++i)
     transforms.push_back({header, borrowed(names[i]), to_ros_transform(settled[i].second)});
@@ -208,7 +190,7 @@ void MapTopics::publish_tf(const SceneFrame& frame) {
 void MapTopics::publish_tags(const TagMap& map) {
   fiducap_dds_Tag message{};
   for (const int id : sent_ids_) {
-    if (has(map, id)) continue;
+    if (map.find(id) != nullptr) continue;
     message.id = id;
     tags_->dispose(&message);
   }

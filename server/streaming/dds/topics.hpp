@@ -78,8 +78,6 @@ class BodyTopics final {
   }
 
  private:
-  void publish_px4(const SceneFrame& frame, const BodyPose& body, std::uint32_t jumps);
-
   std::string name_;
   std::string world_frame_;
   AutopilotWorld px4_world_;

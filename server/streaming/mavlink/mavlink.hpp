@@ -2,13 +2,10 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "base/config_check.hpp"
-#include "base/expected.hpp"
-#include "base/time.hpp"
 #include "streaming/conventions/axes.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
 #include "streaming/streamer.hpp"
@@ -72,15 +69,6 @@ using ProtocolConfig = MavlinkConfig;
 
 /// Sends poses to autopilots by one UDP socket.
 /// @return Error `kUnavailable` naming port and remedy when it cannot bind
-[[nodiscard]] StartedStreamer start_mavlink_server(boost::asio::io_context& io,
-                                                   const MavlinkConfig& config,
-                                                   std::shared_ptr<const SceneModel> model,
-                                                   const Clock& clock);
-
-/// For the list of protocols (streaming/CMakeLists.txt).
-[[nodiscard]] inline StartedStreamer serve(const ProtocolContext& context,
-                                           const MavlinkConfig& config) {
-  return start_mavlink_server(context.io, config, context.model, context.clock);
-}
+[[nodiscard]] StartedStreamer serve(const ProtocolContext& context, const MavlinkConfig& config);
 
 }  // namespace fiducap::mavlink

@@ -1,12 +1,9 @@
 #include <algorithm>
-#include <optional>
 #include <set>
 #include <utility>
-#include <vector>
 
 #include "base/log.hpp"
 #include "middleware/net/peer.hpp"
-#include "streaming/conventions/frame_sequence.hpp"
 #include "streaming/mavlink/mavlink.hpp"
 #include "streaming/mavlink/vehicle_link.hpp"
 #include "streaming/net/udp_server.hpp"
@@ -22,7 +19,6 @@ struct Vehicle {
   net::Peer peer;
   std::optional<int> body_id;
   std::vector<std::byte> datagram;
-  std::uint64_t sent{0};
   std::uint64_t refused{0};
 };
 
@@ -30,7 +26,8 @@ class MavlinkServer final : public Streamer {
  public:
   MavlinkServer(net::UdpServer udp, const MavlinkConfig& config, const SceneModel& model,
                 const Clock& clock)
-      : clock_(clock), started_(clock.now()), udp_(std::move(udp)) {
+      : Streamer("mavlink"), clock_(clock), started_(clock.now()), udp_(std::move(udp)) {
+    port_ = udp_.port();
     for (const auto& vehicle : config.vehicles) {
       vehicles_.push_back({VehicleLink(vehicle),
                            {net::parse_address(vehicle.address).value_or(0), vehicle.port},
@@ -60,30 +57,24 @@ class MavlinkServer final : public Streamer {
     udp_.send_batch();
     std::size_t place = 0;
     for (auto& vehicle : vehicles_) {
-      if (!vehicle.datagram.empty())
-        ++(udp_.batch().sent(place++) ? vehicle.sent : vehicle.refused);
+      if (!vehicle.datagram.empty() && !udp_.batch().sent(place++)) ++vehicle.refused;
     }
   }
 
   void append_clients(std::vector<ClientStatus>& out) const override {
     const Instant now = clock_.now();
-    for (const auto& vehicle : vehicles_)
+    for (const auto& vehicle : vehicles_) {
+      std::optional<ClockOffset> clock;  // by TIMESYNC; nullopt: no recent reply
+      if (const auto offset = vehicle.link.clock_offset(now))
+        clock = ClockOffset{-to_seconds(offset->to_autopilot), to_seconds(offset->bound)};
       out.push_back({"mavlink", net::text_of(vehicle.peer) + " udp", vehicle.link.status(now),
-                     vehicle.link.poses(), vehicle.refused, to_seconds(now - started_),
-                     clock_of(vehicle.link, now)});
+                     vehicle.link.poses(), vehicle.refused, to_seconds(now - started_), clock});
+    }
   }
 
   void stop() override { udp_.stop(); }
-  [[nodiscard]] std::string_view protocol() const override { return "mavlink"; }
-  [[nodiscard]] std::uint16_t port() const override { return udp_.port(); }
 
  private:
-  /// By TIMESYNC; nullopt: no recent reply.
-  static std::optional<ClockOffset> clock_of(const VehicleLink& link, Instant now) {
-    const auto offset = link.clock_offset(now);
-    if (!offset) return std::nullopt;
-    return ClockOffset{-to_seconds(offset->to_autopilot), to_seconds(offset->bound)};
-  }
   /// By name once, then by id: a renamed body remains the same vehicle.
   static std::optional<int> body_called(const SceneModel& model, const std::string& name) {
     for (const auto& body : model.bodies)
@@ -151,12 +142,12 @@ std::vector<ConfigError> MavlinkConfig::check_bodies(const std::vector<std::stri
   return errors;
 }
 
-StartedStreamer start_mavlink_server(boost::asio::io_context& io, const MavlinkConfig& config,
-                                     std::shared_ptr<const SceneModel> model, const Clock& clock) {
-  auto udp = net::UdpServer::open(io, {config.address, config.port, "streaming.mavlink"},
+StartedStreamer serve(const ProtocolContext& context, const MavlinkConfig& config) {
+  auto udp = net::UdpServer::open(context.io, {config.address, config.port, "streaming.mavlink"},
                                   {"mavlink", kLongestDatagram});
   if (!udp) return tl::unexpected(udp.error());
-  auto server = std::make_unique<MavlinkServer>(std::move(*udp), config, *model, clock);
+  auto server =
+      std::make_unique<MavlinkServer>(std::move(*udp), config, *context.model, context.clock);
   log::info("mavlink", "serves " + std::to_string(config.vehicles.size()) + " autopilot(s) from " +
                            config.address + ":" + std::to_string(server->port()) + " (UDP)");
   return server;

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/expected.hpp"
 #include "fiducap/v1/envelope.pb.h"
+#include "streaming/conventions/text_fields.hpp"
 
 namespace fiducap::native {
 
@@ -26,25 +28,6 @@ Datagram make_datagram(Message* (v1::Envelope::*message)(), Fill&& fill) {
   v1::Envelope envelope;
   fill(*(envelope.*message)());
   return to_bytes(envelope);
-}
-
-std::string_view name_of(v1::Envelope::MessageCase kind) {
-  using Envelope = v1::Envelope;
-  static constexpr std::array<std::pair<Envelope::MessageCase, std::string_view>, 11> kNames{
-      {{Envelope::kSubscribe, "Subscribe"},
-       {Envelope::kChallenge, "Challenge"},
-       {Envelope::kLease, "Lease"},
-       {Envelope::kUnsubscribe, "Unsubscribe"},
-       {Envelope::kModel, "Model"},
-       {Envelope::kFrame, "Frame"},
-       {Envelope::kNotice, "Notice"},
-       {Envelope::kClockQuery, "ClockQuery"},
-       {Envelope::kClockReply, "ClockReply"},
-       {Envelope::kDiscoveryQuery, "DiscoveryQuery"},
-       {Envelope::kDiscoveryReply, "DiscoveryReply"}}};
-  for (const auto& [known, name] : kNames)
-    if (known == kind) return name;
-  return "no known message";
 }
 
 /// @return nullopt for values that this version does not know
@@ -81,77 +64,44 @@ Duration to_duration(std::uint64_t ns) {
   return Duration{ns <= kMost ? static_cast<std::int64_t>(ns) : 0};
 }
 
-Expected<void> check_size(std::string_view name, std::size_t least, std::size_t size) {
-  if (size >= least) return {};
-  return fail(ErrorCode::kInvalid, std::string(name) + " must be padded to " +
-                                       std::to_string(least) + " bytes, got " +
-                                       std::to_string(size));
-}
-
-Expected<Request> to_request(const v1::Subscribe& in, std::size_t size) {
-  if (const auto padded = check_size("Subscribe", kMinSubscribe, size); !padded)
-    return tl::unexpected(padded.error());
-  if (in.client_name().size() > kMaxClientName)
-    return fail(ErrorCode::kInvalid, "client name must have at most " +
-                                         std::to_string(kMaxClientName) + " bytes, got " +
-                                         std::to_string(in.client_name().size()));
+SubscribeRequest to_request(const v1::Subscribe& in) {
   SubscribeRequest request;
   request.token = in.token();
   request.nonce = in.nonce();
   request.model_generation = in.model_generation();
   request.client_name = in.client_name();
-  request.frames_lost = in.frames_lost();
   request.profile = in.has_profile() ? to_profile(in.profile()) : Profile{};
   request.multicast = in.multicast();
-  request.clock_offset = Duration{in.clock_offset_ns()};
-  request.clock_sigma = to_duration(in.clock_sigma_ns());
-  request.latency_p99 = to_duration(in.latency_p99_ns());
+  request.report = {in.frames_lost(), Duration{in.clock_offset_ns()},
+                    to_duration(in.clock_sigma_ns()), to_duration(in.latency_p99_ns())};
   return request;
-}
-
-std::string_view cut_name(std::string_view name) {
-  if (name.size() <= kMaxBodyName) return name;
-  std::size_t end = kMaxBodyName;
-  while (end > 0 && (static_cast<unsigned char>(name[end]) & 0xc0) == 0x80) --end;
-  return name.substr(0, end);
 }
 
 }  // namespace
 
-Expected<Request> decode_request(std::span<const std::byte> datagram) {
-  if (datagram.size() > kMaxDatagram)
-    return fail(ErrorCode::kInvalid, "datagram must have at most " + std::to_string(kMaxDatagram) +
-                                         " bytes, got " + std::to_string(datagram.size()));
-  v1::Envelope envelope;
-  if (!envelope.ParseFromArray(datagram.data(), static_cast<int>(datagram.size())))
-    return fail(ErrorCode::kTruncated, "expected an Envelope, the " +
-                                           std::to_string(datagram.size()) +
-                                           " bytes received end too early or are not protobuf");
-  if (envelope.protocol() != kProtocol)
-    return fail(ErrorCode::kUnsupported, "expected protocol " + std::to_string(kProtocol) +
-                                             ", got " + std::to_string(envelope.protocol()));
-  if (envelope.has_subscribe()) return to_request(envelope.subscribe(), datagram.size());
-  if (envelope.has_unsubscribe()) return UnsubscribeRequest{envelope.unsubscribe().token()};
-  if (envelope.has_clock_query()) {
-    const auto padded = check_size("ClockQuery", kMinClockQuery, datagram.size());
-    if (!padded) return tl::unexpected(padded.error());
-    return ClockRequest{envelope.clock_query().token(), envelope.clock_query().number()};
+std::optional<Request> decode_request(std::span<const std::byte> datagram) {
+  const std::size_t size = datagram.size();
+  v1::Envelope in;
+  if (size > kMaxDatagram || !in.ParseFromArray(datagram.data(), static_cast<int>(size)) ||
+      in.protocol() != kProtocol) {
+    return std::nullopt;
   }
-  if (envelope.has_discovery_query()) {
-    const auto padded = check_size("DiscoveryQuery", kMinDiscovery, datagram.size());
-    if (!padded) return tl::unexpected(padded.error());
-    return DiscoveryRequest{envelope.discovery_query().nonce()};
-  }
-  return fail(ErrorCode::kUnsupported,
-              "expected Subscribe, Unsubscribe, ClockQuery or DiscoveryQuery, got " +
-                  std::string(name_of(envelope.message_case())));
+  if (in.has_unsubscribe()) return UnsubscribeRequest{in.unsubscribe().token()};
+  if (in.has_subscribe() && size >= kMinSubscribe &&
+      in.subscribe().client_name().size() <= kMaxClientName)
+    return to_request(in.subscribe());
+  if (in.has_clock_query() && size >= kMinClockQuery)
+    return ClockRequest{in.clock_query().token(), in.clock_query().number()};
+  if (in.has_discovery_query() && size >= kMinDiscovery)
+    return DiscoveryRequest{in.discovery_query().nonce()};
+  return std::nullopt;
 }
 
-Datagram encode(const ChallengeAnswer& challenge) {
+Datagram encode_challenge(std::uint64_t token, std::uint64_t nonce, std::uint64_t session) {
   return make_datagram(&v1::Envelope::mutable_challenge, [&](auto& out) {
-    out.set_token(challenge.token);
-    out.set_nonce(challenge.nonce);
-    out.set_session(challenge.session);
+    out.set_token(token);
+    out.set_nonce(nonce);
+    out.set_session(session);
   });
 }
 
@@ -163,20 +113,20 @@ Datagram encode(const LeaseAnswer& lease) {
     out.set_lease_ms(static_cast<std::uint32_t>(lease.lease / std::chrono::milliseconds(1)));
     out.set_model_generation(lease.model_generation);
     out.set_profile(lease.profile);
-    if (lease.group_port != 0) {
-      out.set_multicast_group(std::string(lease.group.begin(), lease.group.end()));
-      out.set_multicast_port(lease.group_port);
+    if (const auto& [address, port] = lease.group; port != 0) {
+      out.set_multicast_group(std::string(address.begin(), address.end()));
+      out.set_multicast_port(port);
     }
     out.set_frames_dropped(lease.frames_dropped);
   });
 }
 
-Datagram encode(const ClockAnswer& answer) {
+Datagram encode_clock(std::uint64_t session, std::uint64_t number, Instant at) {
   return make_datagram(&v1::Envelope::mutable_clock_reply, [&](auto& out) {
-    out.set_session(answer.session);
-    out.set_number(answer.number);
-    out.set_received_at_ns(to_ns(answer.received_at));
-    out.set_sent_at_ns(to_ns(answer.sent_at));
+    out.set_session(session);
+    out.set_number(number);
+    out.set_received_at_ns(to_ns(at));
+    out.set_sent_at_ns(to_ns(at));
   });
 }
 
@@ -220,7 +170,7 @@ std::vector<Datagram> encode_model(std::uint64_t session, const SceneModel& mode
   for (std::size_t i = 0; i < model.bodies.size(); ++i) {
     v1::BodyDescription body;
     body.set_id(static_cast<std::uint32_t>(model.bodies[i].id));
-    body.set_name(std::string(cut_name(model.bodies[i].name)));
+    body.set_name(std::string(whole_characters(model.bodies[i].name, kMaxBodyName)));
     const std::size_t size = body.ByteSizeLong() + 3;  // with tag and length
     if (used + size > kModelBudget) open_part(i);
     used += size;

@@ -9,7 +9,6 @@
 #include <variant>
 #include <vector>
 
-#include "base/expected.hpp"
 #include "base/time.hpp"
 #include "scene/scene_frame.hpp"
 #include "streaming/native/frames.hpp"
@@ -20,17 +19,21 @@ namespace fiducap::native {
 
 using Datagram = std::vector<std::byte>;
 
+/// What a client measures.
+struct ClientReport {
+  std::uint64_t frames_lost{};  ///< On the way.
+  Duration clock_offset{};      ///< Server's minus client's.
+  Duration clock_sigma{};       ///< 0: not measured.
+  Duration latency_p99{};       ///< 0: unknown.
+};
 struct SubscribeRequest {
   std::uint64_t token{};
   std::uint64_t nonce{};
   std::uint64_t model_generation{};
   std::string client_name;
-  std::uint64_t frames_lost{};
   std::optional<Profile> profile;  ///< nullopt: one with unknown values.
   bool multicast{};
-  Duration clock_offset{};  ///< Server's minus client's.
-  Duration clock_sigma{};   ///< 0: not measured.
-  Duration latency_p99{};   ///< 0: unknown.
+  ClientReport report;
 };
 struct UnsubscribeRequest {
   std::uint64_t token{};
@@ -44,13 +47,13 @@ struct DiscoveryRequest {
 };
 using Request = std::variant<SubscribeRequest, UnsubscribeRequest, ClockRequest, DiscoveryRequest>;
 
-/// @return Error with what was expected and what came, for anything but a request of a client
-[[nodiscard]] Expected<Request> decode_request(std::span<const std::byte> datagram);
+/// @return nullopt for anything but a request of a client, and for one that is not padded
+[[nodiscard]] std::optional<Request> decode_request(std::span<const std::byte> datagram);
 
-struct ChallengeAnswer {
-  std::uint64_t token{};
-  std::uint64_t nonce{};
-  std::uint64_t session{};
+/// For clients that request multicast. Port 0: no group.
+struct MulticastGroup {
+  std::array<std::uint8_t, 4> address{};  ///< IPv4.
+  std::uint16_t port{};
 };
 struct LeaseAnswer {
   std::uint64_t session{};
@@ -59,8 +62,7 @@ struct LeaseAnswer {
   Duration lease{};
   std::uint64_t model_generation{};
   std::uint32_t profile{};
-  std::array<std::uint8_t, 4> group{};  ///< IPv4 multicast group of the frames.
-  std::uint16_t group_port{};           ///< 0: unicast.
+  MulticastGroup group{};  ///< Of the frames; none: unicast.
   std::uint64_t frames_dropped{};
 };
 enum class NoticeReason {
@@ -69,12 +71,6 @@ enum class NoticeReason {
   kShuttingDown = 3,
   kProfilesFull = 4,
   kProfileInvalid = 5
-};
-struct ClockAnswer {
-  std::uint64_t session{};
-  std::uint64_t number{};
-  Instant received_at{};
-  Instant sent_at{};
 };
 /// Reply to discovery.
 struct ServerCard {
@@ -85,9 +81,11 @@ struct ServerCard {
   std::uint16_t port{};
 };
 
-[[nodiscard]] Datagram encode(const ChallengeAnswer& challenge);
+[[nodiscard]] Datagram encode_challenge(std::uint64_t token, std::uint64_t nonce,
+                                        std::uint64_t session);
 [[nodiscard]] Datagram encode(const LeaseAnswer& lease);
-[[nodiscard]] Datagram encode(const ClockAnswer& answer);
+/// @param at  when the request was received and this is sent
+[[nodiscard]] Datagram encode_clock(std::uint64_t session, std::uint64_t number, Instant at);
 [[nodiscard]] Datagram encode_discovery(std::uint64_t nonce, std::uint64_t session,
                                         const ServerCard& card);
 [[nodiscard]] Datagram encode_notice(std::uint64_t session, std::uint64_t nonce,

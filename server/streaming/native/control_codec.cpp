@@ -1,6 +1,7 @@
 #include "streaming/native/control_codec.hpp"
 
 #include <cmath>
+#include <utility>
 
 #include "fiducap/v1/control.pb.h"
 
@@ -11,11 +12,6 @@ namespace {
 // Rounding of a unit quaternion is within this.
 constexpr double kUnitTolerance = 1e-3;
 constexpr double kFarthestPivot_m = 1000;
-
-Expected<int> to_id(std::uint32_t id) {
-  if (id == 0 || id > 0x7fffffff) return fail(ErrorCode::kInvalid, "body_id must be 1 or more");
-  return static_cast<int>(id);
-}
 
 Expected<Pose> to_pose(const v1::SetPivot& in) {
   if (in.position_size() != 3 || in.orientation_wxyz_size() != 4)
@@ -66,12 +62,16 @@ void append_length(std::vector<std::byte>& out, std::size_t size) {
   for (int i = 0; i < 4; ++i) out.push_back(static_cast<std::byte>(size >> (8 * i)));
 }
 
-template <typename Command>
-Expected<ControlCommand> with_id(std::uint32_t id, Command command) {
-  const auto body_id = to_id(id);
-  if (!body_id) return tl::unexpected(body_id.error());
-  command.body_id = *body_id;
-  return ControlCommand{std::move(command)};
+/// @param change  with the OperatorApi and the id of the body
+template <typename Change>
+Expected<ControlAction> of_body(std::uint32_t id, Change change) {
+  if (id == 0 || id > 0x7fffffff) return fail(ErrorCode::kInvalid, "body_id must be 1 or more");
+  return
+      [body_id = static_cast<int>(id), change](OperatorApi& api) { return change(api, body_id); };
+}
+
+ControlAction of_map(MapChange change) {
+  return [change = std::move(change)](OperatorApi& api) { return api.change_map(change); };
 }
 
 Expected<int> to_tag_id(std::uint32_t id) {
@@ -82,13 +82,13 @@ Expected<int> to_tag_id(std::uint32_t id) {
 }
 
 template <typename Change>
-Expected<ControlCommand> of_tag(std::uint32_t id) {
+Expected<ControlAction> of_tag(std::uint32_t id) {
   const auto tag_id = to_tag_id(id);
   if (!tag_id) return tl::unexpected(tag_id.error());
-  return ControlCommand{MapChange{Change{*tag_id}}};
+  return of_map(Change{*tag_id});
 }
 
-Expected<ControlCommand> to_alignment(const v1::AlignMap& in) {
+Expected<ControlAction> to_alignment(const v1::AlignMap& in) {
   AlignMap out;
   for (const v1::MeasuredPlace& place : in.places()) {
     const auto tag_id = to_tag_id(place.tag_id());
@@ -99,7 +99,7 @@ Expected<ControlCommand> to_alignment(const v1::AlignMap& in) {
                                            std::to_string(place.position_size()));
     out.places.push_back({*tag_id, {place.position(0), place.position(1), place.position(2)}});
   }
-  return ControlCommand{MapChange{std::move(out)}};
+  return of_map(std::move(out));
 }
 
 }  // namespace
@@ -116,33 +116,42 @@ Expected<ControlRequest> decode_control_request(std::span<const std::byte> messa
   return request;
 }
 
-Expected<ControlCommand> decode_control_command(const std::string& body) {
+Expected<ControlAction> decode_control_command(const std::string& body) {
   v1::ControlCommand in;
   if (!in.ParseFromString(body)) return fail(ErrorCode::kTruncated, "expected a ControlCommand");
   switch (in.command_case()) {
     case v1::ControlCommand::kListBodies:
-      return ListBodies{};
+      return ControlAction{};
     case v1::ControlCommand::kSetEnabled:
-      return with_id(in.set_enabled().body_id(), SetEnabled{0, in.set_enabled().enabled()});
+      return of_body(in.set_enabled().body_id(),
+                     [enabled = in.set_enabled().enabled()](OperatorApi& api, int id) {
+                       return api.set_enabled(id, enabled);
+                     });
     case v1::ControlCommand::kRename:
-      return with_id(in.rename().body_id(), Rename{0, in.rename().name()});
+      return of_body(in.rename().body_id(), [name = in.rename().name()](OperatorApi& api, int id) {
+        return api.rename(id, name);
+      });
     case v1::ControlCommand::kSetPivot: {
       const auto X_BP = to_pose(in.set_pivot());
       if (!X_BP) return tl::unexpected(X_BP.error());
-      return with_id(in.set_pivot().body_id(), SetPivot{0, *X_BP});
+      return of_body(in.set_pivot().body_id(),
+                     [X_BP = *X_BP](OperatorApi& api, int id) { return api.set_pivot(id, X_BP); });
     }
     case v1::ControlCommand::kSetMapMode:
-      return SetMapMode{in.set_map_mode().mapping() ? MapMode::kMapping : MapMode::kFrozen};
+      return [mode = in.set_map_mode().mapping() ? MapMode::kMapping : MapMode::kFrozen](
+                 OperatorApi& api) { return api.set_map_mode(mode); };
     case v1::ControlCommand::kCommitMap:
-      return MapChange{CommitVersion{in.commit_map().name()}};
+      return of_map(CommitVersion{in.commit_map().name()});
     case v1::ControlCommand::kStartRecording:
-      return StartRecording{in.start_recording().name()};
+      return [name = in.start_recording().name()](OperatorApi& api) {
+        return api.start_recording(name);
+      };
     case v1::ControlCommand::kStopRecording:
-      return StopRecording{};
+      return [](OperatorApi& api) { return api.stop_recording(); };
     case v1::ControlCommand::kNameVersion:
-      return MapChange{NameVersion{in.name_version().version(), in.name_version().name()}};
+      return of_map(NameVersion{in.name_version().version(), in.name_version().name()});
     case v1::ControlCommand::kRollBack:
-      return MapChange{RollBack{in.roll_back().version()}};
+      return of_map(RollBack{in.roll_back().version()});
     case v1::ControlCommand::kAlignMap:
       return to_alignment(in.align_map());
     case v1::ControlCommand::kQuarantineTag:

@@ -1,17 +1,16 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
-#include <variant>
 #include <vector>
 
 #include "base/event_board.hpp"
 #include "base/expected.hpp"
-#include "base/pose.hpp"
 #include "streaming/operator_api.hpp"
 
 /// Messages of the control channel, struct ↔ bytes. Meaning of every field:
@@ -28,32 +27,12 @@ struct ControlRequest {
   std::optional<std::uint64_t> watch_after{};  ///< Requests events after this number.
 };
 
-struct ListBodies {};
-struct SetEnabled {
-  int body_id{};
-  bool enabled{};
-};
-struct Rename {
-  int body_id{};
-  std::string name;
-};
-struct SetPivot {
-  int body_id{};
-  Pose X_BP;
-};
-struct SetMapMode {
-  MapMode mode{};
-};
-struct StartRecording {
-  std::string name;
-};
-struct StopRecording {};
-using ControlCommand = std::variant<ListBodies, SetEnabled, Rename, SetPivot, SetMapMode, MapChange,
-                                    StartRecording, StopRecording>;
+/// What a command does; empty: it only asks for the state.
+using ControlAction = std::function<Expected<void>(OperatorApi&)>;
 
 [[nodiscard]] Expected<ControlRequest> decode_control_request(std::span<const std::byte> message);
 /// @return Error `kUnsupported` for a command of a later version, `kInvalid` for invalid numbers
-[[nodiscard]] Expected<ControlCommand> decode_control_command(const std::string& body);
+[[nodiscard]] Expected<ControlAction> decode_control_command(const std::string& body);
 
 enum class ControlResult { kDone = 0, kRefused, kForbidden, kMalformed, kUnsupported, kBusy };
 
@@ -69,8 +48,8 @@ struct ControlReply {
   std::uint64_t sequence{};
   ControlResult result{};
   std::string text;
-  std::string challenge;  ///< In the hello; else empty.
-  std::optional<ControlState> state;
+  std::string challenge{};  ///< In the hello; else empty.
+  std::optional<ControlState> state{};
 };
 
 /// With its length prepended.

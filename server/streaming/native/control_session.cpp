@@ -19,13 +19,6 @@ constexpr Duration kIdleTimeout = std::chrono::minutes(5);
 
 std::int64_t version_of(const TagMap* map) { return map == nullptr ? 0 : map->version; }
 
-template <typename... Cases>
-struct Overloaded : Cases... {
-  using Cases::operator()...;
-};
-template <typename... Cases>
-Overloaded(Cases...) -> Overloaded<Cases...>;
-
 }  // namespace
 
 std::string random_challenge() {
@@ -64,11 +57,8 @@ bool ControlConversation::receive(std::span<const std::byte> bytes, std::vector<
     bytes = bytes.subspan(taken);
     if (begun_.size() < kLengthSize) return true;
     if (length() > kMaxControlMessage) {
-      append(out, {sequence_ + 1,
-                   ControlResult::kMalformed,
-                   "a message has at most 65536 bytes, this one has " + std::to_string(length()),
-                   {},
-                   {}});
+      append(out, {sequence_ + 1, ControlResult::kMalformed,
+                   "a message has at most 65536 bytes, this one has " + std::to_string(length())});
       return false;
     }
     if (begun_.size() < kLengthSize + length()) continue;
@@ -92,42 +82,31 @@ bool ControlConversation::is_alive(Instant now) const {
 bool ControlConversation::answer(std::span<const std::byte> message, std::vector<std::byte>& out,
                                  Instant now) {
   const auto request = decode_control_request(message);
-  if (!request) {
-    append(out, {sequence_ + 1, ControlResult::kMalformed, request.error().what, {}, {}});
+  const auto refuse = [&](ControlResult result, const std::string& why) {
+    append(out, {request ? request->sequence : sequence_ + 1, result, why});
     return false;
-  }
+  };
+  if (!request) return refuse(ControlResult::kMalformed, request.error().what);
   if (feed_ || request->watch_after) return watch(*request, out, now);
-  if (wrong_.shut_out(address_hash_, now)) {
-    append(out, {request->sequence,
-                 ControlResult::kBusy,
-                 "too many wrong tokens from this address: wait 10 s",
-                 {},
-                 {}});
-    return false;
-  }
-  if (operator_api_.token().empty()) {
-    append(out, {request->sequence,
-                 ControlResult::kForbidden,
-                 "this server takes no commands: set operator.token or operator.token_file in its "
-                 "configuration",
-                 {},
-                 {}});
-    return false;
-  }
+  if (wrong_.shut_out(address_hash_, now))
+    return refuse(ControlResult::kBusy, "too many wrong tokens from this address: wait 10 s");
+  if (operator_api_.token().empty())
+    return refuse(ControlResult::kForbidden,
+                  "this server takes no commands: set operator.token or operator.token_file in its "
+                  "configuration");
   if (request->sequence != sequence_ + 1 || !is_proven(*request)) {
     wrong_.note(address_hash_, now);
-    append(out, {request->sequence, ControlResult::kForbidden, "wrong operator token", {}, {}});
-    return false;
+    return refuse(ControlResult::kForbidden, "wrong operator token");
   }
   sequence_ = request->sequence;
-  const auto command = decode_control_command(request->body);
+  const auto action = decode_control_command(request->body);
   ControlReply reply;
-  if (command) {
-    reply = carry_out(*command);
+  if (action) {
+    reply = carry_out(*action);
   } else {
-    const bool later = command.error().code == ErrorCode::kUnsupported;
+    const bool later = action.error().code == ErrorCode::kUnsupported;
     reply.result = later ? ControlResult::kUnsupported : ControlResult::kRefused;
-    reply.text = command.error().what;
+    reply.text = action.error().what;
   }
   reply.sequence = sequence_;
   append(out, reply);
@@ -140,7 +119,7 @@ bool ControlConversation::watch(const ControlRequest& request, std::vector<std::
     const auto [result, why] =
         feed_ ? std::pair{ControlResult::kMalformed, "no request may follow a request for events"}
               : std::pair{ControlResult::kUnsupported, "this server has no events"};
-    append(out, {request.sequence, result, why, {}, {}});
+    append(out, {request.sequence, result, why});
     return false;
   }
   feed_.emplace(*events_, *request.watch_after, request.sequence);
@@ -156,30 +135,16 @@ bool ControlConversation::is_proven(const ControlRequest& request) const {
                                                   request.sequence, request.body));
 }
 
-ControlReply ControlConversation::carry_out(const ControlCommand& command) {
+ControlReply ControlConversation::carry_out(const ControlAction& action) {
   ControlReply reply;
-  const auto report = [&reply](const Expected<void>& done) {
-    if (done) return;
+  if (!action) {
+    reply.state = ControlState{operator_api_.bodies(), operator_api_.map_mode(),
+                               operator_api_.recording().value_or(""), operator_api_.recordings(),
+                               version_of(operator_api_.map().get())};
+  } else if (const auto done = action(operator_api_); !done) {
     reply.result = ControlResult::kRefused;
     reply.text = done.error().text();
-  };
-  std::visit(
-      Overloaded{
-          [&](const ListBodies&) {
-            reply.state =
-                ControlState{operator_api_.bodies(), operator_api_.map_mode(),
-                             operator_api_.recording().value_or(""), operator_api_.recordings(),
-                             version_of(operator_api_.map().get())};
-          },
-          [&](const SetEnabled& c) { report(operator_api_.set_enabled(c.body_id, c.enabled)); },
-          [&](const Rename& c) { report(operator_api_.rename(c.body_id, c.name)); },
-          [&](const SetPivot& c) { report(operator_api_.set_pivot(c.body_id, c.X_BP)); },
-          [&](const SetMapMode& c) { report(operator_api_.set_map_mode(c.mode)); },
-          [&](const MapChange& c) { report(operator_api_.change_map(c)); },
-          [&](const StartRecording& c) { report(operator_api_.start_recording(c.name)); },
-          [&](const StopRecording&) { report(operator_api_.stop_recording()); },
-      },
-      command);
+  }
   return reply;
 }
 

@@ -118,7 +118,7 @@ class ControlConversation final {
                             Instant now);
   [[nodiscard]] bool watch(const ControlRequest& request, std::vector<std::byte>& out, Instant now);
   [[nodiscard]] bool is_proven(const ControlRequest& request) const;
-  [[nodiscard]] ControlReply carry_out(const ControlCommand& command);
+  [[nodiscard]] ControlReply carry_out(const ControlAction& action);
 
   std::string challenge_;
   OperatorApi& operator_api_;

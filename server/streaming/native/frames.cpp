@@ -19,19 +19,7 @@ namespace {
 // 11, parts 4 × 4, three times 9, rate 5, versions 2 × 11, profile 6, step 11 = 115 bytes at most.
 constexpr std::size_t kFrameBudget = kMaxDatagram - 120;
 
-v1::Body::State to_wire(BodyState state) {
-  switch (state) {
-    case BodyState::kSearching:
-      return v1::Body::STATE_SEARCHING;
-    case BodyState::kTracking:
-      return v1::Body::STATE_TRACKING;
-    case BodyState::kCoasting:
-      return v1::Body::STATE_COASTING;
-    case BodyState::kLost:
-      return v1::Body::STATE_LOST;
-  }
-  return v1::Body::STATE_LOST;
-}
+static_assert(static_cast<int>(BodyState::kLost) == v1::Body::STATE_LOST);
 
 // False for NaN and for values that are infinite as float.
 template <typename Derived>
@@ -89,7 +77,7 @@ void put_pose(const BodyPose& body, v1::Body& out) {
 void put(const BodyPose& body, const Profile& profile, v1::Body& out) {
   const bool valid = body.valid && is_sane(body);
   out.set_id(static_cast<std::uint32_t>(body.body_id));
-  out.set_state(to_wire(body.state));
+  out.set_state(static_cast<v1::Body::State>(body.state));
   out.set_valid(valid);
   out.set_age_ns(body.age.count());
   out.set_tags_in_view(static_cast<std::uint32_t>(std::max(0, body.tags_in_view)));
@@ -98,17 +86,6 @@ void put(const BodyPose& body, const Profile& profile, v1::Body& out) {
   const BodyPose changed = turned ? to_client(body, profile.axes) : body;
   put_pose(changed, out);
   if (profile.covariance) put_covariance(changed, out);
-}
-
-void put_header(const SceneFrame& frame, std::uint64_t session, v1::Frame& out) {
-  out.set_session(session);
-  out.set_number(frame.number);
-  out.set_at_ns(to_ns(frame.at));
-  out.set_published_at_ns(to_ns(frame.published_at));
-  out.set_utc_offset_ns(frame.utc_offset.count());
-  out.set_rate_hz(static_cast<float>(frame.rate_hz));
-  out.set_map_version(frame.map ? frame.map->version : 0);
-  out.set_model_generation(frame.model->generation);
 }
 
 }  // namespace
@@ -199,7 +176,14 @@ class FrameEncoder::Messages final {
     auto* envelope = google::protobuf::Arena::CreateMessage<v1::Envelope>(arena_.get());
     envelope->set_protocol(kProtocol);
     auto& out = *envelope->mutable_frame();
-    put_header(frame, session_, out);
+    out.set_session(session_);
+    out.set_number(frame.number);
+    out.set_at_ns(to_ns(frame.at));
+    out.set_published_at_ns(to_ns(frame.published_at));
+    out.set_utc_offset_ns(frame.utc_offset.count());
+    out.set_rate_hz(static_cast<float>(frame.rate_hz));
+    out.set_map_version(frame.map ? frame.map->version : 0);
+    out.set_model_generation(frame.model->generation);
     out.set_profile(granted_.number);
     out.set_part_index(static_cast<std::uint32_t>(parts_.size()));
     out.set_first_body(static_cast<std::uint32_t>(first_body));

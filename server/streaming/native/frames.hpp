@@ -37,11 +37,7 @@ struct Profile {
   bool covariance{true};
   std::vector<std::string> bodies;  ///< Names, sorted, each once; empty: all.
 
-  [[nodiscard]] bool operator==(const Profile& other) const {
-    return axes.up == other.axes.up && axes.scope == other.axes.scope &&
-           axes.units_per_m == other.axes.units_per_m && max_rate_hz == other.max_rate_hz &&
-           covariance == other.covariance && bodies == other.bodies;
-  }
+  bool operator==(const Profile&) const = default;
   [[nodiscard]] bool is_default() const { return *this == Profile{}; }
 };
 

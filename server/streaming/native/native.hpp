@@ -1,15 +1,11 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "base/config_check.hpp"
-#include "base/expected.hpp"
-#include "base/time.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
-#include "streaming/operator_api.hpp"
 #include "streaming/streamer.hpp"
 
 namespace fiducap::native {
@@ -51,21 +47,8 @@ void describe(V& v, NativeConfig& c) {
 using ProtocolConfig = NativeConfig;
 
 /// Native protocol (`proto/fiducap/v1/`): subscriptions with leases, frames by one UDP socket;
-/// commands by TCP.
-/// @param operator_api  executes commands; nullptr: no control channel
+/// commands by TCP, unless there is no OperatorApi.
 /// @return Error with the remedy when it cannot bind; `kInvalid` for too many bodies
-[[nodiscard]] StartedStreamer start_native_server(boost::asio::io_context& io,
-                                                  const NativeConfig& config,
-                                                  std::shared_ptr<const SceneModel> model,
-                                                  const Clock& clock,
-                                                  OperatorApi* operator_api = nullptr,
-                                                  const EventBoard* events = nullptr);
-
-/// For the list of protocols (streaming/CMakeLists.txt).
-[[nodiscard]] inline StartedStreamer serve(const ProtocolContext& context,
-                                           const NativeConfig& config) {
-  return start_native_server(context.io, config, context.model, context.clock,
-                             &context.operator_api, &context.events);
-}
+[[nodiscard]] StartedStreamer serve(const ProtocolContext& context, const NativeConfig& config);
 
 }  // namespace fiducap::native

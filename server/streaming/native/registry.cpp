@@ -24,41 +24,16 @@ constexpr Duration kLeastTokenPeriod = std::chrono::seconds(10);
 // Least time between two models for a client, which asks again when a part was lost.
 constexpr Duration kModelPause = std::chrono::milliseconds(50);
 
-std::string_view sentence(NoticeReason reason) {
-  switch (reason) {
-    case NoticeReason::kServerFull:
-      return "the server has its maximum of clients (streaming.native.max_clients)";
-    case NoticeReason::kAddressFull:
-      return "this address has its maximum of clients "
-             "(streaming.native.max_clients_per_address)";
-    case NoticeReason::kShuttingDown:
-      return "the server ends";
-    case NoticeReason::kProfilesFull:
-      return "the server already encodes 16 different profiles (axes, unit, rate, bodies): use one "
-             "of another client";
-    case NoticeReason::kProfileInvalid:
-      return "the profile (axes, unit, rate, bodies) has values this server does not know";
-  }
-  return "";
-}
-
-/// For the page: name, profile, and what the client reports.
-std::string text_of(const Subscriber& subscriber, const Profile& profile) {
-  std::string text =
-      (subscriber.name.empty() ? "unnamed" : subscriber.name) + ", " + text_of(profile);
-  if (subscriber.multicast) text += ", multicast";
-  if (subscriber.latency_p99 > Duration{0})
-    text += fmt::format(", latency p99 {:.1f} ms", 1e3 * to_seconds(subscriber.latency_p99));
-  if (subscriber.lost_on_the_way > 0)
-    text += fmt::format(", reports {} frames lost on the way", subscriber.lost_on_the_way);
-  return text;
-}
-
-/// As reported by the client; nullopt: not yet measured.
-std::optional<ClockOffset> clock_of(const Subscriber& subscriber) {
-  if (subscriber.clock_sigma <= Duration{0}) return std::nullopt;
-  return ClockOffset{to_seconds(subscriber.clock_offset), to_seconds(subscriber.clock_sigma)};
-}
+/// By NoticeReason, from 1.
+constexpr std::array<std::string_view, 5> kSentences{
+    "the server has its maximum of clients (streaming.native.max_clients)",
+    "this address has its maximum of clients (streaming.native.max_clients_per_address)",
+    "the server ends",
+    "the server already encodes 16 different profiles (axes, unit, rate, bodies): use one of "
+    "another "
+    "client",
+    "the profile (axes, unit, rate, bodies) has values this server does not know"};
+static_assert(kSentences.size() == static_cast<std::size_t>(NoticeReason::kProfileInvalid));
 
 }  // namespace
 
@@ -91,29 +66,19 @@ Registry::Registry(const RegistryLimits& limits, const std::array<std::uint64_t,
 Registry::Reply Registry::receive(std::span<const std::byte> datagram, const Peer& from,
                                   std::uint64_t model_generation, Instant now) {
   const auto request = decode_request(datagram);
-  if (!request) {
-    ++unanswered_.malformed;
-    return {};
-  }
-  if (const auto* subscribe = std::get_if<SubscribeRequest>(&*request))
-    return on(*subscribe, from, model_generation, datagram.size(), now);
-  if (const auto* clock = std::get_if<ClockRequest>(&*request)) return on(*clock, from, now);
-  if (const auto* discovery = std::get_if<DiscoveryRequest>(&*request))
-    return on(*discovery, from, datagram.size(), now);
-  return on(std::get<UnsubscribeRequest>(*request), from, now);
+  if (!request) return {};
+  const Sender sender{from, datagram.size(), model_generation, now};
+  return std::visit([&](const auto& what) { return on(what, sender); }, *request);
 }
 
-Registry::Reply Registry::on(const SubscribeRequest& request, const Peer& from,
-                             std::uint64_t model_generation, std::size_t bytes_in, Instant now) {
-  if (!tokens_.accepts(request.token, from, now)) return challenge(request, from, bytes_in, now);
+Registry::Reply Registry::on(const SubscribeRequest& request, const Sender& sender) {
+  const auto& [from, bytes_in, model_generation, now] = sender;
+  if (!tokens_.accepts(request.token, from, now)) return challenge(request, sender);
   if (!request.profile) return refuse(request, NoticeReason::kProfileInvalid, bytes_in);
   std::optional<Peer> instead_of;
   const bool joins = find(from) == nullptr;
   if (joins) {
-    if (!limiter_.allow(tokens_.address_hash(from), now)) {
-      ++unanswered_.too_often;
-      return {};
-    }
+    if (!limiter_.allow(tokens_.address_hash(from), now)) return {};
     expire(now);
     if (const auto reason = make_room(from, instead_of)) return refuse(request, *reason, bytes_in);
   }
@@ -124,15 +89,15 @@ Registry::Reply Registry::on(const SubscribeRequest& request, const Peer& from,
     newcomer.peer = from;
     newcomer.since = now;
   }
-  Reply reply = renew(*find(from), request, *profile, model_generation, now);
+  Reply reply = renew(*find(from), request, *profile, sender);
   reply.event = joins ? Event::kJoined : Event::kNone;
   reply.instead_of = instead_of;
   return reply;
 }
 
 Registry::Reply Registry::renew(Subscriber& subscriber, const SubscribeRequest& request,
-                                std::uint32_t profile, std::uint64_t model_generation,
-                                Instant now) {
+                                std::uint32_t profile, const Sender& sender) {
+  const Instant now = sender.now;
   const bool another_profile = subscriber.profile != profile;
   const bool model_is_due =
       !subscriber.model_sent_at || now - *subscriber.model_sent_at >= kModelPause;
@@ -142,30 +107,22 @@ Registry::Reply Registry::renew(Subscriber& subscriber, const SubscribeRequest& 
   }
   subscriber.name = printable(request.client_name);
   subscriber.lease_until = now + limits_.lease;
-  subscriber.lost_on_the_way = request.frames_lost;
-  subscriber.clock_offset = request.clock_offset;
-  subscriber.clock_sigma = request.clock_sigma;
-  subscriber.latency_p99 = request.latency_p99;
+  subscriber.report = request.report;
   subscriber.profile = profile;
   subscriber.multicast = request.multicast && group_.port != 0;
   if (another_profile) prune_profiles();
   const bool send_model =
-      (another_profile || request.model_generation != model_generation) && model_is_due;
+      (another_profile || request.model_generation != sender.model_generation) && model_is_due;
   if (send_model) subscriber.model_sent_at = now;
-  LeaseAnswer lease{session_,
-                    request.nonce,
-                    tokens_.token(subscriber.peer, now),
-                    limits_.lease,
-                    model_generation,
-                    profile,
-                    {},
-                    0,
-                    subscriber.frames_dropped};
-  if (subscriber.multicast) {
-    lease.group = group_.address;
-    lease.group_port = group_.port;
-  }
-  return {encode(lease), send_model, profile, Event::kNone};
+  const LeaseAnswer lease{session_,
+                          request.nonce,
+                          tokens_.token(subscriber.peer, now),
+                          limits_.lease,
+                          sender.model_generation,
+                          profile,
+                          subscriber.multicast ? group_ : MulticastGroup{},
+                          subscriber.datagrams.frames_dropped()};
+  return {encode(lease), send_model, profile};
 }
 
 void Registry::prune_profiles() {
@@ -175,46 +132,33 @@ void Registry::prune_profiles() {
   });
 }
 
-Registry::Reply Registry::on(const ClockRequest& request, const Peer& from, Instant now) {
-  if (!tokens_.accepts(request.token, from, now) || find(from) == nullptr) {
-    ++unanswered_.malformed;
-    return {};
-  }
-  return {encode(ClockAnswer{session_, request.number, now, now}), false, 0, Event::kNone};
+Registry::Reply Registry::on(const ClockRequest& request, const Sender& sender) {
+  const auto& [from, bytes_in, model_generation, now] = sender;
+  if (!tokens_.accepts(request.token, from, now) || find(from) == nullptr) return {};
+  return {encode_clock(session_, request.number, now)};
 }
 
-Registry::Reply Registry::on(const DiscoveryRequest& request, const Peer& from,
-                             std::size_t bytes_in, Instant now) {
-  if (!card_) return {};
-  if (!discovery_limiter_.allow(tokens_.address_hash(from), now)) {
-    ++unanswered_.too_often;
-    return {};
-  }
+Registry::Reply Registry::on(const DiscoveryRequest& request, const Sender& sender) {
+  if (!card_ || !discovery_limiter_.allow(tokens_.address_hash(sender.from), sender.now)) return {};
   Datagram answer = encode_discovery(request.nonce, session_, *card_);
-  if (answer.size() > bytes_in) return {};
-  return {std::move(answer), false, 0, Event::kNone};
+  if (answer.size() > sender.bytes_in) return {};
+  return {std::move(answer)};
 }
 
-Registry::Reply Registry::on(const UnsubscribeRequest& request, const Peer& from, Instant now) {
-  if (!tokens_.accepts(request.token, from, now)) {
-    ++unanswered_.malformed;
-    return {};
-  }
+Registry::Reply Registry::on(const UnsubscribeRequest& request, const Sender& sender) {
+  if (!tokens_.accepts(request.token, sender.from, sender.now)) return {};
   const auto removed =
-      std::erase_if(subscribers_, [&](const Subscriber& s) { return s.peer == from; });
+      std::erase_if(subscribers_, [&](const Subscriber& s) { return s.peer == sender.from; });
   prune_profiles();
   return {{}, false, 0, removed > 0 ? Event::kLeft : Event::kNone};
 }
 
-Registry::Reply Registry::challenge(const SubscribeRequest& request, const Peer& from,
-                                    std::size_t bytes_in, Instant now) {
-  if (!limiter_.allow(tokens_.address_hash(from), now)) {
-    ++unanswered_.too_often;
-    return {};
-  }
-  Datagram answer = encode(ChallengeAnswer{tokens_.token(from, now), request.nonce, session_});
+Registry::Reply Registry::challenge(const SubscribeRequest& request, const Sender& sender) {
+  const auto& [from, bytes_in, model_generation, now] = sender;
+  if (!limiter_.allow(tokens_.address_hash(from), now)) return {};
+  Datagram answer = encode_challenge(tokens_.token(from, now), request.nonce, session_);
   if (answer.size() > bytes_in) return {};
-  return {std::move(answer), false, 0, Event::kNone};
+  return {std::move(answer)};
 }
 
 std::optional<NoticeReason> Registry::make_room(const Peer& from, std::optional<Peer>& instead_of) {
@@ -279,10 +223,11 @@ std::optional<Peer> Registry::forget_newest(MayGo&& may_go) {
 
 Registry::Reply Registry::refuse(const SubscribeRequest& request, NoticeReason reason,
                                  std::size_t bytes_in) const {
-  Datagram answer = encode_notice(session_, request.nonce, reason, sentence(reason));
+  Datagram answer = encode_notice(session_, request.nonce, reason,
+                                  kSentences[static_cast<std::size_t>(reason) - 1]);
   // Without the sentence the notice is shorter than any request.
   if (answer.size() > bytes_in) answer = encode_notice(session_, request.nonce, reason, "");
-  return {std::move(answer), false, 0, Event::kNone};
+  return {std::move(answer)};
 }
 
 std::size_t Registry::expire(Instant now) {
@@ -302,13 +247,24 @@ RegistryLimits limits_of(const NativeConfig& config) {
 }
 
 ClientStatus status_of(const Subscriber& subscriber, const Profile& profile, Instant now) {
+  const ClientReport& report = subscriber.report;
+  std::string text =
+      (subscriber.name.empty() ? "unnamed" : subscriber.name) + ", " + text_of(profile);
+  if (subscriber.multicast) text += ", multicast";
+  if (report.latency_p99 > Duration{0})
+    text += fmt::format(", latency p99 {:.1f} ms", 1e3 * to_seconds(report.latency_p99));
+  if (report.frames_lost > 0)
+    text += fmt::format(", reports {} frames lost on the way", report.frames_lost);
+  std::optional<ClockOffset> clock;
+  if (report.clock_sigma > Duration{0})
+    clock = ClockOffset{to_seconds(report.clock_offset), to_seconds(report.clock_sigma)};
   return {"native",
           net::text_of(subscriber.peer) + " udp",
-          text_of(subscriber, profile),
-          subscriber.frames_sent,
-          subscriber.frames_dropped,
+          std::move(text),
+          subscriber.datagrams.frames_sent(),
+          subscriber.datagrams.frames_dropped(),
           to_seconds(now - subscriber.since),
-          clock_of(subscriber)};
+          clock};
 }
 
 }  // namespace fiducap::native

@@ -14,6 +14,7 @@
 #include "streaming/native/frames.hpp"
 #include "streaming/native/native.hpp"
 #include "streaming/net/limits.hpp"
+#include "streaming/net/udp_server.hpp"
 #include "streaming/streamer.hpp"
 
 namespace fiducap::native {
@@ -59,33 +60,16 @@ struct Subscriber {
   Instant since{};
   Instant lease_until{};
   std::optional<Instant> model_sent_at;
-  std::uint64_t frames_sent{};
-  std::uint64_t frames_dropped{};  ///< The socket's buffer was full.
-  std::uint32_t profile{};         ///< Number.
-  bool multicast{};                ///< Its frames go to the group.
-  // Reported by the client:
-  std::uint64_t lost_on_the_way{};
-  Duration clock_offset{};
-  Duration clock_sigma{};  ///< 0: not measured.
-  Duration latency_p99{};  ///< 0: unknown.
+  net::DatagramShare datagrams;
+  std::uint32_t profile{};  ///< Number.
+  bool multicast{};         ///< Its frames go to the group.
+  ClientReport report;
 };
 
 [[nodiscard]] RegistryLimits limits_of(const NativeConfig& config);
 /// For the page, with the values that the client reports.
 [[nodiscard]] ClientStatus status_of(const Subscriber& subscriber, const Profile& profile,
                                      Instant now);
-
-/// For clients that request multicast. Port 0: no group.
-struct MulticastGroup {
-  std::array<std::uint8_t, 4> address{};
-  std::uint16_t port{};
-};
-
-/// Counts of datagrams without a reply, by reason.
-struct Unanswered {
-  std::uint64_t malformed{};
-  std::uint64_t too_often{};
-};
 
 /// The subscriptions of all clients: datagram in → datagram out, time passed in, no socket.
 ///
@@ -121,21 +105,23 @@ class Registry final {
   /// In the order of arrival. Counters may be changed, nothing else.
   [[nodiscard]] std::span<Subscriber> subscribers() { return subscribers_; }
   [[nodiscard]] std::span<const Subscriber> subscribers() const { return subscribers_; }
-  [[nodiscard]] const Unanswered& unanswered() const { return unanswered_; }
   [[nodiscard]] std::uint64_t session() const { return session_; }
 
  private:
-  [[nodiscard]] Reply on(const SubscribeRequest& request, const Peer& from,
-                         std::uint64_t model_generation, std::size_t bytes_in, Instant now);
-  [[nodiscard]] Reply on(const UnsubscribeRequest& request, const Peer& from, Instant now);
-  [[nodiscard]] Reply on(const ClockRequest& request, const Peer& from, Instant now);
-  [[nodiscard]] Reply on(const DiscoveryRequest& request, const Peer& from, std::size_t bytes_in,
-                         Instant now);
+  struct Sender {
+    Peer from;
+    std::size_t bytes_in{};
+    std::uint64_t model_generation{};  ///< Ours.
+    Instant now;
+  };
+  [[nodiscard]] Reply on(const SubscribeRequest& request, const Sender& sender);
+  [[nodiscard]] Reply on(const UnsubscribeRequest& request, const Sender& sender);
+  [[nodiscard]] Reply on(const ClockRequest& request, const Sender& sender);
+  [[nodiscard]] Reply on(const DiscoveryRequest& request, const Sender& sender);
   [[nodiscard]] Reply renew(Subscriber& subscriber, const SubscribeRequest& request,
-                            std::uint32_t profile, std::uint64_t model_generation, Instant now);
+                            std::uint32_t profile, const Sender& sender);
   void prune_profiles();
-  [[nodiscard]] Reply challenge(const SubscribeRequest& request, const Peer& from,
-                                std::size_t bytes_in, Instant now);
+  [[nodiscard]] Reply challenge(const SubscribeRequest& request, const Sender& sender);
   /// A place for one more client of this address.
   [[nodiscard]] std::optional<NoticeReason> make_room(const Peer& from,
                                                       std::optional<Peer>& instead_of);
@@ -159,7 +145,6 @@ class Registry final {
   ProfileTable profiles_;
   MulticastGroup group_;
   std::optional<ServerCard> card_;
-  Unanswered unanswered_;
   std::vector<Subscriber> subscribers_;
 };
 

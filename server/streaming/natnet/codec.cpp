@@ -17,17 +17,6 @@ Bitstream round_down(Bitstream version) {
   return above == kBitstreams.begin() ? kOldest : *(above - 1);
 }
 
-/// One number 0..255 and what follows its dot.
-std::optional<std::uint8_t> take_part(std::string_view& text) {
-  const auto dot = text.find('.');
-  const std::string_view part = text.substr(0, dot);
-  const auto value = whole_number<std::uint8_t>(part);
-  if (!value) return std::nullopt;
-  text = dot == std::string_view::npos ? std::string_view{} : text.substr(dot + 1);
-  if (dot != std::string_view::npos && text.empty()) return std::nullopt;
-  return value;
-}
-
 // Sender block: char name[256], u8 application version[4], u8 library version[4]; then, from 4.x
 // on, the options: u8 subscribed data only, u8 wanted bitstream[4].
 constexpr std::size_t kSenderName = 256;
@@ -60,30 +49,6 @@ Sender read_sender(std::span<const std::byte> payload) {
   sender.subscribed_data_only = in.u8() != 0;
   sender.versions.wanted = read_version(in);
   return sender;
-}
-
-Request to_connect(std::span<const std::byte> payload) {
-  Sender sender = read_sender(payload);
-  return ConnectRequest{std::move(sender.name), sender.versions, sender.subscribed_data_only,
-                        payload.empty()};
-}
-
-Request to_keep_alive(std::span<const std::byte> payload) {
-  Sender sender = read_sender(payload);
-  return KeepAliveRequest{std::move(sender.name), sender.versions};
-}
-
-Expected<Request> to_echo(std::span<const std::byte> payload) {
-  LittleEndianReader in(payload);
-  const EchoRequest echo{in.u64()};
-  if (const auto ok = in.check("EchoRequest"); !ok) return tl::unexpected(ok.error());
-  return echo;
-}
-
-Request to_model(std::span<const std::byte> payload) {
-  LittleEndianReader in(payload);
-  const std::uint32_t types = in.u32();
-  return in.failed() ? ModelRequest{} : ModelRequest{types};  // none, or one NUL: all types
 }
 
 constexpr std::string_view kApplication = "Fiducap";
@@ -143,15 +108,16 @@ std::string text_of(Bitstream version) {
 
 std::optional<Bitstream> parse_bitstream(std::string_view text) {
   std::array<std::uint8_t, kMostParts> parts{};
-  std::size_t n = 0;
-  while (!text.empty()) {
-    if (n == kMostParts) return std::nullopt;
-    const auto part = take_part(text);
+  for (std::size_t n = 0; n < kMostParts; ++n) {
+    const auto dot = text.find('.');
+    const auto part = whole_number<std::uint8_t>(text.substr(0, dot));
     if (!part) return std::nullopt;
-    parts[n++] = *part;
+    parts[n] = *part;
+    if (dot == std::string_view::npos)
+      return n > 0 ? std::optional(Bitstream{parts[0], parts[1]}) : std::nullopt;
+    text.remove_prefix(dot + 1);
   }
-  if (n < 2) return std::nullopt;
-  return Bitstream{parts[0], parts[1]};
+  return std::nullopt;
 }
 
 bool is_supported(Bitstream version) {
@@ -183,35 +149,43 @@ ModelLayout model_layout(Bitstream version) {
   return ModelLayout::k2_5;
 }
 
-Expected<Request> decode_request(std::span<const std::byte> datagram) {
+std::optional<Request> decode_request(std::span<const std::byte> datagram) {
   LittleEndianReader header(datagram);
-  const std::uint16_t message = header.u16();
+  const auto message = static_cast<Message>(header.u16());
   const std::size_t announced = header.u16();
-  if (const auto ok = header.check("header"); !ok) return tl::unexpected(ok.error());
+  if (header.failed()) return std::nullopt;
   const auto rest = datagram.subspan(kHeaderSize);
   const auto payload = rest.first(std::min(announced, rest.size()));
-  switch (static_cast<Message>(message)) {
-    case Message::kConnect:
-      return to_connect(payload);
+  LittleEndianReader in(payload);
+  switch (message) {
+    case Message::kConnect: {
+      Sender sender = read_sender(payload);
+      return ConnectRequest{std::move(sender.name), sender.versions, sender.subscribed_data_only,
+                            payload.empty()};
+    }
     case Message::kDiscovery:
       return DiscoveryRequest{read_sender(payload).versions};
-    case Message::kKeepAlive:
-      return to_keep_alive(payload);
+    case Message::kKeepAlive: {
+      Sender sender = read_sender(payload);
+      return KeepAliveRequest{std::move(sender.name), sender.versions};
+    }
     case Message::kDisconnect:
       return DisconnectRequest{};
-    case Message::kEchoRequest:
-      return to_echo(payload);
-    case Message::kRequestModel:
-      return to_model(payload);
+    case Message::kEchoRequest: {
+      const EchoRequest echo{in.u64()};
+      return in.failed() ? std::nullopt : std::optional<Request>(echo);
+    }
+    case Message::kRequestModel: {
+      const ModelRequest model{in.u32()};
+      return in.failed() ? ModelRequest{} : model;  // none, or one NUL: all types
+    }
     case Message::kRequestFrame:
       return FrameRequest{};
     case Message::kRequest:
       return CommandRequest{until_zero(payload)};
     default:
-      break;
+      return std::nullopt;
   }
-  return fail(ErrorCode::kUnsupported,
-              "expected a request of a client, got message " + std::to_string(message));
 }
 
 Command parse_command(std::string_view text) {

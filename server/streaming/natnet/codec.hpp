@@ -11,7 +11,6 @@
 #include <variant>
 #include <vector>
 
-#include "base/expected.hpp"
 #include "base/time.hpp"
 #include "scene/scene_frame.hpp"
 #include "streaming/conventions/client_names.hpp"
@@ -124,8 +123,8 @@ using Request = std::variant<ConnectRequest, DiscoveryRequest, KeepAliveRequest,
                              EchoRequest, ModelRequest, FrameRequest, CommandRequest>;
 
 /// The length field is unreliable: at most the received bytes are used.
-/// @return Error for anything but a request of a client
-[[nodiscard]] Expected<Request> decode_request(std::span<const std::byte> datagram);
+/// @return nullopt for anything but a request of a client
+[[nodiscard]] std::optional<Request> decode_request(std::span<const std::byte> datagram);
 
 /// A parsed text command: `SetProperty,drone,Name,arm` → word and three arguments.
 struct Command {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <sstream>
 
 #include "base/log.hpp"
@@ -24,8 +23,7 @@ std::vector<OperatorApi::Body> all_bodies(const ServerView& server) {
 std::string plain(std::string_view name) {
   std::string out;
   for (const char c : name) {
-    if (c != ' ' && c != '_' && c != '-')
-      out += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    if (c != ' ' && c != '_' && c != '-') out += lower(c);
   }
   return out;
 }
@@ -61,7 +59,27 @@ bool is_tracked(int id, const ServerView& server) {
 std::string name_for_clients(const OperatorApi::Body& body, const ServerView& server) {
   for (const auto& shown : server.announced)
     if (shown.id == body.id) return shown.name;
-  return client_name(body.name, server.config.name_rule(), server.config.aliases);  // disabled
+  return client_name(body.name, kNames, server.config.aliases);  // disabled
+}
+
+/// @param node  name for clients, our own name, or streaming id; also of disabled bodies
+std::optional<OperatorApi::Body> find_body(const ServerView& server, std::string_view node) {
+  const auto bodies = all_bodies(server);
+  const auto with = [&](const auto& holds) -> std::optional<OperatorApi::Body> {
+    const auto at = std::ranges::find_if(bodies, holds);
+    if (at == bodies.end()) return std::nullopt;
+    return *at;
+  };
+  for (const auto& shown : server.announced)
+    if (shown.name == node) return with([&](const auto& body) { return body.id == shown.id; });
+  if (const auto own = with([&](const auto& body) { return body.name == node; })) return own;
+  if (const auto hidden = with([&](const auto& body) {
+        return client_name(body.name, kNames, server.config.aliases) == node;
+      })) {
+    return hidden;
+  }
+  const auto id = whole_number<int>(node);
+  return id ? with([&](const auto& body) { return body.id == *id; }) : std::nullopt;
 }
 
 std::optional<std::string> body_property(const OperatorApi::Body& body, const std::string& name,
@@ -87,6 +105,15 @@ std::optional<std::string> server_property(const std::string& name, const Server
     return config.multicast_group;
   if (name == "transmissiontype") return config.multicast ? "Multicast" : "Unicast";
   return std::nullopt;
+}
+
+/// @return nullopt: no such node or property
+std::optional<std::string> get_property(const Command& command, const ServerView& server) {
+  const bool has_node = command.count >= 2 && !command[0].empty();
+  const std::string name = plain(command.count >= 2 ? command[1] : command[0]);
+  if (!has_node) return server_property(name, server);
+  const auto body = find_body(server, command[0]);
+  return body ? body_property(*body, name, server) : std::nullopt;
 }
 
 constexpr std::int32_t kDone = 0;
@@ -238,6 +265,21 @@ Expected<void> recalibrate(const Command&, const ServerView&, std::string&) {
   return fail(ErrorCode::kUnsupported, "has no meaning for a body that sees tags");
 }
 
+Expected<void> set_property(const Command& command, const ServerView& server, std::string&) {
+  if (command.count < 3 || command[0].empty())
+    return fail(ErrorCode::kUnsupported,
+                "the server's own properties are set in its configuration");
+  const auto body = body_of(command, server);
+  if (!body) return tl::unexpected(body.error());
+  const std::string name = plain(command[1]);
+  if (name == "name") return server.operator_api->rename(body->id, std::string(command[2]));
+  if (!is_active(name))
+    return fail(ErrorCode::kUnsupported, "only Name and Active of a body can be set");
+  const auto wanted = read_bool(command[2]);
+  if (!wanted) return fail(ErrorCode::kInvalid, "Active is true or false");
+  return server.operator_api->set_enabled(body->id, *wanted);
+}
+
 struct OperatorCommand {
   std::string_view word;
   Expected<void> (*run)(const Command&, const ServerView&, std::string& next_take);
@@ -251,9 +293,16 @@ constexpr std::array<OperatorCommand, 9> kOperatorCommands{{
     {"ResetAssetOrientation", reset_orientation},
     {"ResetAssetLocation", reset_location},
     {"RecalibrateAsset", recalibrate},
-    {"SetProperty", [](const Command& command, const ServerView& server,
-                       std::string&) { return set_property(command, server); }},
+    {"SetProperty", set_property},
 }};
+
+/// The protocol has no password.
+bool may_change(const ServerView& server, const Peer& from) {
+  const RemoteControl allowed = server.config.remote_control;
+  return server.operator_api != nullptr &&
+         (allowed == RemoteControl::kAll ||
+          (allowed == RemoteControl::kLoopback && from.is_loopback()));
+}
 
 /// @return nullopt: not one of these commands
 std::optional<Datagram> run_operator_command(const Command& command, const ServerView& server,
@@ -273,62 +322,6 @@ std::optional<Datagram> run_operator_command(const Command& command, const Serve
 }
 
 }  // namespace
-
-bool may_change(const ServerView& server, const Peer& from) {
-  if (server.operator_api == nullptr) return false;
-  switch (server.config.remote_control) {
-    case RemoteControl::kOff:
-      return false;
-    case RemoteControl::kLoopback:
-      return from.is_loopback();
-    case RemoteControl::kAll:
-      return true;
-  }
-  return false;
-}
-
-std::optional<OperatorApi::Body> find_body(const ServerView& server, std::string_view node) {
-  const auto bodies = all_bodies(server);
-  const auto with = [&](const auto& holds) -> std::optional<OperatorApi::Body> {
-    const auto at = std::ranges::find_if(bodies, holds);
-    if (at == bodies.end()) return std::nullopt;
-    return *at;
-  };
-  for (const auto& shown : server.announced)
-    if (shown.name == node) return with([&](const auto& body) { return body.id == shown.id; });
-  if (const auto own = with([&](const auto& body) { return body.name == node; })) return own;
-  const NameRule rule = server.config.name_rule();
-  if (const auto hidden = with([&](const auto& body) {
-        return client_name(body.name, rule, server.config.aliases) == node;
-      })) {
-    return hidden;
-  }
-  const auto id = whole_number<int>(node);
-  return id ? with([&](const auto& body) { return body.id == *id; }) : std::nullopt;
-}
-
-std::optional<std::string> get_property(const Command& command, const ServerView& server) {
-  const bool has_node = command.count >= 2 && !command[0].empty();
-  const std::string name = plain(command.count >= 2 ? command[1] : command[0]);
-  if (!has_node) return server_property(name, server);
-  const auto body = find_body(server, command[0]);
-  return body ? body_property(*body, name, server) : std::nullopt;
-}
-
-Expected<void> set_property(const Command& command, const ServerView& server) {
-  if (command.count < 3 || command[0].empty())
-    return fail(ErrorCode::kUnsupported,
-                "the server's own properties are set in its configuration");
-  const auto body = find_body(server, command[0]);
-  if (!body) return fail(ErrorCode::kNotFound, "no body of this name or id");
-  const std::string name = plain(command[1]);
-  if (name == "name") return server.operator_api->rename(body->id, std::string(command[2]));
-  if (!is_active(name))
-    return fail(ErrorCode::kUnsupported, "only Name and Active of a body can be set");
-  const auto wanted = read_bool(command[2]);
-  if (!wanted) return fail(ErrorCode::kInvalid, "Active is true or false");
-  return server.operator_api->set_enabled(body->id, *wanted);
-}
 
 CommandWords::Answer CommandWords::answer(std::string_view text, const ServerView& server,
                                           const Asker& asker) {

@@ -6,7 +6,6 @@
 #include <string_view>
 #include <vector>
 
-#include "base/expected.hpp"
 #include "scene/scene_frame.hpp"
 #include "streaming/natnet/codec.hpp"
 #include "streaming/natnet/natnet.hpp"
@@ -25,30 +24,17 @@ struct ServerView {
   std::shared_ptr<const SceneFrame> frame;  ///< The newest; may be nullptr.
 };
 
-/// @return this peer may change the server's state; the protocol has no password
-[[nodiscard]] bool may_change(const ServerView& server, const Peer& from);
-/// @param node  name for clients, our own name, or streaming id; also of disabled bodies
-[[nodiscard]] std::optional<OperatorApi::Body> find_body(const ServerView& server,
-                                                         std::string_view node);
-
-/// `GetProperty,<node>,<name>`, `GetProperty,,<name>` or `GetProperty,<name>`. Case and blanks in
-/// names do not matter. Of a body: Name, Active (Enabled), StreamingID (AssetID, ID),
-/// TrackingValid. Of the server: FrameRate (Master Rate), UpAxis, Units, Bitstream, Name,
-/// DataPort, MulticastAddress, CommandPort, TransmissionType.
-/// @return nullopt: no such node or property
-[[nodiscard]] std::optional<std::string> get_property(const Command& command,
-                                                      const ServerView& server);
-
-/// `SetProperty,<node>,<name>,<value>`. Of a body: Name, Active (Enabled). Those of the server are
-/// set in its configuration.
-/// @pre may_change for the client
-[[nodiscard]] Expected<void> set_property(const Command& command, const ServerView& server);
-
 /// Replies to all text commands that clients are known to send; others: UNRECOGNIZED_REQUEST.
 ///
 /// A reply is a number in 4 bytes (0: done, else refused) or text. Commands of the timeline are
 /// accepted and do nothing, because clients send them with others. Commands that change something
-/// are executed by OperatorApi, if may_change.
+/// are executed by OperatorApi, if `remote_control` permits it.
+///
+/// `GetProperty,<node>,<name>`, `GetProperty,,<name>` or `GetProperty,<name>`;
+/// `SetProperty,<node>,<name>,<value>`. Case and blanks in names do not matter. Of a body: Name,
+/// Active (Enabled), StreamingID (AssetID, ID), TrackingValid; the first two can be set. Of the
+/// server: FrameRate (Master Rate), UpAxis, Units, Bitstream, Name, DataPort, MulticastAddress,
+/// CommandPort, TransmissionType.
 class CommandWords final {
  public:
   struct Asker {
@@ -64,10 +50,6 @@ class CommandWords final {
   };
 
   [[nodiscard]] Answer answer(std::string_view text, const ServerView& server, const Asker& asker);
-  /// A command that an old vendor library requires and that is not supported (reference, 4.4).
-  [[nodiscard]] static bool is_legacy_check(std::string_view text) {
-    return text.starts_with("service20,");
-  }
 
  private:
   std::string next_take_;  ///< Name of the next recording; empty: date and time.

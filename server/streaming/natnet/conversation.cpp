@@ -45,8 +45,7 @@ void Conversation::set_ports(std::uint16_t port, std::uint16_t unicast_port) {
 
 void Conversation::use(std::shared_ptr<const SceneModel> model) {
   server_.model = std::move(model);
-  server_.announced =
-      announced_bodies(*server_.model, server_.config.name_rule(), server_.config.aliases);
+  server_.announced = announced_bodies(*server_.model, kNames, server_.config.aliases);
   for (auto& encoded : models_) encoded.clear();
 }
 
@@ -55,10 +54,7 @@ Conversation::Bytes Conversation::receive(std::span<const std::byte> datagram, c
   Sender sender{from, channel, now, guard_.heard(from, datagram.size(), now), nullptr};
   asked_for_group_ = false;
   const auto request = decode_request(datagram);
-  if (!request) {
-    ++unanswered_.malformed;
-    return {};
-  }
+  if (!request) return {};
   sender.subscriber = registry_.find(from);
   quiet_.heard(from);
   if (sender.subscriber != nullptr) sender.subscriber->heard_at = now;
@@ -69,7 +65,6 @@ Conversation::Bytes Conversation::receive(std::span<const std::byte> datagram, c
                      !std::holds_alternative<DiscoveryRequest>(*request);
   if (answer.empty() || guard_.may_answer(from, answer.size(), sender.before.trusted, now))
     return answer;
-  ++unanswered_.too_much;
   return {};
 }
 
@@ -128,7 +123,8 @@ Conversation::Bytes Conversation::on(const FrameRequest&, Sender& sender) {
 }
 
 Conversation::Bytes Conversation::on(const CommandRequest& request, Sender& sender) {
-  if (CommandWords::is_legacy_check(request.text))
+  // A command that an old vendor library requires and that is not supported (reference, 4.4).
+  if (request.text.starts_with("service20,"))
     log::debug("natnet",
                text_of(sender.from) +
                    ": its NatNet library is too old for this server, it needs 4.1 or later");
@@ -137,8 +133,7 @@ Conversation::Bytes Conversation::on(const CommandRequest& request, Sender& send
       {sender.from, sender.channel == Channel::kMulticast && sender.subscriber == nullptr,
        version_of(sender), sender.subscriber});
   if (answer.switch_to) switch_to(*answer.switch_to, sender);
-  if (answer.leaves && sender.subscriber != nullptr && registry_.remove(sender.from))
-    log::info("natnet", text_of(sender.from) + " left");
+  if (answer.leaves) on(DisconnectRequest{}, sender);
   recording_asked_at_ = {};
   return reply(std::move(answer.datagram));
 }
@@ -157,7 +152,6 @@ void Conversation::subscribe(Sender& sender, Bitstream version, const std::strin
 
 /// Logs why a client gets no frames, with the remedy; rate-limited.
 void Conversation::warn_refused(const Sender& sender) {
-  ++(sender.before.trusted ? unanswered_.full : unanswered_.untrusted);
   if (!guard_.may_warn(sender.from, sender.now)) return;
   const std::string address = net::address_text(sender.from);
   log::warning("natnet",

@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <memory>
 #include <span>
-#include <vector>
 
 #include "base/time.hpp"
 #include "streaming/natnet/codec.hpp"
@@ -17,14 +16,6 @@ namespace fiducap::natnet {
 /// The command port of a request. At the multicast port, replies name the group; clients that send
 /// keep-alives there get unicast frames as well.
 enum class Channel { kUnicast, kMulticast };
-
-/// Counts of requests without a reply, by reason.
-struct Unanswered {
-  std::uint64_t malformed{};
-  std::uint64_t too_much{};   ///< By ReflectionGuard.
-  std::uint64_t full{};       ///< No place for another client.
-  std::uint64_t untrusted{};  ///< From a network that is not served.
-};
 
 /// The protocol state of all clients, and their frames: datagram in → datagram out, time passed in,
 /// no socket. Replies and frames are views, valid until the next call.
@@ -63,7 +54,6 @@ class Conversation final {
   void reply_refused(const Peer& peer, Instant now);
   [[nodiscard]] std::span<Subscriber> subscribers() { return registry_.all(); }
   [[nodiscard]] std::span<const Subscriber> subscribers() const { return registry_.all(); }
-  [[nodiscard]] const Unanswered& unanswered() const { return unanswered_; }
   [[nodiscard]] const ServerView& server() const { return server_; }
   /// The ports in use, for replies. @pre before the first request
   void set_ports(std::uint16_t port, std::uint16_t unicast_port);
@@ -107,7 +97,6 @@ class Conversation final {
   bool loaded_{false};                          ///< The encoder has server_.frame.
   std::array<Datagram, kModelLayouts> models_;  ///< Encoded when first requested.
   Datagram reply_;
-  Unanswered unanswered_;
   bool asked_for_group_{false};
   Instant model_changed_until_{};
   bool recording_{false};

@@ -24,21 +24,8 @@ constexpr std::size_t kErrorPart = 4;
 // Empty sections around the rigid bodies: marker sets and other markers before; skeletons,
 // (assets,) labeled markers, (force plates,) (devices) after. From 4.1 on: count, size in bytes.
 constexpr std::size_t kSectionsBefore = 2;
-std::size_t sections_after(FrameLayout layout) {
-  switch (layout) {
-    case FrameLayout::k2_5:
-    case FrameLayout::k2_6:
-    case FrameLayout::k2_7:
-      return 2;
-    case FrameLayout::k2_9:
-      return 3;
-    case FrameLayout::k3_0:
-      return 4;
-    case FrameLayout::k4_1:
-      return 5;
-  }
-  return 0;
-}
+constexpr std::array<std::size_t, 6> kSectionsAfter{2, 2, 2, 3, 4, 5};  // by FrameLayout
+static_assert(kSectionsAfter.size() == static_cast<std::size_t>(FrameLayout::k4_1) + 1);
 
 std::size_t section_header(FrameLayout layout) { return layout >= FrameLayout::k4_1 ? 8 : 4; }
 
@@ -149,7 +136,8 @@ void FrameEncoder::write(const FrameProfile& profile, std::vector<std::byte>& by
   LittleEndianWriter(bytes).u16(static_cast<std::uint16_t>(Message::kFrame)).u16(0).i32(number_);
   LittleEndianWriter(bytes).zeros(kSectionsBefore * section_header(layout));
   write_bodies(profile, bytes);
-  LittleEndianWriter(bytes).zeros(sections_after(layout) * section_header(layout));
+  LittleEndianWriter(bytes).zeros(kSectionsAfter[static_cast<std::size_t>(layout)] *
+                                  section_header(layout));
   write_suffix(profile, bytes);
   set_payload_size(bytes);
 }

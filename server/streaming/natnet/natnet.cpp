@@ -29,8 +29,6 @@ std::optional<Peer> target_in(const std::string& text, bool group) {
 
 }  // namespace
 
-NameRule NatNetConfig::name_rule() const { return conventions_of("natnet").names; }
-
 std::vector<ConfigError> NatNetConfig::check() const {
   const auto version = parse_bitstream(bitstream);
   Checker rules{"streaming.natnet."};

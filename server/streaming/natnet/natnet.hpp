@@ -1,14 +1,10 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "base/config_check.hpp"
-#include "base/expected.hpp"
-#include "base/time.hpp"
 #include "middleware/net/networks.hpp"
 #include "middleware/net/peer.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
@@ -21,6 +17,9 @@ namespace fiducap::natnet {
 using net::parse_address;
 using net::parse_peer;
 using net::Peer;
+
+/// Without commas, which separate the fields of commands.
+inline constexpr NameRule kNames = conventions_of("natnet").names;
 
 struct NatNetConfig {
   bool enabled{false};
@@ -56,8 +55,6 @@ struct NatNetConfig {
   [[nodiscard]] Bitstream default_bitstream() const {
     return parse_bitstream(bitstream).value_or(Bitstream{3, 1});
   }
-  /// Without commas, which separate the fields of commands.
-  [[nodiscard]] NameRule name_rule() const;
   [[nodiscard]] std::vector<ConfigError> check() const;
   /// Multicast destinations: the group, and those of `targets`.
   [[nodiscard]] std::vector<Peer> groups() const;
@@ -95,26 +92,9 @@ void describe(V& v, NatNetConfig& c) {
 
 using ProtocolConfig = NatNetConfig;
 
-class NatNetStreamer : public Streamer {
- public:
-  /// The second command port, without a group; 0: none.
-  [[nodiscard]] virtual std::uint16_t unicast_port() const = 0;
-};
-
-/// NatNet: commands and frames by UDP, frames to each client and to a multicast group.
-/// @param operator_api  for commands that change something; nullptr: read-only
-/// @param rate_hz  of frames, before the first one
+/// Commands and frames by UDP, frames to each client and to a multicast group. The second port of
+/// the Streamer names no group.
 /// @return Error with the remedy when it cannot bind; `kInvalid` for too many bodies
-[[nodiscard]] Expected<std::unique_ptr<NatNetStreamer>> start_natnet_server(
-    boost::asio::io_context& io, const NatNetConfig& config,
-    std::shared_ptr<const SceneModel> model, const Clock& clock, OperatorApi* operator_api,
-    double rate_hz);
-
-/// For the list of protocols (streaming/CMakeLists.txt).
-[[nodiscard]] inline StartedStreamer serve(const ProtocolContext& context,
-                                           const NatNetConfig& config) {
-  return start_natnet_server(context.io, config, context.model, context.clock,
-                             &context.operator_api, context.rate_hz);
-}
+[[nodiscard]] StartedStreamer serve(const ProtocolContext& context, const NatNetConfig& config);
 
 }  // namespace fiducap::natnet

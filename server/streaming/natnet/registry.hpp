@@ -15,6 +15,7 @@
 #include "middleware/net/peer.hpp"
 #include "streaming/natnet/codec.hpp"
 #include "streaming/net/limits.hpp"
+#include "streaming/net/udp_server.hpp"
 
 namespace fiducap::natnet {
 
@@ -57,8 +58,7 @@ struct Subscriber {
   Instant frames_from{};  ///< A client that starts takes an earlier frame for a reply.
   Instant bitstream_changed_until{};
   Selection selection;
-  std::uint64_t frames_sent{};
-  std::uint64_t frames_dropped{};  ///< The socket's buffer was full.
+  net::DatagramShare datagrams;
 };
 
 struct RegistryLimits {
@@ -106,29 +106,26 @@ class QuietConnects final {
   static constexpr Duration kSilence = std::chrono::seconds(3);
   static constexpr std::size_t kMost = 16;  ///< A new one replaces the oldest.
 
-  void connected(const net::Peer& peer, Instant now);
-  void heard(const net::Peer& peer);
+  void connected(const Peer& peer, Instant now);
+  void heard(const Peer& peer);
   /// A peer that was silent for kSilence, each once. @return nullopt: no more of them
-  [[nodiscard]] std::optional<net::Peer> next(Instant now);
+  [[nodiscard]] std::optional<Peer> next(Instant now);
 
  private:
   struct Asked {
-    net::Peer peer;
+    Peer peer;
     Instant at;
   };
   std::vector<Asked> asked_;  ///< Oldest first.
 };
-
-using net::Peer;
 
 /// Limits reflection attacks. NatNet has no handshake: source addresses can be forged, frames are
 /// sent until a timeout, and replies are longer than requests. So:
 ///
 /// - Only addresses of trusted networks are clients.
 /// - Any other address gets no frames, and only the replies that net::SenderRule allows.
-/// - A trusted address gets at most `kAddressBytes_s` of replies (without frames, whose rate is
-/// fixed).
-///   This machine's addresses, which cannot be forged from outside, have no limit.
+/// - A trusted address gets at most `kAddressBytes_s` of replies, besides frames. This machine's
+///   addresses, which cannot be forged from outside, have no limit.
 ///
 /// Tables have a fixed size; slots are chosen by a keyed hash.
 class ReflectionGuard final {

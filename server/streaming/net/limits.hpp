@@ -46,44 +46,33 @@ class TokenBucket final {
 };
 
 /// A token bucket for each address.
-class AddressLimiter {
+template <int kMost, int kRefill>
+class AddressLimiter final {
  public:
+  static constexpr double kBurst = kMost;
+  static constexpr double kPerSecond = kRefill;
+
   [[nodiscard]] bool allow(std::uint64_t address_hash, Instant now, double cost = 1) {
-    return bucket(address_hash).take(cost, burst_, per_second_, now);
+    return bucket(address_hash).take(cost, kBurst, kPerSecond, now);
   }
   /// @return `allow` would return true
   [[nodiscard]] bool has(std::uint64_t address_hash, Instant now) {
-    return bucket(address_hash).has(1, burst_, per_second_, now);
+    return bucket(address_hash).has(1, kBurst, kPerSecond, now);
   }
-
- protected:
-  AddressLimiter(double burst, double per_second) : burst_(burst), per_second_(per_second) {}
 
  private:
   [[nodiscard]] TokenBucket& bucket(std::uint64_t address_hash) {
     return buckets_[address_hash % buckets_.size()];
   }
 
-  double burst_;
-  double per_second_;
   std::array<TokenBucket, 1024> buckets_{};
 };
 
-/// Answers to an address that has not proven itself.
-class AnswerLimiter final : public AddressLimiter {
- public:
-  static constexpr double kBurst = 64;  // all clients of a lab computer at once, after a restart
-  static constexpr double kPerSecond = 32;
-  AnswerLimiter() : AddressLimiter(kBurst, kPerSecond) {}
-};
-
+/// Answers to an address that has not proven itself: all clients of a lab computer at once, after a
+/// restart.
+using AnswerLimiter = AddressLimiter<64, 32>;
 /// HTTP requests of an address: a page needs a dozen, a program may send ten per second.
-class RequestLimiter final : public AddressLimiter {
- public:
-  static constexpr double kBurst = 120;
-  static constexpr double kPerSecond = 30;
-  RequestLimiter() : AddressLimiter(kBurst, kPerSecond) {}
-};
+using RequestLimiter = AddressLimiter<120, 30>;
 
 /// Wrong tokens per address: `kAllowed` within `kWindow` shut it out for the rest of the window.
 class WrongProofs final {

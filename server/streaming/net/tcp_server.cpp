@@ -34,32 +34,167 @@ struct TcpServer::State final : RepeatedWait, std::enable_shared_from_this<State
     Instant until;
   };
 
-  struct Admission {
-    bool is_granted{};
-    std::shared_ptr<Session> instead_of{};  ///< To be closed for it.
-  };
-
   State(asio::io_context& context, const TcpLimits& given, const Clock& time)
       : io(context), limits(given), clock(time), timer(context) {}
 
-  void accept(const std::shared_ptr<Listener>& listener);
-  void take_in(tcp::socket socket, const MakeSession& make);
-  void connect(const Peer& peer, Duration timeout, MakeSession make);
+  void accept(const std::shared_ptr<Listener>& listener) {
+    if (listener->accepting) return;
+    listener->acceptor.async_accept(
+        [self = shared_from_this(), listener, token = listener->accepting.begin()](
+            const error_code& error, tcp::socket socket) mutable {
+          token.release();
+          if (self->stopped || !listener->acceptor.is_open()) return;
+          if (error) return;  // e.g. out of file descriptors: the next tick tries again
+          self->guard([&] { self->take_in(std::move(socket), listener->make); });
+          self->guard([&] { self->accept(listener); });
+        });
+  }
+
+  void take_in(tcp::socket socket, const MakeSession& make) {
+    error_code gone;
+    const tcp::endpoint from = socket.remote_endpoint(gone);
+    sweep();
+    if (gone) return;
+    const auto instead_of = admit(peer_of(from));
+    if (!instead_of) return;  // closes the socket
+    if (const auto& spare = *instead_of)
+      spare->close("is closed: all places are taken and another client needs one",
+                   log::Level::kWarning);
+    const auto session = make(Socket(new TcpSocket{std::move(socket)}), peer_of(from));
+    if (session == nullptr) return;
+    sessions.push_back(session);
+    const auto whose = [&] { return "client " + text_of(session->peer()); };
+    if (!log::guarded(limits.protocol, whose, [&] { session->start(); }))
+      session->close("is closed after a failure", log::Level::kWarning);
+  }
+
+  void connect(const Peer& peer, Duration timeout, MakeSession make) {
+    const auto there = std::ranges::count_if(
+        connecting, [&](const auto& one) { return one->peer.same_address(peer); });
+    const bool under_way =
+        std::ranges::any_of(connecting, [&](const auto& one) { return one->peer == peer; });
+    if (stopped || under_way || there >= static_cast<std::ptrdiff_t>(kMaxConnectingPerAddress) ||
+        !admit(peer))
+      return;
+    if (connecting.size() >= kMaxConnecting) {
+      // Peers that exist answer long before this: only dead addresses are given up.
+      error_code ignored;
+      connecting.front()->socket.close(ignored);
+      connecting.erase(connecting.begin());
+    }
+    const auto one =
+        std::make_shared<Connecting>(Connecting{peer, tcp::socket(io), clock.now() + timeout});
+    connecting.push_back(one);
+    one->socket.async_connect(endpoint_of(peer), [self = shared_from_this(), one,
+                                                  make = std::move(make)](const error_code& error) {
+      self->guard([&] { self->connected(one, error, make); });
+    });
+  }
+
   void connected(const std::shared_ptr<Connecting>& one, const error_code& error,
-                 const MakeSession& make);
-  [[nodiscard]] std::vector<Peer> holders() const;
-  [[nodiscard]] std::shared_ptr<Session> newest_of(const Peer& address) const;
-  [[nodiscard]] std::shared_ptr<Session> oldest_replaceable() const;
-  [[nodiscard]] Admission admit(const Peer& peer);
-  void warn_full(const Peer& peer, std::size_t all, std::ptrdiff_t same);
-  void tick();
-  void wait_for_tick();
-  void resume() override;
-  void give_up_oldest();
-  void give_up_connecting(Instant now);
-  void close_listeners();
-  void stop(Duration delay);
-  void close_sessions();
+                 const MakeSession& make) {
+    if (stopped || std::erase(connecting, one) == 0) return;
+    if (!error) return take_in(std::move(one->socket), make);
+    log::debug(limits.protocol, text_of(one->peer) + " tcp cannot be reached: " + error.message());
+  }
+
+  /// @return the session to be closed for this peer, nullptr if none; nullopt: there is no place
+  [[nodiscard]] std::optional<std::shared_ptr<Session>> admit(const Peer& peer) {
+    std::vector<Peer> all;  // a peer that is being connected to has no place yet
+    for (const auto& session : sessions)
+      if (!session->closed()) all.push_back(session->peer());
+    const auto same =
+        std::ranges::count_if(all, [&](const Peer& other) { return other.same_address(peer); });
+    const bool full_here =
+        limits.max_clients_per_address > 0 && same >= limits.max_clients_per_address;
+    if (!full_here) {
+      const Place place = place_for(peer, all, static_cast<std::size_t>(limits.max_clients));
+      std::shared_ptr<Session> spare;  // the newest of the address, or the oldest replaceable one
+      if (place.is_there && !place.instead_of) return spare;
+      for (const auto& session : sessions) {  // in order of arrival
+        if (session->closed()) continue;
+        if (place.instead_of && session->peer().same_address(*place.instead_of)) spare = session;
+        if (!place.instead_of && !spare && session->may_be_replaced(clock.now())) spare = session;
+      }
+      if (spare) return spare;
+    }
+    warn_full(peer, all.size(), same);
+    return std::nullopt;
+  }
+
+  void warn_full(const Peer& peer, std::size_t all, std::ptrdiff_t same) {
+    if (limits.section.empty() || !std::exchange(may_warn, false)) return;
+    const std::string section(limits.section);
+    const std::string per_address =
+        limits.max_clients_per_address > 0 ? ", " + section + ".max_clients_per_address" : "";
+    log::warning(limits.protocol, "no place for client " + text_of(peer) +
+                                      " tcp: " + std::to_string(all) + " places are taken, " +
+                                      std::to_string(same) + " by its address (" + section +
+                                      ".max_clients" + per_address + ")");
+  }
+
+  void tick() {
+    const Instant now = clock.now();
+    may_warn = true;
+    for (const auto& session : sessions) {
+      const auto whose = [&] { return "client " + text_of(session->peer()); };
+      if (!log::guarded(limits.protocol, whose, [&] { session->tick(now); }))
+        session->close("is closed after a failure", log::Level::kWarning);
+    }
+    guard([&] { give_up_connecting(now); });
+    if (ticked) guard([&] { ticked(now); });
+    sweep();
+    for (const auto& listener : listeners) guard([&] { accept(listener); });
+  }
+
+  void wait_for_tick() {
+    timer.expires_after(kTick);
+    timer.async_wait(
+        [self = shared_from_this(), token = ticking.begin()](const error_code& error) mutable {
+          token.release();
+          if (error || self->stopped) return;
+          self->guard([&] { self->tick(); });
+          self->resume();
+        });
+  }
+
+  void resume() override {
+    if (started && !stopped && !ticking) wait_for_tick();
+  }
+
+  void give_up_connecting(Instant now) {
+    std::erase_if(connecting, [&](const auto& one) {
+      if (now <= one->until) return false;
+      log::info(limits.protocol, text_of(one->peer) + " tcp cannot be reached in time");
+      error_code ignored;
+      one->socket.close(ignored);
+      return true;
+    });
+  }
+
+  void close_listeners() {
+    error_code ignored;
+    for (const auto& listener : listeners) listener->acceptor.close(ignored);
+    listeners.clear();
+  }
+
+  void stop(Duration delay) {
+    if (std::exchange(stopped, true)) return;
+    close_listeners();
+    error_code ignored;
+    for (const auto& one : connecting) one->socket.close(ignored);
+    connecting.clear();
+    timer.cancel(ignored);
+    if (delay == Duration{0}) return close_sessions();
+    timer.expires_after(delay);
+    timer.async_wait([self = shared_from_this()](const error_code&) { self->close_sessions(); });
+  }
+
+  void close_sessions() {
+    for (const auto& session : sessions)
+      session->close("is closed: the server stops", log::Level::kDebug);
+    sessions.clear();
+  }
   void sweep() {
     std::erase_if(sessions, [](const auto& session) { return session->closed(); });
   }
@@ -82,183 +217,6 @@ struct TcpServer::State final : RepeatedWait, std::enable_shared_from_this<State
   bool started{false};
   bool stopped{false};
 };
-
-void TcpServer::State::accept(const std::shared_ptr<Listener>& listener) {
-  if (listener->accepting) return;
-  listener->acceptor.async_accept(
-      [self = shared_from_this(), listener, token = listener->accepting.begin()](
-          const error_code& error, tcp::socket socket) mutable {
-        token.release();
-        if (self->stopped || !listener->acceptor.is_open()) return;
-        if (error) return;  // e.g. out of file descriptors: the next tick tries again
-        self->guard([&] { self->take_in(std::move(socket), listener->make); });
-        self->guard([&] { self->accept(listener); });
-      });
-}
-
-void TcpServer::State::take_in(tcp::socket socket, const MakeSession& make) {
-  error_code gone;
-  const tcp::endpoint from = socket.remote_endpoint(gone);
-  sweep();
-  if (gone) return;
-  const Admission admission = admit(peer_of(from));
-  if (!admission.is_granted) return;  // closes the socket
-  if (admission.instead_of)
-    admission.instead_of->close("is closed: all places are taken and another client needs one",
-                                log::Level::kWarning);
-  const auto session = make(Socket(new TcpSocket{std::move(socket)}), peer_of(from));
-  if (session == nullptr) return;
-  sessions.push_back(session);
-  const auto whose = [&] { return "client " + text_of(session->peer()); };
-  if (!log::guarded(limits.protocol, whose, [&] { session->start(); }))
-    session->close("is closed after a failure", log::Level::kWarning);
-}
-
-/// Peers of all open sessions; one that is being connected to has no place yet.
-std::vector<Peer> TcpServer::State::holders() const {
-  std::vector<Peer> all;
-  for (const auto& session : sessions)
-    if (!session->closed()) all.push_back(session->peer());
-  return all;
-}
-
-/// @return nullptr: there is none
-std::shared_ptr<Session> TcpServer::State::newest_of(const Peer& address) const {
-  const auto newest = std::find_if(sessions.rbegin(), sessions.rend(), [&](const auto& session) {
-    return !session->closed() && session->peer().same_address(address);
-  });  // in order of arrival
-  return newest == sessions.rend() ? nullptr : *newest;
-}
-
-/// @return nullptr: there is none
-std::shared_ptr<Session> TcpServer::State::oldest_replaceable() const {
-  const auto oldest = std::ranges::find_if(sessions, [&](const auto& session) {
-    return !session->closed() && session->may_be_replaced(clock.now());
-  });
-  return oldest == sessions.end() ? nullptr : *oldest;
-}
-
-TcpServer::State::Admission TcpServer::State::admit(const Peer& peer) {
-  const std::vector<Peer> all = holders();
-  const auto same =
-      std::ranges::count_if(all, [&](const Peer& other) { return other.same_address(peer); });
-  const bool full_here =
-      limits.max_clients_per_address > 0 && same >= limits.max_clients_per_address;
-  if (!full_here) {
-    const Place place = place_for(peer, all, static_cast<std::size_t>(limits.max_clients));
-    if (place.is_there && !place.instead_of) return {true};
-    auto spare = place.instead_of ? newest_of(*place.instead_of) : oldest_replaceable();
-    if (spare) return {true, std::move(spare)};
-  }
-  warn_full(peer, all.size(), same);
-  return {false};
-}
-
-void TcpServer::State::warn_full(const Peer& peer, std::size_t all, std::ptrdiff_t same) {
-  if (limits.section.empty() || !std::exchange(may_warn, false)) return;
-  const std::string section(limits.section);
-  const std::string per_address =
-      limits.max_clients_per_address > 0 ? ", " + section + ".max_clients_per_address" : "";
-  log::warning(limits.protocol, "no place for client " + text_of(peer) +
-                                    " tcp: " + std::to_string(all) + " places are taken, " +
-                                    std::to_string(same) + " by its address (" + section +
-                                    ".max_clients" + per_address + ")");
-}
-
-void TcpServer::State::connect(const Peer& peer, Duration timeout, MakeSession make) {
-  const auto there = std::ranges::count_if(
-      connecting, [&](const auto& one) { return one->peer.same_address(peer); });
-  const bool under_way =
-      std::ranges::any_of(connecting, [&](const auto& one) { return one->peer == peer; });
-  if (stopped || under_way || there >= static_cast<std::ptrdiff_t>(kMaxConnectingPerAddress) ||
-      !admit(peer).is_granted)
-    return;
-  if (connecting.size() >= kMaxConnecting) give_up_oldest();
-  const auto one =
-      std::make_shared<Connecting>(Connecting{peer, tcp::socket(io), clock.now() + timeout});
-  connecting.push_back(one);
-  one->socket.async_connect(endpoint_of(peer), [self = shared_from_this(), one,
-                                                make = std::move(make)](const error_code& error) {
-    self->guard([&] { self->connected(one, error, make); });
-  });
-}
-
-void TcpServer::State::connected(const std::shared_ptr<Connecting>& one, const error_code& error,
-                                 const MakeSession& make) {
-  if (stopped || std::erase(connecting, one) == 0) return;
-  if (!error) return take_in(std::move(one->socket), make);
-  log::debug(limits.protocol, text_of(one->peer) + " tcp cannot be reached: " + error.message());
-}
-
-/// Peers that exist answer long before this: only dead addresses are given up.
-void TcpServer::State::give_up_oldest() {
-  error_code ignored;
-  connecting.front()->socket.close(ignored);
-  connecting.erase(connecting.begin());
-}
-
-void TcpServer::State::give_up_connecting(Instant now) {
-  std::erase_if(connecting, [&](const auto& one) {
-    if (now <= one->until) return false;
-    log::info(limits.protocol, text_of(one->peer) + " tcp cannot be reached in time");
-    error_code ignored;
-    one->socket.close(ignored);
-    return true;
-  });
-}
-
-void TcpServer::State::tick() {
-  const Instant now = clock.now();
-  may_warn = true;
-  for (const auto& session : sessions) {
-    const auto whose = [&] { return "client " + text_of(session->peer()); };
-    if (!log::guarded(limits.protocol, whose, [&] { session->tick(now); }))
-      session->close("is closed after a failure", log::Level::kWarning);
-  }
-  guard([&] { give_up_connecting(now); });
-  if (ticked) guard([&] { ticked(now); });
-  sweep();
-  for (const auto& listener : listeners) guard([&] { accept(listener); });
-}
-
-void TcpServer::State::resume() {
-  if (started && !stopped && !ticking) wait_for_tick();
-}
-
-void TcpServer::State::wait_for_tick() {
-  timer.expires_after(kTick);
-  timer.async_wait(
-      [self = shared_from_this(), token = ticking.begin()](const error_code& error) mutable {
-        token.release();
-        if (error || self->stopped) return;
-        self->guard([&] { self->tick(); });
-        self->resume();
-      });
-}
-
-void TcpServer::State::close_listeners() {
-  error_code ignored;
-  for (const auto& listener : listeners) listener->acceptor.close(ignored);
-  listeners.clear();
-}
-
-void TcpServer::State::stop(Duration delay) {
-  if (std::exchange(stopped, true)) return;
-  close_listeners();
-  error_code ignored;
-  for (const auto& one : connecting) one->socket.close(ignored);
-  connecting.clear();
-  timer.cancel(ignored);
-  if (delay == Duration{0}) return close_sessions();
-  timer.expires_after(delay);
-  timer.async_wait([self = shared_from_this()](const error_code&) { self->close_sessions(); });
-}
-
-void TcpServer::State::close_sessions() {
-  for (const auto& session : sessions)
-    session->close("is closed: the server stops", log::Level::kDebug);
-  sessions.clear();
-}
 
 TcpServer::TcpServer(asio::io_context& io, const TcpLimits& limits, const Clock& clock)
     : state_(std::make_shared<State>(io, limits, clock)) {

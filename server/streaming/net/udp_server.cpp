@@ -46,6 +46,18 @@ std::optional<T> control_value(msghdr& message, int type) {
   return std::nullopt;
 }
 
+/// @param memory  of CMSG_SPACE(sizeof(value)), aligned
+template <typename Memory, typename T>
+void put_control(msghdr& message, Memory& memory, int level, int type, const T& value) {
+  message.msg_control = memory.data();
+  message.msg_controllen = memory.size();
+  cmsghdr* header = CMSG_FIRSTHDR(&message);
+  header->cmsg_level = level;
+  header->cmsg_type = type;
+  header->cmsg_len = CMSG_LEN(sizeof(value));
+  std::memcpy(CMSG_DATA(header), &value, sizeof(value));
+}
+
 bool set(int socket, int option, int value) {
   return ::setsockopt(socket, IPPROTO_IP, option, &value, sizeof(value)) == 0;
 }
@@ -60,10 +72,9 @@ void DatagramBatch::clear() {
   sent_.clear();
 }
 
-void DatagramBatch::add(std::span<const std::byte> datagram, const sockaddr* address,
-                        socklen_t address_size) {
+void DatagramBatch::add(std::span<const std::byte> datagram, const SocketAddress& address) {
   // sendmmsg does not write; its structures are shared with calls that do.
-  addresses_.emplace_back(address, address_size);
+  addresses_.push_back(address);
   pieces_.push_back({const_cast<std::byte*>(datagram.data()), datagram.size()});
   mmsghdr message{};
   message.msg_hdr.msg_iovlen = 1;
@@ -72,12 +83,12 @@ void DatagramBatch::add(std::span<const std::byte> datagram, const sockaddr* add
 }
 
 void DatagramBatch::add_cut(std::span<const std::byte> bytes, std::size_t cut,
-                            const sockaddr* address, socklen_t address_size) {
+                            const SocketAddress& address) {
   const std::size_t most = cut * std::min(kMostCuts, std::max<std::size_t>(1, kMostBytes / cut));
   while (!bytes.empty()) {
     const auto next = bytes.first(std::min(most, bytes.size()));
     bytes = bytes.subspan(next.size());
-    add(next, address, address_size);
+    add(next, address);
     if (next.size() <= cut) continue;
     cuts_.back().bytes = cut;
   }
@@ -90,14 +101,8 @@ void DatagramBatch::point_at_memory() {
     message.msg_namelen = addresses_[i].size();
     message.msg_iov = &pieces_[i];
     if (cuts_[i].bytes == 0) continue;
-    message.msg_control = cuts_[i].control.data();
-    message.msg_controllen = cuts_[i].control.size();
-    cmsghdr* control = CMSG_FIRSTHDR(&message);
-    control->cmsg_level = IPPROTO_UDP;
-    control->cmsg_type = UDP_SEGMENT;
-    control->cmsg_len = CMSG_LEN(sizeof(std::uint16_t));
-    const auto cut = static_cast<std::uint16_t>(cuts_[i].bytes);
-    std::memcpy(CMSG_DATA(control), &cut, sizeof(cut));
+    put_control(message, cuts_[i].control, IPPROTO_UDP, UDP_SEGMENT,
+                static_cast<std::uint16_t>(cuts_[i].bytes));
   }
 }
 
@@ -158,10 +163,54 @@ struct UdpServer::State final : RepeatedWait, std::enable_shared_from_this<State
         port(socket.local_endpoint().port()),
         incoming(given.longest) {}
 
-  void resume() override;
-  void pause();
-  void read();
-  [[nodiscard]] bool read_one();
+  void resume() override {
+    if (waiting || !handler || !socket.is_open()) return;
+    socket.async_wait(udp::socket::wait_read, [self = shared_from_this(), token = waiting.begin()](
+                                                  const error_code& error) mutable {
+      token.release();
+      if (!self->socket.is_open()) return;
+      if (error) return self->pause();
+      self->read();
+      self->resume();
+    });
+  }
+
+  void pause() {
+    timer.expires_after(kPause);
+    timer.async_wait(
+        [self = shared_from_this(), token = waiting.begin()](const error_code&) mutable {
+          token.release();
+          self->resume();
+        });
+  }
+
+  void read() {
+    for (int i = 0; i < kDatagramsInARow && socket.is_open() && read_one(); ++i) continue;
+  }
+
+  [[nodiscard]] bool read_one() {
+    sockaddr_in6 from{};
+    iovec piece{incoming.data(), incoming.size()};
+    alignas(cmsghdr) PacketInfo control{};
+    msghdr message{};
+    message.msg_name = &from;
+    message.msg_namelen = sizeof(from);
+    message.msg_iov = &piece;
+    message.msg_iovlen = 1;
+    message.msg_control = control.data();
+    message.msg_controllen = control.size();
+    const ssize_t size = ::recvmsg(socket.native_handle(), &message, MSG_DONTWAIT);
+    // Another error belongs to an earlier datagram of ours that was unreachable.
+    if (size < 0) return errno != EAGAIN && errno != EWOULDBLOCK;
+    const SocketAddress peer(reinterpret_cast<const sockaddr*>(&from), message.msg_namelen);
+    const auto info = control_value<in_pktinfo>(message, IP_PKTINFO);
+    const Datagram datagram{std::span(incoming).first(static_cast<std::size_t>(size)), peer.peer(),
+                            info ? ntohl(info->ipi_spec_dst.s_addr) : INADDR_ANY};
+    log::guarded(
+        options.protocol, [&] { return "datagram from " + text_of(datagram.from); },
+        [&] { handler(datagram); });
+    return true;
+  }
 
   UdpOptions options;
   udp::socket socket;
@@ -173,54 +222,6 @@ struct UdpServer::State final : RepeatedWait, std::enable_shared_from_this<State
   PendingWait waiting;
   DatagramBatch batch;
 };
-
-void UdpServer::State::resume() {
-  if (waiting || !handler || !socket.is_open()) return;
-  socket.async_wait(udp::socket::wait_read, [self = shared_from_this(), token = waiting.begin()](
-                                                const error_code& error) mutable {
-    token.release();
-    if (!self->socket.is_open()) return;
-    if (error) return self->pause();
-    self->read();
-    self->resume();
-  });
-}
-
-void UdpServer::State::pause() {
-  timer.expires_after(kPause);
-  timer.async_wait([self = shared_from_this(), token = waiting.begin()](const error_code&) mutable {
-    token.release();
-    self->resume();
-  });
-}
-
-void UdpServer::State::read() {
-  for (int i = 0; i < kDatagramsInARow && socket.is_open() && read_one(); ++i) continue;
-}
-
-bool UdpServer::State::read_one() {
-  sockaddr_in6 from{};
-  iovec piece{incoming.data(), incoming.size()};
-  alignas(cmsghdr) PacketInfo control{};
-  msghdr message{};
-  message.msg_name = &from;
-  message.msg_namelen = sizeof(from);
-  message.msg_iov = &piece;
-  message.msg_iovlen = 1;
-  message.msg_control = control.data();
-  message.msg_controllen = control.size();
-  const ssize_t size = ::recvmsg(socket.native_handle(), &message, MSG_DONTWAIT);
-  // Another error belongs to an earlier datagram of ours that was unreachable.
-  if (size < 0) return errno != EAGAIN && errno != EWOULDBLOCK;
-  const SocketAddress peer(reinterpret_cast<const sockaddr*>(&from), message.msg_namelen);
-  const auto info = control_value<in_pktinfo>(message, IP_PKTINFO);
-  const Datagram datagram{std::span(incoming).first(static_cast<std::size_t>(size)), peer.peer(),
-                          info ? ntohl(info->ipi_spec_dst.s_addr) : INADDR_ANY};
-  log::guarded(
-      options.protocol, [&] { return "datagram from " + text_of(datagram.from); },
-      [&] { handler(datagram); });
-  return true;
-}
 
 UdpServer::UdpServer(std::shared_ptr<State> state) : state_(std::move(state)) {}
 UdpServer::~UdpServer() {
@@ -276,15 +277,9 @@ void UdpServer::send(std::span<const std::byte> bytes, const Peer& to, std::uint
   message.msg_iov = &piece;
   message.msg_iovlen = 1;
   if (from != INADDR_ANY) {
-    message.msg_control = control.data();
-    message.msg_controllen = control.size();
-    cmsghdr* header = CMSG_FIRSTHDR(&message);
-    header->cmsg_level = IPPROTO_IP;
-    header->cmsg_type = IP_PKTINFO;
-    header->cmsg_len = CMSG_LEN(sizeof(in_pktinfo));
     in_pktinfo info{};
     info.ipi_spec_dst.s_addr = htonl(from);
-    std::memcpy(CMSG_DATA(header), &info, sizeof(info));
+    put_control(message, control, IPPROTO_IP, IP_PKTINFO, info);
   }
   ::sendmsg(state_->socket.native_handle(), &message, MSG_DONTWAIT | MSG_NOSIGNAL);
 }
@@ -292,13 +287,11 @@ void UdpServer::send(std::span<const std::byte> bytes, const Peer& to, std::uint
 DatagramBatch& UdpServer::batch() { return state_->batch; }
 
 void UdpServer::add(std::span<const std::byte> bytes, const Peer& to) {
-  SocketAddress address(to, state_->ipv4);
-  state_->batch.add(bytes, address.data(), address.size());
+  state_->batch.add(bytes, SocketAddress(to, state_->ipv4));
 }
 
 void UdpServer::add_cut(std::span<const std::byte> bytes, std::size_t cut, const Peer& to) {
-  SocketAddress address(to, state_->ipv4);
-  state_->batch.add_cut(bytes, cut, address.data(), address.size());
+  state_->batch.add_cut(bytes, cut, SocketAddress(to, state_->ipv4));
 }
 
 void UdpServer::send_batch() {

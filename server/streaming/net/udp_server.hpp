@@ -30,11 +30,10 @@ namespace fiducap::net {
 class DatagramBatch final {
  public:
   void clear();
-  void add(std::span<const std::byte> datagram, const sockaddr* address, socklen_t address_size);
+  void add(std::span<const std::byte> datagram, const SocketAddress& address);
   /// Many datagrams to one address as one message: the kernel cuts `bytes` every `cut` bytes, the
   /// last may be shorter. Where it cannot (old kernel, no such device), `send` cuts.
-  void add_cut(std::span<const std::byte> bytes, std::size_t cut, const sockaddr* address,
-               socklen_t address_size);
+  void add_cut(std::span<const std::byte> bytes, std::size_t cut, const SocketAddress& address);
   /// Skips a datagram that the socket refuses (buffer full, no route).
   void send(int socket);
 
@@ -64,6 +63,11 @@ class DatagramShare final {
   void clear() { begin_ = end_ = 0; }
   void open(const DatagramBatch& batch) { begin_ = batch.size(); }
   void close(const DatagramBatch& batch) { end_ = batch.size(); }
+  /// The same messages, sent to both clients at once.
+  void share(const DatagramShare& other) {
+    begin_ = other.begin_;
+    end_ = other.end_;
+  }
   /// After the batch was sent: a frame counts as sent when the socket took all its messages.
   void settle(const DatagramBatch& batch);
   /// A frame too long for any datagram.

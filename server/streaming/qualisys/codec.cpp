@@ -4,7 +4,6 @@
 #include <array>
 
 #include "base/bytes.hpp"
-#include "streaming/conventions/text_fields.hpp"
 
 namespace fiducap::qualisys {
 
@@ -28,10 +27,7 @@ struct Header {
 template <class Reader>
 Header read_header(std::span<const std::byte> bytes) {
   Reader in(bytes);
-  Header header;
-  header.size = in.u32();
-  header.type = in.u32();
-  return header;
+  return {in.u32(), in.u32()};
 }
 
 Header read_header(std::endian order, std::span<const std::byte> bytes) {
@@ -42,39 +38,27 @@ Header read_header(std::endian order, std::span<const std::byte> bytes) {
 constexpr std::string_view kSpaces = " \t\r\n";
 constexpr std::uint32_t kMaxNumber = 100'000;  // Hz, or frames to the next one
 
-char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
-
-Expected<Rate> parse_rate(std::string_view word) {
+/// `AllFrames`, `Frequency:n` or `FrequencyDivisor:n`.
+std::optional<Rate> parse_rate(std::string_view word) {
   if (same_word(word, "AllFrames")) return Rate{};
   const auto colon = word.find(':');
+  if (colon == std::string_view::npos) return std::nullopt;
   const std::string_view kind = word.substr(0, colon);
-  const auto n = colon == std::string_view::npos
-                     ? std::nullopt
-                     : whole_number<std::uint32_t>(word.substr(colon + 1));
-  if (n && *n >= 1 && *n <= kMaxNumber) {
-    if (same_word(kind, "Frequency")) return Rate{RateKind::kFrequency, *n};
-    if (same_word(kind, "FrequencyDivisor")) return Rate{RateKind::kFrequencyDivisor, *n};
-  }
-  return fail(ErrorCode::kInvalid, "expected AllFrames, Frequency:n or FrequencyDivisor:n, got \"" +
-                                       std::string(word) + "\"");
+  const auto n = whole_number<std::uint32_t>(word.substr(colon + 1));
+  if (!n || *n < 1 || *n > kMaxNumber) return std::nullopt;
+  if (same_word(kind, "Frequency")) return Rate{RateKind::kFrequency, *n};
+  if (same_word(kind, "FrequencyDivisor")) return Rate{RateKind::kFrequencyDivisor, *n};
+  return std::nullopt;
 }
 
-/// `UDP:port` or `UDP:address:port`.
-Expected<void> parse_udp(std::string_view word, StreamRequest& request) {
+/// `UDP:port` or `UDP:address:port`. @return it is valid
+bool parse_udp(std::string_view word, StreamRequest& request) {
   const std::string_view target = word.substr(word.find(':') + 1);
   const auto colon = target.rfind(':');
   const std::string_view port = colon == std::string_view::npos ? target : target.substr(colon + 1);
-  const auto number = whole_number<std::uint16_t>(port);
-  if (!number || *number < kLowestUdpPort)
-    return fail(ErrorCode::kInvalid,
-                "expected a UDP port from 1024, got \"" + std::string(port) + "\"");
-  request.udp_port = *number;
+  request.udp_port = whole_number<std::uint16_t>(port);
   if (colon != std::string_view::npos) request.udp_address = target.substr(0, colon);
-  return {};
-}
-
-bool begins_with_word(std::string_view text, std::string_view word) {
-  return text.size() >= word.size() && same_word(text.substr(0, word.size()), word);
+  return request.udp_port >= kLowestUdpPort;
 }
 
 }  // namespace
@@ -117,23 +101,17 @@ Expected<std::optional<Packet>> decode_packet(std::endian order, std::span<const
 
 std::string_view decode_text(std::span<const std::byte> payload) { return until_zero(payload); }
 
-Expected<std::uint16_t> decode_discover(std::span<const std::byte> datagram) {
-  if (datagram.size() != kDiscoverSize)
-    return fail(ErrorCode::kInvalid,
-                "expected a discover packet of 10 bytes, got " + std::to_string(datagram.size()));
+std::optional<std::uint16_t> decode_discover(std::span<const std::byte> datagram) {
+  if (datagram.size() != kDiscoverSize) return std::nullopt;
   const auto is_question = [](const Header& h) {
     return h.size == kDiscoverSize && h.type == static_cast<std::uint32_t>(PacketType::kDiscover);
   };
   if (!is_question(read_header(std::endian::little, datagram)) &&
       !is_question(read_header(std::endian::big, datagram))) {
-    return fail(ErrorCode::kInvalid, "expected a discover packet (size 10, type 7)");
+    return std::nullopt;
   }
-  BigEndianReader in(datagram.subspan(kHeaderSize));
-  const std::uint16_t port = in.u16();
-  if (port < kLowestUdpPort)
-    return fail(ErrorCode::kInvalid,
-                "expected an answer port from 1024, got " + std::to_string(port));
-  return port;
+  const std::uint16_t port = BigEndianReader(datagram.subspan(kHeaderSize)).u16();
+  return port < kLowestUdpPort ? std::nullopt : std::optional(port);
 }
 
 void encode_discover_answer(std::string_view about, std::uint16_t base_port,
@@ -145,13 +123,6 @@ void encode_discover_answer(std::string_view about, std::uint16_t base_port,
       .u8(0);
   BigEndianWriter(out).u16(base_port);
 }
-
-bool same_word(std::string_view a, std::string_view b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](char x, char y) { return lower(x) == lower(y); });
-}
-
-bool Command::is(std::string_view word) const { return same_word(name, word); }
 
 Command split_command(std::string_view text) {
   const std::string_view line = trimmed(text);
@@ -169,7 +140,7 @@ std::vector<std::string_view> words_of(std::string_view text) {
   }
 }
 
-Expected<Components> parse_components(std::string_view words) {
+std::optional<Components> parse_components(std::string_view words) {
   Components components;
   for (const std::string_view word : words_of(words)) {
     if (same_word(word, "All")) return Components::all();
@@ -177,28 +148,18 @@ Expected<Components> parse_components(std::string_view words) {
     for (const auto& known : kComponentWords)
       if (same_word(plain, known.word)) components.add(known.component);
   }
-  if (components.empty())
-    return fail(ErrorCode::kInvalid,
-                "expected components, e.g. 6D, got \"" + std::string(words) + "\"");
-  return components;
+  return components.empty() ? std::nullopt : std::optional(components);
 }
 
-Expected<StreamRequest> parse_stream_request(std::string_view words) {
-  StreamRequest request;
+std::optional<StreamRequest> parse_stream_request(std::string_view words) {
   const Command first = split_command(words);
+  const Command second = split_command(first.rest);
+  const bool by_udp = same_word(second.name.substr(0, 4), "UDP:");
   const auto rate = parse_rate(first.name);
-  if (!rate) return tl::unexpected(rate.error());
-  request.rate = *rate;
-  std::string_view rest = first.rest;
-  const Command second = split_command(rest);
-  if (begins_with_word(second.name, "UDP:")) {
-    if (const auto done = parse_udp(second.name, request); !done)
-      return tl::unexpected(done.error());
-    rest = second.rest;
-  }
-  const auto components = parse_components(rest);
-  if (!components) return tl::unexpected(components.error());
-  request.components = *components;
+  const auto components = parse_components(by_udp ? second.rest : first.rest);
+  if (!rate || !components) return std::nullopt;
+  StreamRequest request{*rate, {}, {}, *components};
+  if (by_udp && !parse_udp(second.name, request)) return std::nullopt;
   return request;
 }
 
@@ -209,7 +170,7 @@ std::optional<Version> parse_version(std::string_view word) {
   return Version{*minor};
 }
 
-Expected<ParameterGroups> parse_parameter_groups(std::string_view words) {
+std::optional<ParameterGroups> parse_parameter_groups(std::string_view words) {
   static constexpr std::array<std::string_view, 8> kOthers{
       "Analog", "Force", "Image", "GazeVector", "EyeTracker", "Skeleton", "Calibration", "2D"};
   ParameterGroups groups;
@@ -223,9 +184,7 @@ Expected<ParameterGroups> parse_parameter_groups(std::string_view words) {
                       return same_word(plain, known);
                     });
   }
-  if (groups.any()) return groups;
-  return fail(ErrorCode::kInvalid,
-              "expected General, 3D, 6D … or All, got \"" + std::string(words) + "\"");
+  return groups.any() ? std::optional(groups) : std::nullopt;
 }
 
 }  // namespace fiducap::qualisys

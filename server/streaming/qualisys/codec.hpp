@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "base/expected.hpp"
+#include "streaming/conventions/text_fields.hpp"
 #include "streaming/qualisys/protocol.hpp"
 
 /// QTM packets (except data packets, see frame_board.hpp) and commands, to bytes and back. Pure.
@@ -38,8 +39,8 @@ void encode_no_more_data(std::endian order, std::vector<std::byte>& out);
 [[nodiscard]] std::string_view decode_text(std::span<const std::byte> payload);
 
 /// Discovery request: u32 10, u32 7, in either byte order, u16 port in network order.
-/// @return the port for the reply
-[[nodiscard]] Expected<std::uint16_t> decode_discover(std::span<const std::byte> datagram);
+/// @return the port for the reply; nullopt: another datagram
+[[nodiscard]] std::optional<std::uint16_t> decode_discover(std::span<const std::byte> datagram);
 /// Its reply, always little-endian: type 1, `about` and its zero, u16 base port in network order.
 void encode_discover_answer(std::string_view about, std::uint16_t base_port,
                             std::vector<std::byte>& out);
@@ -47,12 +48,11 @@ void encode_discover_answer(std::string_view about, std::uint16_t base_port,
 /// A command, split; older SDKs send several spaces between words.
 struct Command {
   std::string_view name;
-  std::string_view rest;                               ///< All that follows, trimmed.
-  [[nodiscard]] bool is(std::string_view word) const;  ///< Case does not matter.
+  std::string_view rest;  ///< All that follows, trimmed.
+  [[nodiscard]] bool is(std::string_view word) const { return same_word(name, word); }
 };
 
 [[nodiscard]] Command split_command(std::string_view text);
-[[nodiscard]] bool same_word(std::string_view a, std::string_view b);
 [[nodiscard]] std::vector<std::string_view> words_of(std::string_view text);
 
 enum class RateKind { kAllFrames, kFrequency, kFrequencyDivisor };
@@ -73,10 +73,10 @@ struct StreamRequest {
 };
 
 /// @param words  after `StreamFrames`
-/// @return Error without a rate or a known component, or for an invalid number
-[[nodiscard]] Expected<StreamRequest> parse_stream_request(std::string_view words);
-/// @return Error when no word is a component
-[[nodiscard]] Expected<Components> parse_components(std::string_view words);
+/// @return nullopt without a rate or a known component, or for an invalid number
+[[nodiscard]] std::optional<StreamRequest> parse_stream_request(std::string_view words);
+/// @return nullopt when no word is a component
+[[nodiscard]] std::optional<Components> parse_components(std::string_view words);
 /// `1.N`   @return nullopt: not supported
 [[nodiscard]] std::optional<Version> parse_version(std::string_view word);
 
@@ -88,6 +88,7 @@ struct ParameterGroups {
   bool others{false};  ///< Known groups that are not supported, and left out.
   [[nodiscard]] bool any() const { return general || three_d || six_d || others; }
 };
-[[nodiscard]] Expected<ParameterGroups> parse_parameter_groups(std::string_view words);
+/// @return nullopt when no word is a group
+[[nodiscard]] std::optional<ParameterGroups> parse_parameter_groups(std::string_view words);
 
 }  // namespace fiducap::qualisys

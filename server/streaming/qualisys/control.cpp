@@ -13,7 +13,8 @@ struct Refusal {
   std::string_view word;
   std::string_view text;
 };
-/// Commands that are not supported, with QTM's texts.
+constexpr std::array<std::string_view, 5> kMasterWords{"New", "Close", "Start", "Stop", "Save"};
+/// Those that are not supported, with QTM's texts.
 constexpr std::array<Refusal, 7> kRefusals{{
     {"Load", "Failed to load measurement"},
     {"LoadProject", "Failed to load project"},
@@ -35,19 +36,6 @@ bool is_saved(const std::vector<RecordingStatus>& recordings, const std::string&
   return std::ranges::any_of(recordings, [&](const RecordingStatus& one) {
     return one.name == name && one.state == RecordingStatus::State::kFinished;
   });
-}
-
-/// @return nullptr: another command
-const Refusal* refusal_of(const Command& command) {
-  const auto at =
-      std::ranges::find_if(kRefusals, [&](const Refusal& one) { return command.is(one.word); });
-  return at == kRefusals.end() ? nullptr : &*at;
-}
-
-bool is_for_masters(const Command& command) {
-  static constexpr std::array<std::string_view, 5> kWords{"New", "Close", "Start", "Stop", "Save"};
-  return refusal_of(command) != nullptr ||
-         std::ranges::any_of(kWords, [&](auto word) { return command.is(word); });
 }
 
 }  // namespace
@@ -75,14 +63,16 @@ void Control::left(ClientId client) {
 std::optional<Reply> Control::execute(ClientId client, const Command& command) {
   if (command.is("GetCaptureC3D") || command.is("GetCaptureQTM") || command.is("GetCapture"))
     return Reply::refused("No capture to get");
-  if (!is_for_masters(command)) return std::nullopt;
+  const auto is_it = [&](std::string_view word) { return command.is(word); };
+  const auto refusal = std::ranges::find_if(kRefusals, is_it, &Refusal::word);
+  if (refusal == kRefusals.end() && std::ranges::none_of(kMasterWords, is_it)) return std::nullopt;
   if (!is_master(client)) return Reply::refused("You must be master to issue this command");
   if (command.is("New")) return Reply::done("Already connected");
   if (command.is("Close")) return close();
   if (command.is("Start")) return start(command.rest);
   if (command.is("Stop")) return stop();
   if (command.is("Save")) return save();
-  return Reply::refused(std::string(refusal_of(command)->text));
+  return Reply::refused(std::string(refusal->text));
 }
 
 Reply Control::start(std::string_view argument) {

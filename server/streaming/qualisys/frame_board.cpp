@@ -1,7 +1,6 @@
 #include "streaming/qualisys/frame_board.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <type_traits>
 
@@ -18,36 +17,15 @@ constexpr double kGimbalLock = 1e-9;
 constexpr std::size_t kFrameHeader = kHeaderSize + 16;
 constexpr std::size_t kMostPerBody = 104;  // also more than any component's header
 constexpr std::uint32_t kCameraTime = 2;   // type of a time code
-constexpr std::array<Component, 19> kAscending{
-    Component::k3d,           Component::k3dNoLabels,
-    Component::kAnalog,       Component::kForce,
-    Component::k6d,           Component::k6dEuler,
-    Component::k2d,           Component::k2dLin,
-    Component::k3dRes,        Component::k3dNoLabelsRes,
-    Component::k6dRes,        Component::k6dEulerRes,
-    Component::kAnalogSingle, Component::kImage,
-    Component::kForceSingle,  Component::kGazeVector,
-    Component::kTimecode,     Component::kSkeleton,
-    Component::kEyeTracker,
-};
 
-bool has_bodies(Component c) {
-  return c == Component::k6d || c == Component::k6dEuler || c == Component::k6dRes ||
-         c == Component::k6dEulerRes;
-}
+bool has_bodies(Component c) { return Components::all().has(c); }
 
-bool has_rates(Component c) {  // 2D drop rate and out-of-sync rate after the count
-  switch (c) {
-    case Component::k2d:
-    case Component::k2dLin:
-    case Component::k3d:
-    case Component::k3dNoLabels:
-    case Component::k3dRes:
-    case Component::k3dNoLabelsRes:
-      return true;
-    default:
-      return has_bodies(c);
-  }
+/// 2D drop rate and out-of-sync rate after the count.
+bool has_rates(Component c) {
+  constexpr Components kPoints{Component::k2d,    Component::k2dLin,
+                               Component::k3d,    Component::k3dNoLabels,
+                               Component::k3dRes, Component::k3dNoLabelsRes};
+  return has_bodies(c) || kPoints.has(c);
 }
 
 template <class Writer>
@@ -145,10 +123,10 @@ void FrameEncoder::encode_as(const Profile& profile, EncodedFrame& out) const {
   out.packet.clear();
   out.split.clear();
   out.datagram_ends.clear();
-  out.packet.reserve(kFrameHeader + kMostPerBody * (kAscending.size() + 4 * rows_.size()));
+  out.packet.reserve(kFrameHeader + kMostPerBody * (kComponentWords.size() + 4 * rows_.size()));
   std::uint32_t count = 0;
   begin_packet<Writer>(out.packet);
-  for (const Component c : kAscending) {
+  for (const auto& [word, c] : kComponentWords) {
     if (!profile.components.has(c)) continue;
     write_component<Writer>(c, profile.wide, out.packet);
     ++count;
@@ -162,7 +140,7 @@ void FrameEncoder::encode_as(const Profile& profile, EncodedFrame& out) const {
 // component that is too long cannot be sent by UDP.
 template <class Writer>
 void FrameEncoder::split_as(const Profile& profile, EncodedFrame& out) const {
-  for (const Component c : kAscending) {
+  for (const auto& [word, c] : kComponentWords) {
     if (!profile.components.has(c)) continue;
     const std::size_t begin = begin_packet<Writer>(out.split);
     write_component<Writer>(c, profile.wide, out.split);

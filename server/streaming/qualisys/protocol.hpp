@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 #include <string_view>
 
 /// The numbers and names of the QTM real-time protocol, 1.0 to 1.28.
@@ -79,6 +80,7 @@ struct ComponentWord {
   Component component;
 };
 
+/// In ascending order of their types.
 inline constexpr std::array<ComponentWord, 19> kComponentWords{{
     {"3D", Component::k3d},
     {"3DNoLabels", Component::k3dNoLabels},
@@ -104,19 +106,17 @@ inline constexpr std::array<ComponentWord, 19> kComponentWords{{
 /// A set of components; they are sent in ascending order of their types.
 class Components final {
  public:
+  constexpr Components() = default;
+  constexpr Components(std::initializer_list<Component> all) {
+    for (const Component c : all) add(c);
+  }
   constexpr void add(Component c) { bits_ |= bit(c); }
   [[nodiscard]] constexpr bool has(Component c) const { return (bits_ & bit(c)) != 0; }
   [[nodiscard]] constexpr bool empty() const { return bits_ == 0; }
-  [[nodiscard]] constexpr std::uint32_t bits() const { return bits_; }
 
-  /// Meaning of `All` here.
+  /// Those with bodies: the meaning of `All` here.
   [[nodiscard]] static constexpr Components all() {
-    Components c;
-    c.add(Component::k6d);
-    c.add(Component::k6dEuler);
-    c.add(Component::k6dRes);
-    c.add(Component::k6dEulerRes);
-    return c;
+    return {Component::k6d, Component::k6dEuler, Component::k6dRes, Component::k6dEulerRes};
   }
   friend constexpr bool operator==(const Components&, const Components&) = default;
 

@@ -1,17 +1,13 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "base/config_check.hpp"
-#include "base/expected.hpp"
-#include "base/time.hpp"
 #include "streaming/conventions/axes.hpp"
 #include "streaming/conventions/client_names.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
-#include "streaming/operator_api.hpp"
 #include "streaming/streamer.hpp"
 
 namespace fiducap::qualisys {
@@ -53,26 +49,8 @@ void describe(V& v, QualisysConfig& c) {
 
 using ProtocolConfig = QualisysConfig;
 
-class QualisysStreamer : public Streamer {
- public:
-  /// The base port in use.
-  [[nodiscard]] std::uint16_t base_port() const { return port(); }
-  /// 0: no discovery.
-  [[nodiscard]] virtual std::uint16_t discovery_port() const = 0;
-};
-
-/// @param operator_api  outlives the streamer; nullptr: no client can take control
-/// @param clock  outlives all handlers of `io`
+/// Without an OperatorApi no client can take control. The base port is the Streamer's port.
 /// @return Error `kUnavailable` naming port and remedy when it cannot bind.
-[[nodiscard]] Expected<std::unique_ptr<QualisysStreamer>> start_qualisys_server(
-    boost::asio::io_context& io, const QualisysConfig& config, OperatorApi* operator_api,
-    std::shared_ptr<const SceneModel> model, const Clock& clock);
-
-/// For the list of protocols (streaming/CMakeLists.txt).
-[[nodiscard]] inline StartedStreamer serve(const ProtocolContext& context,
-                                           const QualisysConfig& config) {
-  return start_qualisys_server(context.io, config, &context.operator_api, context.model,
-                               context.clock);
-}
+[[nodiscard]] StartedStreamer serve(const ProtocolContext& context, const QualisysConfig& config);
 
 }  // namespace fiducap::qualisys

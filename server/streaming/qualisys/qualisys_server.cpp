@@ -1,20 +1,10 @@
 #include <algorithm>
-#include <array>
-#include <optional>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "base/log.hpp"
 #include "middleware/net/networks.hpp"
-#include "middleware/net/peer.hpp"
 #include "streaming/net/interfaces.hpp"
-#include "streaming/net/limits.hpp"
 #include "streaming/net/tcp_server.hpp"
-#include "streaming/net/udp_server.hpp"
-#include "streaming/qualisys/codec.hpp"
 #include "streaming/qualisys/control.hpp"
-#include "streaming/qualisys/protocol.hpp"
 #include "streaming/qualisys/qualisys.hpp"
 #include "streaming/qualisys/session.hpp"
 
@@ -35,39 +25,148 @@ constexpr std::size_t kLongestQuestion = 64;
 
 /// Listeners, discovery, and the fan-out of frames: each is encoded once per profile and sent to
 /// all its UDP clients by one system call.
-class QualisysServer final : public QualisysStreamer {
+class QualisysServer final : public Streamer {
  public:
-  QualisysServer(boost::asio::io_context& io, const QualisysConfig& config,
-                 OperatorApi* operator_api, const Clock& clock)
-      : io_(io),
-        clock_(clock),
-        shared_(std::make_shared<SharedState>(config, operator_api)),
-        tcp_(io, {"qualisys", config.max_clients, config.max_clients_per_address, kKey}, clock) {}
+  QualisysServer(const ProtocolContext& context, const QualisysConfig& config)
+      : Streamer("qualisys"),
+        io_(context.io),
+        clock_(context.clock),
+        shared_(std::make_shared<SharedState>(config, context.operator_api)),
+        tcp_(context.io, {"qualisys", config.max_clients, config.max_clients_per_address, kKey},
+             context.clock) {}
   ~QualisysServer() override { QualisysServer::stop(); }
 
-  [[nodiscard]] Expected<void> listen(const SceneModel& model);
-  [[nodiscard]] std::string_view protocol() const override { return "qualisys"; }
-  [[nodiscard]] std::uint16_t port() const override { return base_port_; }
-  [[nodiscard]] std::uint16_t discovery_port() const override {
-    return discovery_ ? discovery_->port() : std::uint16_t{0};
+  [[nodiscard]] Expected<void> listen(const SceneModel& model) {
+    const QualisysConfig& config = shared_->config;
+    auto udp = net::UdpServer::open(io_, {config.address, 0, kKey, "address"}, {"qualisys"});
+    if (!udp) return tl::unexpected(udp.error());
+    udp_.emplace(std::move(*udp));
+    Expected<void> opened = open_ports(config.base_port);
+    for (int i = 1; i < kBindAttempts && !opened && config.base_port == 0; ++i)
+      opened = open_ports(0);
+    if (!opened) return opened;
+    shared_->bodies.update(model);
+    open_discovery();
+    tcp_.start([this](Instant) { tick(); });
+    return {};
   }
-  void publish(const std::shared_ptr<const SceneFrame>& frame) override;
-  void append_clients(std::vector<ClientStatus>& out) const override;
-  void stop() override;
+
+  void publish(const std::shared_ptr<const SceneFrame>& frame) override {
+    if (stopped_) return;
+    shared_->rate_hz = frame->rate_hz;
+    if (frame->model != nullptr && shared_->bodies.update(*frame->model))
+      send_to_all(Event::kCameraSettingsChanged);
+    shared_->frames.put(frame, shared_->bodies);
+    udp_->batch().clear();
+    tcp_.each<Session>([&](Session& session) {
+      session.answer_current();
+      send_frame(session, *frame);
+    });
+    udp_->send_batch();
+    tcp_.each<Session>([&](Session& session) { session.datagrams.settle(udp_->batch()); });
+  }
+
+  void append_clients(std::vector<ClientStatus>& out) const override {
+    const Instant now = clock_.now();
+    tcp_.each<Session>([&](const Session& session) { out.push_back(session.status(now)); });
+  }
+
+  void stop() override {
+    if (std::exchange(stopped_, true)) return;
+    if (discovery_) discovery_->stop();
+    send_to_all(Event::kShuttingDown);
+    tcp_.stop(kStopDelay);
+  }
 
  private:
-  Expected<void> open_ports(std::uint16_t base_port);
-  Expected<std::uint16_t> open_port(Dialect dialect, std::uint16_t port);
-  void open_discovery();
-  void answer(const net::UdpServer::Datagram& question);
-  void send_to_all(Event event);
-  void send_frame(Session& session, const SceneFrame& frame);
-  void tick();
+  Expected<void> open_ports(std::uint16_t base_port) {
+    tcp_.close_listeners();
+    const auto first = open_port(Dialect::kLegacy, base_port);
+    if (!first) return tl::unexpected(first.error());
+    if (*first > kLastFreeBase) return fail(ErrorCode::kUnavailable, "no three free ports");
+    for (const Dialect dialect : {Dialect::kLittleEndian, Dialect::kBigEndian}) {
+      const auto offset =
+          dialect == Dialect::kLittleEndian ? kLittleEndianOffset : kBigEndianOffset;
+      const auto next = open_port(dialect, static_cast<std::uint16_t>(*first + offset));
+      if (!next) return tl::unexpected(next.error());
+    }
+    port_ = *first;
+    return {};
+  }
+
+  Expected<std::uint16_t> open_port(Dialect dialect, std::uint16_t port) {
+    return tcp_.listen({shared_->config.address, port, kKey, "base_port"},
+                       [this, dialect](net::Socket socket, const net::Peer&) {
+                         shared_->now = clock_.now();
+                         return std::make_shared<Session>(std::move(socket), shared_, dialect,
+                                                          next_client_++, clock_);
+                       });
+  }
+
+  void open_discovery() {
+    const QualisysConfig& config = shared_->config;
+    if (config.discovery_port == 0) return;
+    // A broadcast does not reach a socket that is bound to one interface's address.
+    const auto address = net::parse_address(config.address);
+    const bool loopback = address && net::Peer{*address, 0}.is_loopback();
+    auto opened = net::UdpServer::open(
+        io_, {loopback ? config.address : "0.0.0.0", config.discovery_port, kKey, "discovery_port"},
+        {"qualisys", kLongestQuestion});
+    if (!opened) {  // clients with a configured address work without it
+      log::warning("qualisys", "discovery is not answered: " + opened.error().text());
+      return;
+    }
+    about_ = net::host_name() + ", QTM " + config.qtm_version + ", 0 cameras";
+    second_port_ = opened->port();
+    discovery_.emplace(std::move(*opened));
+    discovery_->start([this](const auto& question) { answer(question); });
+  }
+
+  void answer(const net::UdpServer::Datagram& question) {
+    const Instant now = clock_.now();
+    const bool is_trusted = senders_.count_received(question.from, question.bytes.size(), now);
+    const auto port = decode_discover(question.bytes);
+    if (!port) return;
+    std::vector<std::byte> answer;
+    encode_discover_answer(about_, port_, answer);
+    const bool may_go = is_trusted ? answers_.allow(net::address_hash(key_, question.from), now)
+                                   : senders_.may_answer_untrusted(question.from, answer.size());
+    if (may_go) discovery_->send(answer, question.from.with_port(*port));
+  }
+
+  void send_to_all(Event event) {
+    tcp_.each<Session>([event](Session& session) { session.send_event(event); });
+  }
+
+  void send_frame(Session& session, const SceneFrame& frame) {
+    session.datagrams.clear();
+    const auto profile = session.connection().stream_of(frame);
+    if (!profile) return;
+    const auto encoded = shared_->frames.encoded(*profile);
+    if (!session.connection().udp_port())
+      return session.offer(net::SharedBytes(encoded, &encoded->packet));
+    // The address of the TCP peer: a client cannot redirect frames.
+    const net::Peer target = session.peer().with_port(*session.connection().udp_port());
+    session.datagrams.open(udp_->batch());
+    std::size_t begin = 0;
+    for (const std::size_t end : encoded->datagram_ends) {
+      udp_->add(encoded->datagrams().subspan(begin, end - begin), target);
+      begin = end;
+    }
+    session.datagrams.close(udp_->batch());
+    if (encoded->datagram_ends.empty()) session.datagrams.drop();  // too long for any datagram
+  }
+
+  void tick() {
+    shared_->now = clock_.now();
+    events_.clear();
+    shared_->control.observe(events_);
+    for (const Event event : events_) send_to_all(event);
+  }
 
   boost::asio::io_context& io_;
   const Clock& clock_;
   std::shared_ptr<SharedState> shared_;
-  std::uint16_t base_port_{0};
   std::uint64_t next_client_{1};
   bool stopped_{false};
   std::vector<Event> events_;
@@ -80,131 +179,6 @@ class QualisysServer final : public QualisysStreamer {
   std::optional<net::UdpServer> discovery_;
   net::TcpServer tcp_;
 };
-
-Expected<void> QualisysServer::listen(const SceneModel& model) {
-  const QualisysConfig& config = shared_->config;
-  auto udp = net::UdpServer::open(io_, {config.address, 0, kKey, "address"}, {"qualisys"});
-  if (!udp) return tl::unexpected(udp.error());
-  udp_.emplace(std::move(*udp));
-  Expected<void> opened = open_ports(config.base_port);
-  for (int i = 1; i < kBindAttempts && !opened && config.base_port == 0; ++i)
-    opened = open_ports(0);
-  if (!opened) return opened;
-  shared_->bodies.update(model);
-  open_discovery();
-  tcp_.start([this](Instant) { tick(); });
-  return {};
-}
-
-Expected<void> QualisysServer::open_ports(std::uint16_t base_port) {
-  tcp_.close_listeners();
-  const auto first = open_port(Dialect::kLegacy, base_port);
-  if (!first) return tl::unexpected(first.error());
-  if (*first > kLastFreeBase) return fail(ErrorCode::kUnavailable, "no three free ports");
-  for (const Dialect dialect : {Dialect::kLittleEndian, Dialect::kBigEndian}) {
-    const auto offset = dialect == Dialect::kLittleEndian ? kLittleEndianOffset : kBigEndianOffset;
-    const auto next = open_port(dialect, static_cast<std::uint16_t>(*first + offset));
-    if (!next) return tl::unexpected(next.error());
-  }
-  base_port_ = *first;
-  return {};
-}
-
-Expected<std::uint16_t> QualisysServer::open_port(Dialect dialect, std::uint16_t port) {
-  return tcp_.listen({shared_->config.address, port, kKey, "base_port"},
-                     [this, dialect](net::Socket socket, const net::Peer&) {
-                       shared_->now = clock_.now();
-                       return std::make_shared<Session>(std::move(socket), shared_, dialect,
-                                                        next_client_++, clock_);
-                     });
-}
-
-void QualisysServer::open_discovery() {
-  const QualisysConfig& config = shared_->config;
-  if (config.discovery_port == 0) return;
-  // A broadcast does not reach a socket that is bound to one interface's address.
-  const auto address = net::parse_address(config.address);
-  const bool loopback = address && net::Peer{*address, 0}.is_loopback();
-  auto opened = net::UdpServer::open(
-      io_, {loopback ? config.address : "0.0.0.0", config.discovery_port, kKey, "discovery_port"},
-      {"qualisys", kLongestQuestion});
-  if (!opened) {  // clients with a configured address work without it
-    log::warning("qualisys", "discovery is not answered: " + opened.error().text());
-    return;
-  }
-  about_ = net::host_name() + ", QTM " + config.qtm_version + ", 0 cameras";
-  discovery_.emplace(std::move(*opened));
-  discovery_->start([this](const auto& question) { answer(question); });
-}
-
-void QualisysServer::answer(const net::UdpServer::Datagram& question) {
-  const Instant now = clock_.now();
-  const bool is_trusted = senders_.count_received(question.from, question.bytes.size(), now);
-  const auto port = decode_discover(question.bytes);
-  if (!port) return;
-  std::vector<std::byte> answer;
-  encode_discover_answer(about_, base_port_, answer);
-  const bool may_go = is_trusted ? answers_.allow(net::address_hash(key_, question.from), now)
-                                 : senders_.may_answer_untrusted(question.from, answer.size());
-  if (may_go) discovery_->send(answer, question.from.with_port(*port));
-}
-
-void QualisysServer::publish(const std::shared_ptr<const SceneFrame>& frame) {
-  if (stopped_) return;
-  shared_->rate_hz = frame->rate_hz;
-  if (frame->model != nullptr && shared_->bodies.update(*frame->model))
-    send_to_all(Event::kCameraSettingsChanged);
-  shared_->frames.put(frame, shared_->bodies);
-  udp_->batch().clear();
-  tcp_.each<Session>([&](Session& session) {
-    session.answer_current();
-    send_frame(session, *frame);
-  });
-  udp_->send_batch();
-  tcp_.each<Session>([&](Session& session) { session.datagrams.settle(udp_->batch()); });
-}
-
-void QualisysServer::send_frame(Session& session, const SceneFrame& frame) {
-  session.datagrams.clear();
-  const auto profile = session.connection().stream_of(frame);
-  if (!profile) return;
-  const auto encoded = shared_->frames.encoded(*profile);
-  if (!session.connection().udp_port())
-    return session.offer(net::SharedBytes(encoded, &encoded->packet));
-  // The address of the TCP peer: a client cannot redirect frames.
-  const net::Peer target = session.peer().with_port(*session.connection().udp_port());
-  session.datagrams.open(udp_->batch());
-  std::size_t begin = 0;
-  for (const std::size_t end : encoded->datagram_ends) {
-    udp_->add(encoded->datagrams().subspan(begin, end - begin), target);
-    begin = end;
-  }
-  session.datagrams.close(udp_->batch());
-  if (encoded->datagram_ends.empty()) session.datagrams.drop();  // too long for any datagram
-}
-
-void QualisysServer::send_to_all(Event event) {
-  tcp_.each<Session>([event](Session& session) { session.send_event(event); });
-}
-
-void QualisysServer::append_clients(std::vector<ClientStatus>& out) const {
-  const Instant now = clock_.now();
-  tcp_.each<Session>([&](const Session& session) { out.push_back(session.status(now)); });
-}
-
-void QualisysServer::tick() {
-  shared_->now = clock_.now();
-  events_.clear();
-  shared_->control.observe(events_);
-  for (const Event event : events_) send_to_all(event);
-}
-
-void QualisysServer::stop() {
-  if (std::exchange(stopped_, true)) return;
-  if (discovery_) discovery_->stop();
-  send_to_all(Event::kShuttingDown);
-  tcp_.stop(kStopDelay);
-}
 
 }  // namespace
 
@@ -232,12 +206,11 @@ ServedProtocol QualisysConfig::served() const {
           axes(),     stop ? WhenInvalid::kFlag : when_invalid};
 }
 
-Expected<std::unique_ptr<QualisysStreamer>> start_qualisys_server(
-    boost::asio::io_context& io, const QualisysConfig& config, OperatorApi* operator_api,
-    std::shared_ptr<const SceneModel> model, const Clock& clock) {
-  auto server = std::make_unique<QualisysServer>(io, config, operator_api, clock);
-  if (auto listening = server->listen(*model); !listening) return tl::unexpected(listening.error());
-  const std::uint16_t base = server->base_port();
+StartedStreamer serve(const ProtocolContext& context, const QualisysConfig& config) {
+  auto server = std::make_unique<QualisysServer>(context, config);
+  if (auto listening = server->listen(*context.model); !listening)
+    return tl::unexpected(listening.error());
+  const std::uint16_t base = server->port();
   log::info("qualisys", "serves QTM RT 1.0 to 1.28 on " + config.address + ":" +
                             std::to_string(base) + " to " + std::to_string(base + 2) + " (TCP)");
   return server;

@@ -1,8 +1,8 @@
 #include "streaming/qualisys/xml.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
-#include <optional>
 #include <utility>
 
 namespace fiducap::qualisys {
@@ -137,9 +137,10 @@ void add_general(std::string& out, double rate_hz) {
 constexpr std::size_t kMaxBodies = 1000;
 constexpr std::size_t kMaxDepth = 16;
 
+constexpr std::array<std::pair<std::string_view, char>, 5> kEntities{
+    {{"&amp;", '&'}, {"&lt;", '<'}, {"&gt;", '>'}, {"&quot;", '"'}, {"&apos;", '\''}}};
+
 std::string unescape_xml(std::string_view text) {
-  static constexpr std::array<std::pair<std::string_view, char>, 5> kEntities{
-      {{"&amp;", '&'}, {"&lt;", '<'}, {"&gt;", '>'}, {"&quot;", '"'}, {"&apos;", '\''}}};
   std::string out;
   while (!text.empty()) {
     std::size_t used = 1;
@@ -161,43 +162,43 @@ struct Tag {
   std::string_view name;
   bool opens{false};
   bool closes{false};
+  bool is_other{false};  ///< A declaration or comment.
 };
 
-/// @return nullopt at the end; Error when a tag has no end or no name
-Expected<std::optional<Tag>> next_tag(std::string_view& rest) {
+/// @return nullopt when the tag has no end or no name
+/// @pre rest has one
+std::optional<Tag> take_tag(std::string_view& rest) {
   const auto begin = rest.find('<');
-  if (begin == std::string_view::npos) return std::nullopt;
   const auto end = rest.find('>', begin);
-  if (end == std::string_view::npos) return fail(ErrorCode::kTruncated, "a tag has no end");
+  if (end == std::string_view::npos) return std::nullopt;
   Tag tag;
   tag.before = rest.substr(0, begin);
   std::string_view inside = rest.substr(begin + 1, end - begin - 1);
   rest.remove_prefix(end + 1);
-  if (inside.starts_with('?') || inside.starts_with('!')) return tag;  // declaration, comment
+  tag.is_other = inside.starts_with('?') || inside.starts_with('!');
+  if (tag.is_other) return tag;
   tag.closes = inside.starts_with('/') || inside.ends_with('/');
   tag.opens = !inside.starts_with('/');
   if (inside.starts_with('/')) inside.remove_prefix(1);
   tag.name = inside.substr(0, inside.find_first_of(" \t\r\n/"));
-  if (tag.name.empty()) return fail(ErrorCode::kInvalid, "a tag has no name");
-  return tag;
+  return tag.name.empty() ? std::nullopt : std::optional(tag);
 }
 
 /// Reads the elements Body/Name and Body/Enabled.
 class SettingsReader final {
  public:
-  Expected<void> take(const Tag& tag) {
+  /// @return false: nested too deeply, closed without being open, too many bodies
+  bool take(const Tag& tag) {
     if (tag.opens) {
-      if (path_.size() >= kMaxDepth)
-        return fail(ErrorCode::kInvalid, "elements are nested too deeply");
+      if (path_.size() >= kMaxDepth) return false;
       path_.push_back(tag.name);
       if (in_body() && path_.back() == "Body") name_.reset(), enabled_.reset();
     }
-    if (!tag.closes) return {};
-    if (path_.empty() || path_.back() != tag.name)
-      return fail(ErrorCode::kInvalid, "a closed element is not open");
-    const auto done = leave(tag.opens ? std::string_view{} : tag.before);
+    if (!tag.closes) return true;
+    if (path_.empty() || path_.back() != tag.name) return false;
+    leave(tag.opens ? std::string_view{} : tag.before);
     path_.pop_back();
-    return done;
+    return found.size() <= kMaxBodies;
   }
   [[nodiscard]] bool whole() const { return path_.empty(); }
   std::vector<BodySwitch> found;
@@ -206,15 +207,13 @@ class SettingsReader final {
   [[nodiscard]] bool in_body() const {
     return path_.size() >= 2 && path_[path_.size() - 2] == "The_6D";
   }
-  Expected<void> leave(std::string_view text) {
+  void leave(std::string_view text) {
     const bool field = path_.size() >= 3 && path_[path_.size() - 2] == "Body" &&
                        path_[path_.size() - 3] == "The_6D";
     if (field && path_.back() == "Name") name_ = unescape_xml(text);
     if (field && path_.back() == "Enabled") enabled_ = same_word(text, "true");
-    if (!in_body() || path_.back() != "Body" || !name_ || !enabled_) return {};
-    if (found.size() >= kMaxBodies) return fail(ErrorCode::kInvalid, "too many bodies");
-    found.push_back({*name_, *enabled_});
-    return {};
+    if (in_body() && path_.back() == "Body" && name_ && enabled_)
+      found.push_back({*name_, *enabled_});
   }
 
   std::vector<std::string_view> path_;
@@ -227,24 +226,11 @@ class SettingsReader final {
 std::string escape_xml(std::string_view text) {
   std::string out;
   for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      case '\'':
-        out += "&apos;";
-        break;
-      default:
-        out += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '_' : c;
+    const auto entity = std::ranges::find(kEntities, c, &std::pair<std::string_view, char>::second);
+    if (entity != kEntities.end()) {
+      out += entity->first;
+    } else {
+      out += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '_' : c;
     }
   }
   return out;
@@ -260,16 +246,13 @@ std::string parameters_xml(const ParameterGroups& groups, Version version,
   return out + "</" + root + ">";
 }
 
-Expected<std::vector<BodySwitch>> parse_body_switches(std::string_view xml) {
+std::optional<std::vector<BodySwitch>> parse_body_switches(std::string_view xml) {
   SettingsReader reader;
-  for (;;) {
-    const auto tag = next_tag(xml);
-    if (!tag) return tl::unexpected(tag.error());
-    if (!*tag) break;
-    if ((*tag)->name.empty()) continue;
-    if (const auto done = reader.take(**tag); !done) return tl::unexpected(done.error());
+  while (xml.find('<') != std::string_view::npos) {
+    const auto tag = take_tag(xml);
+    if (!tag || (!tag->is_other && !reader.take(*tag))) return std::nullopt;
   }
-  if (!reader.whole()) return fail(ErrorCode::kTruncated, "an element is not closed");
+  if (!reader.whole()) return std::nullopt;
   return std::move(reader.found);
 }
 

@@ -1,11 +1,11 @@
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "base/expected.hpp"
 #include "streaming/conventions/axes.hpp"
 #include "streaming/qualisys/codec.hpp"
 #include "streaming/qualisys/frame_board.hpp"
@@ -30,7 +30,7 @@ struct BodySwitch {
 
 /// Reads `<The_6D><Body><Name>…</Name><Enabled>…</Enabled>…</Body>…</The_6D>` of a settings packet;
 /// skips everything else, also bodies without `Enabled`.
-/// @return Error for invalid XML and for more than 1000 bodies
-[[nodiscard]] Expected<std::vector<BodySwitch>> parse_body_switches(std::string_view xml);
+/// @return nullopt for invalid XML and for more than 1000 bodies
+[[nodiscard]] std::optional<std::vector<BodySwitch>> parse_body_switches(std::string_view xml);
 
 }  // namespace fiducap::qualisys

@@ -38,16 +38,10 @@ void put_u32(std::uint32_t v, std::byte* at) {
 }
 
 void put(LittleEndianWriter& to, std::string_view text) { to.u32(u32(text.size())).text(text); }
-
-void encode_named(Type type, std::span<const NamedValue> values, std::vector<std::byte>& out) {
-  std::size_t payload = 4;
-  for (const auto& [name, value] : values) payload += 4 + name.size() + 8;
-  LittleEndianWriter to = begin(type, payload, out);
-  to.u32(u32(values.size()));
-  for (const auto& [name, value] : values) {
-    put(to, name);
-    to.f64(value);
-  }
+void put(LittleEndianWriter& to, const Eigen::Vector3f& v) { to.f32(v.x()).f32(v.y()).f32(v.z()); }
+void put(LittleEndianWriter& to, const Eigen::Matrix3d& R) {
+  for (int row = 0; row < 3; ++row)
+    for (int column = 0; column < 3; ++column) to.f64(R(row, column));
 }
 
 /// A count of elements of `size` bytes, at most as many as bytes are left.
@@ -126,32 +120,30 @@ void encode_subject_info(std::uint32_t subject, std::string_view name,
 void encode_subject_topology(std::uint32_t subject, std::vector<std::byte>& out) {
   LittleEndianWriter to = begin_segment(Type::kSubjectTopology, 96, subject, out);
   to.zeros(24);
-  for (int row = 0; row < 3; ++row)
-    for (int column = 0; column < 3; ++column) to.f64(row == column ? 1.0 : 0.0);
+  put(to, Eigen::Matrix3d(Eigen::Matrix3d::Identity()));
 }
 
 void encode_subject_scale(std::uint32_t subject, std::vector<std::byte>& out) {
   begin_segment(Type::kSubjectScale, 24, subject, out).f64(1).f64(1).f64(1);
 }
 
-void encode_frame_info(std::uint32_t id, std::vector<std::byte>& out) {
-  begin(Type::kFrameInfo, 4, out).u32(id);
-}
-
-void encode_hardware_frame_info(std::uint32_t number, std::vector<std::byte>& out) {
-  begin(Type::kHardwareFrameInfo, 4, out).u32(number);
+void encode_number(Type type, std::uint32_t number, std::vector<std::byte>& out) {
+  begin(type, 4, out).u32(number);
 }
 
 void encode_object_quality(std::uint32_t subject, double quality, std::vector<std::byte>& out) {
   begin(Type::kObjectQuality, 12, out).u32(subject).f64(quality);
 }
 
-void encode_latency_info(std::span<const NamedValue> samples_s, std::vector<std::byte>& out) {
-  encode_named(Type::kLatencyInfo, samples_s, out);
-}
-
-void encode_frame_rate_info(std::span<const NamedValue> rates_hz, std::vector<std::byte>& out) {
-  encode_named(Type::kFrameRateInfo, rates_hz, out);
+void encode_named(Type type, std::span<const NamedValue> values, std::vector<std::byte>& out) {
+  std::size_t payload = 4;
+  for (const auto& [name, value] : values) payload += 4 + name.size() + 8;
+  LittleEndianWriter to = begin(type, payload, out);
+  to.u32(u32(values.size()));
+  for (const auto& [name, value] : values) {
+    put(to, name);
+    to.f64(value);
+  }
 }
 
 Timecode timecode_of(std::int64_t utc_ns, double rate_hz) {
@@ -188,20 +180,13 @@ void encode_timecode(const Timecode& time, std::vector<std::byte>& out) {
 void encode_segments(Type type, const SegmentPose& pose, std::vector<std::byte>& out) {
   LittleEndianWriter to = begin_segment(type, 96, pose.subject, out);
   to.f64(pose.t_mm.x()).f64(pose.t_mm.y()).f64(pose.t_mm.z());
-  for (int row = 0; row < 3; ++row)
-    for (int column = 0; column < 3; ++column) to.f64(pose.R(row, column));
+  put(to, pose.R);
 }
 
 void encode_lightweight_segments(const SegmentPose& pose, std::vector<std::byte>& out) {
-  const Eigen::Vector3f t = pose.t_mm.cast<float>();
-  const Eigen::Vector3f r = pose.rotation_vector.cast<float>();
-  begin_segment(Type::kLightweightSegments, 24, pose.subject, out)
-      .f32(t.x())
-      .f32(t.y())
-      .f32(t.z())
-      .f32(r.x())
-      .f32(r.y())
-      .f32(r.z());
+  LittleEndianWriter to = begin_segment(Type::kLightweightSegments, 24, pose.subject, out);
+  put(to, Eigen::Vector3f(pose.t_mm.cast<float>()));
+  put(to, Eigen::Vector3f(pose.rotation_vector.cast<float>()));
 }
 
 Expected<std::size_t> packet_size(std::span<const std::byte> in) {

@@ -1,9 +1,7 @@
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <string_view>
 #include <utility>
@@ -43,17 +41,14 @@ void encode_subject_topology(std::uint32_t subject, std::vector<std::byte>& out)
 /// u32 subject · one segment: f64[3] one.
 void encode_subject_scale(std::uint32_t subject, std::vector<std::byte>& out);
 
-/// u32; clients report it plus one.
-void encode_frame_info(std::uint32_t id, std::vector<std::byte>& out);
-void encode_hardware_frame_info(std::uint32_t number, std::vector<std::byte>& out);
+/// u32. @param type  frame info (clients report it plus one) or hardware frame info
+void encode_number(Type type, std::uint32_t number, std::vector<std::byte>& out);
 /// u32 subject · f64 quality, 0 bad, 1 excellent.
 void encode_object_quality(std::uint32_t subject, double quality, std::vector<std::byte>& out);
 
 using NamedValue = std::pair<std::string_view, double>;
-/// vec<{str name, f64 seconds}>, names distinct.
-void encode_latency_info(std::span<const NamedValue> samples_s, std::vector<std::byte>& out);
-/// map<str name, f64 Hz>, names ascending.
-void encode_frame_rate_info(std::span<const NamedValue> rates_hz, std::vector<std::byte>& out);
+/// vec<{str name, f64}>, names ascending. @param type  latency info (s) or frame rate info (Hz)
+void encode_named(Type type, std::span<const NamedValue> values, std::vector<std::byte>& out);
 
 /// A time of day at 25 frames per second (EBU/PAL), each frame divided into `subframes_per_frame`.
 struct Timecode {

@@ -107,6 +107,7 @@ void FrameBoard::update(const SceneFrame& frame, Instant now) {
   refresh_statics(frame);
 }
 
+/// The static objects are encoded again when the model, the rate or the listed bodies change.
 void FrameBoard::refresh_statics(const SceneFrame& frame) {
   const auto& all = poses_.all();
   bool same = statics_version_ != 0 && frame.model->generation == generation_ &&
@@ -118,11 +119,6 @@ void FrameBoard::refresh_statics(const SceneFrame& frame) {
   rate_hz_ = frame.rate_hz;
   listed_.clear();
   for (const SubjectPose& pose : all) listed_.push_back(pose.listed);
-  list_subjects(frame);
-  encode_statics();
-}
-
-void FrameBoard::list_subjects(const SceneFrame& frame) {
   const std::vector<std::string> names =
       client_names(*frame.model, conventions_of("vicon").names, aliases_);
   subjects_.clear();
@@ -131,15 +127,7 @@ void FrameBoard::list_subjects(const SceneFrame& frame) {
     if (listed_[i])
       subjects_.push_back({static_cast<std::uint32_t>(frame.model->bodies[i].id), names[i]});
   }
-}
-
-void FrameBoard::encode_statics() {
-  for (std::size_t i = 0; i < kOffered.size(); ++i) {
-    if (!is_static(kOffered[i])) continue;
-    runs_[i].clear();
-    encode(kOffered[i], runs_[i]);
-    encoded_[i] = true;
-  }
+  encoded_.fill(false);
 }
 
 const ObjectRun& FrameBoard::run_of(Type type) {
@@ -165,14 +153,14 @@ void FrameBoard::encode_once(Type type, std::vector<std::byte>& out) const {
     case Type::kStreamInfo:
       return encode_stream_info(rate_hz_, out);
     case Type::kFrameInfo:
-      return encode_frame_info(id_, out);
+      return encode_number(type, id_, out);
     case Type::kHardwareFrameInfo:
-      return encode_hardware_frame_info(hardware_number_, out);
+      return encode_number(type, hardware_number_, out);
     case Type::kTimecode:
       return encode_timecode(timecode_, out);
     case Type::kFrameRateInfo: {
       const std::array<NamedValue, 2> rates{{{"Camera", camera_hz_}, {"Stream", rate_hz_}}};
-      return encode_frame_rate_info(rates, out);
+      return encode_named(type, rates, out);
     }
     default:
       return;  // contents and latency are written per packet; a ping is not part of a frame
@@ -222,7 +210,7 @@ net::SharedBytes FrameBoard::packet(const std::shared_ptr<const Profile>& profil
   const bool late = waited > kFresh;
   if (!late) {
     for (const Ready& one : ready_)
-      if (one.profile == profile && one.statics == statics) return one.bytes;
+      if (one.statics == statics && one.profile == profile) return one.bytes;
   }
   auto bytes = packets_.acquire();
   compose(*profile, statics, late ? waited : Duration::zero(), *bytes);
@@ -247,7 +235,7 @@ void FrameBoard::compose(const Profile& profile, bool statics, Duration waited,
   if (profile.types.has(Type::kLatencyInfo)) {
     const std::array<NamedValue, 2> samples{
         {{"Frame", to_seconds(made_)}, {"Output", to_seconds(offered_ + waited)}}};
-    encode_latency_info(samples, out);
+    encode_named(Type::kLatencyInfo, samples, out);
   }
   close_packet(opened, out);
 }

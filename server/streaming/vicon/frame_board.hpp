@@ -114,7 +114,7 @@ struct ObjectRun {
 ///
 /// Each object is encoded at most once per frame, when a profile has its type; each packet is
 /// composed once per profile and shared by its clients. The static objects (names, rate, …) are
-/// encoded when they change, with a new version. Allocates nothing after warm-up.
+/// encoded again when they change, with a new version. Allocates nothing after warm-up.
 class FrameBoard final {
  public:
   explicit FrameBoard(WhenInvalid when_invalid, NameAliases aliases = {});
@@ -146,8 +146,6 @@ class FrameBoard final {
   };
 
   void refresh_statics(const SceneFrame& frame);
-  void list_subjects(const SceneFrame& frame);
-  void encode_statics();
   const ObjectRun& run_of(Type type);
   void encode(Type type, ObjectRun& run) const;
   void encode_once(Type type, std::vector<std::byte>& out) const;

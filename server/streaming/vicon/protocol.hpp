@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 /// The numbers of the Vicon DataStream ("CGStream"), and what a client selects of it.
@@ -137,14 +138,14 @@ struct Profile {
   friend bool operator==(const Profile&, const Profile&) = default;
 };
 
-/// Makes equal profiles one object, so that they are compared by pointer.
+/// Makes equal profiles one object, so that they are compared by pointer: filters may be long.
 class ProfileTable final {
  public:
-  [[nodiscard]] std::shared_ptr<const Profile> share(const Profile& profile) {
+  [[nodiscard]] std::shared_ptr<const Profile> share(Profile profile) {
     std::erase_if(profiles_, [](const auto& one) { return one.expired(); });
     for (const auto& one : profiles_)
       if (auto known = one.lock(); *known == profile) return known;
-    auto added = std::make_shared<const Profile>(profile);
+    auto added = std::make_shared<const Profile>(std::move(profile));
     profiles_.push_back(added);
     return added;
   }

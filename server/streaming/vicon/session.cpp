@@ -58,11 +58,15 @@ Expected<void> Connection::take(const Object& object, std::vector<std::byte>& ou
   };
   switch (static_cast<Type>(object.type)) {
     case Type::kObjectEnums:
-      return use_value(decode_object_enums(object.payload),
-                       [&](TypeSet types) { take_types(types); });
+      return use_value(decode_object_enums(object.payload), [&](TypeSet types) {
+        use({types, profile_ ? profile_->filter : early_filter_});
+      });
     case Type::kRequestFrame:
-      return use_value(decode_request_frame(object.payload),
-                       [&](bool streaming) { ask(streaming); });
+      return use_value(decode_request_frame(object.payload), [&](bool streaming) {
+        streaming_ = streaming;
+        pull_ = !streaming;
+        mode_ = streaming ? Mode::kPush : Mode::kPull;
+      });
     case Type::kRequestNextFrame:
       return use_value(decode_request_next_frame(object.payload), [&](std::uint32_t n) {
         next_ = std::max(next_, std::min(n, kMostNextFrames));
@@ -73,34 +77,18 @@ Expected<void> Connection::take(const Object& object, std::vector<std::byte>& ou
         if (greeted_) encode_pong(id, out);  // never before the greeting
       });
     case Type::kFilter:
-      return use_value(decode_filter(object.payload),
-                       [&](SubjectFilter filter) { take_filter(std::move(filter)); });
+      return use_value(decode_filter(object.payload), [&](SubjectFilter filter) {
+        if (profile_) return use({profile_->types, std::move(filter)});
+        early_filter_ = std::move(filter);
+      });
     default:
       return {};  // haptics, keep-alive, multicast: not needed by current clients
   }
 }
 
-void Connection::take_types(TypeSet types) {
-  use({types, profile_ ? profile_->filter : early_filter_});
-}
-
-void Connection::take_filter(SubjectFilter filter) {
-  if (!profile_) {
-    early_filter_ = std::move(filter);
-    return;
-  }
-  use({profile_->types, std::move(filter)});
-}
-
 void Connection::use(Profile wanted) {
-  profile_ = profiles_.share(wanted);
+  profile_ = profiles_.share(std::move(wanted));
   statics_sent_.reset();
-}
-
-void Connection::ask(bool streaming) {
-  streaming_ = streaming;
-  pull_ = !streaming;
-  mode_ = streaming ? Mode::kPush : Mode::kPull;
 }
 
 bool Connection::wants(std::uint32_t id) const {

@@ -59,10 +59,7 @@ class Connection final {
  private:
   Expected<void> take_packet(std::span<const std::byte> objects, std::vector<std::byte>& out);
   Expected<void> take(const Object& object, std::vector<std::byte>& out);
-  void take_types(TypeSet types);
-  void take_filter(SubjectFilter filter);
   void use(Profile wanted);
-  void ask(bool streaming);
 
   ProfileTable& profiles_;
   std::vector<std::byte> in_;

@@ -1,13 +1,10 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "base/config_check.hpp"
-#include "base/expected.hpp"
-#include "base/time.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
 #include "streaming/streamer.hpp"
 
@@ -39,15 +36,7 @@ void describe(V& v, ViconConfig& c) {
 
 using ProtocolConfig = ViconConfig;
 
-/// @param clock  outlives all handlers of `io`
 /// @return Error `kUnavailable` naming port and remedy when it cannot bind.
-[[nodiscard]] StartedStreamer start_vicon_server(boost::asio::io_context& io,
-                                                 const ViconConfig& config, const Clock& clock);
-
-/// For the list of protocols (streaming/CMakeLists.txt).
-[[nodiscard]] inline StartedStreamer serve(const ProtocolContext& context,
-                                           const ViconConfig& config) {
-  return start_vicon_server(context.io, config, context.clock);
-}
+[[nodiscard]] StartedStreamer serve(const ProtocolContext& context, const ViconConfig& config);
 
 }  // namespace fiducap::vicon

@@ -1,4 +1,3 @@
-#include <string>
 #include <utility>
 
 #include "base/log.hpp"
@@ -17,9 +16,11 @@ constexpr std::string_view kKey = "streaming.vicon";
 /// Offers each frame to all sessions.
 class ViconServer final : public Streamer {
  public:
-  ViconServer(boost::asio::io_context& io, const ViconConfig& config, const Clock& clock)
-      : context_(std::make_shared<SessionContext>(config, clock)),
-        tcp_(io, {"vicon", config.max_clients, config.max_clients_per_address, kKey}, clock) {}
+  ViconServer(const ProtocolContext& context, const ViconConfig& config)
+      : Streamer("vicon"),
+        context_(std::make_shared<SessionContext>(config, context.clock)),
+        tcp_(context.io, {"vicon", config.max_clients, config.max_clients_per_address, kKey},
+             context.clock) {}
 
   Expected<void> listen(const ViconConfig& config) {
     const auto port = tcp_.listen({config.address, config.port, kKey},
@@ -32,11 +33,8 @@ class ViconServer final : public Streamer {
     return {};
   }
 
-  [[nodiscard]] std::string_view protocol() const override { return "vicon"; }
-  [[nodiscard]] std::uint16_t port() const override { return port_; }
-
   void publish(const std::shared_ptr<const SceneFrame>& frame) override {
-    if (stopped_ || frame->model == nullptr) return;
+    if (frame->model == nullptr) return;
     context_->board.update(*frame, context_->clock.now());
     tcp_.each<Session>([](Session& session) { session.publish(); });
   }
@@ -46,15 +44,10 @@ class ViconServer final : public Streamer {
       if (session.open()) out.push_back(session.status(now));
     });
   }
-  void stop() override {
-    stopped_ = true;
-    tcp_.stop();
-  }
+  void stop() override { tcp_.stop(); }
 
  private:
   std::shared_ptr<SessionContext> context_;
-  std::uint16_t port_{0};
-  bool stopped_{false};
   net::TcpServer tcp_;
 };
 
@@ -73,9 +66,8 @@ ServedProtocol ViconConfig::served() const {
   return {"vicon", enabled, address, {{port, false}}, conventions_of("vicon").axes, when_invalid};
 }
 
-StartedStreamer start_vicon_server(boost::asio::io_context& io, const ViconConfig& config,
-                                   const Clock& clock) {
-  auto server = std::make_unique<ViconServer>(io, config, clock);
+StartedStreamer serve(const ProtocolContext& context, const ViconConfig& config) {
+  auto server = std::make_unique<ViconServer>(context, config);
   if (auto listening = server->listen(config); !listening) return tl::unexpected(listening.error());
   log::info("vicon", "serves the Vicon DataStream on " + config.address + ":" +
                          std::to_string(server->port()) + " (TCP)");

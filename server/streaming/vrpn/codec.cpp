@@ -30,16 +30,24 @@ BigEndianWriter begin(const Header& header, std::size_t payload, std::vector<std
   return to;
 }
 
+void put(BigEndianWriter& to, int v) { to.i32(v); }
+void put(BigEndianWriter& to, double v) { to.f64(v); }
 void put(BigEndianWriter& to, const Eigen::Vector3d& v) { to.f64(v.x()).f64(v.y()).f64(v.z()); }
 void put(BigEndianWriter& to, const Eigen::Quaterniond& q) {
   to.f64(q.x()).f64(q.y()).f64(q.z()).f64(q.w());
+}
+void put(BigEndianWriter& to, const Pose& X) {
+  put(to, X.p);
+  put(to, X.q);
+}
+template <typename... Parts>
+void put_all(BigEndianWriter to, const Parts&... parts) {
+  (put(to, parts), ...);
 }
 
 void put(std::span<std::byte> at, std::uint32_t v) {
   for (std::size_t i = 0; i < 4; ++i) at[i] = static_cast<std::byte>(v >> (24 - 8 * i));
 }
-
-bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
 std::string_view as_text(std::span<const std::byte> bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
@@ -85,40 +93,26 @@ void encode_description(const Header& header, std::string_view name, std::vector
 void encode_empty(const Header& header, std::vector<std::byte>& out) { begin(header, 0, out); }
 
 void encode_pos_quat(const Header& header, int sensor, const Pose& X, std::vector<std::byte>& out) {
-  auto to = begin(header, 64, out);
-  to.i32(sensor).i32(sensor);
-  put(to, X.p);
-  put(to, X.q);
+  put_all(begin(header, 64, out), sensor, sensor, X);
 }
 
 void encode_rate(const Header& header, int sensor, const Eigen::Vector3d& rate,
                  const Eigen::Quaterniond& rotation, double dt_s, std::vector<std::byte>& out) {
-  auto to = begin(header, 72, out);
-  to.i32(sensor).i32(sensor);
-  put(to, rate);
-  put(to, rotation);
-  to.f64(dt_s);
+  put_all(begin(header, 72, out), sensor, sensor, rate, rotation, dt_s);
 }
 
 void encode_to_room(const Header& header, const Pose& X, std::vector<std::byte>& out) {
-  auto to = begin(header, 56, out);
-  put(to, X.p);
-  put(to, X.q);
+  put_all(begin(header, 56, out), X);
 }
 
 void encode_unit_to_sensor(const Header& header, int sensor, const Pose& X,
                            std::vector<std::byte>& out) {
-  auto to = begin(header, 64, out);
-  to.i32(sensor).i32(0);
-  put(to, X.p);
-  put(to, X.q);
+  put_all(begin(header, 64, out), sensor, 0, X);
 }
 
 void encode_workspace(const Header& header, const Eigen::Vector3d& low, const Eigen::Vector3d& high,
                       std::vector<std::byte>& out) {
-  auto to = begin(header, 48, out);
-  put(to, low);
-  put(to, high);
+  put_all(begin(header, 48, out), low, high);
 }
 
 void encode_text(const Header& header, const TextMessage& message, std::vector<std::byte>& out) {
@@ -233,9 +227,7 @@ Expected<std::uint16_t> decode_request(std::span<const std::byte> datagram) {
   constexpr const char* kContext = "VRPN connection request";
   const std::string_view text = until_zero(datagram);
   const std::size_t space = text.find(' ');
-  const auto in_host = [](char c) {
-    return is_digit(c) || c == '.' || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
-  };
+  const auto in_host = [](char c) { return is_digit(c) || c == '.' || is_letter(c); };
   const std::string_view host = text.substr(0, space);
   const std::string_view digits =
       space == std::string_view::npos ? std::string_view{} : text.substr(space + 1);

@@ -136,7 +136,10 @@ Expected<void> Connection::receive(std::span<const std::byte> bytes, std::int64_
     if (!cookie) return tl::unexpected(cookie.error());
     cookie_ = *cookie;
     used = kCookieSize;
-    greet_back(utc_ns, out);
+    describe_new_senders(utc_ns, out);
+    for (std::size_t id = 0; id < kTypeNames.size(); ++id)
+      encode_description({utc_ns, static_cast<std::int32_t>(id), kTypeDescription, 0},
+                         kTypeNames[id], out);
   }
   for (;;) {
     const auto rest = std::span<const std::byte>(in_).subspan(used);
@@ -150,13 +153,6 @@ Expected<void> Connection::receive(std::span<const std::byte> bytes, std::int64_
   }
   in_.erase(in_.begin(), in_.begin() + static_cast<std::ptrdiff_t>(used));
   return {};
-}
-
-void Connection::greet_back(std::int64_t utc_ns, std::vector<std::byte>& out) {
-  describe_new_senders(utc_ns, out);
-  for (std::size_t id = 0; id < kTypeNames.size(); ++id)
-    encode_description({utc_ns, static_cast<std::int32_t>(id), kTypeDescription, 0}, kTypeNames[id],
-                       out);
 }
 
 void Connection::describe_new_senders(std::int64_t utc_ns, std::vector<std::byte>& out) {
@@ -272,15 +268,6 @@ void Connection::note(log::Level level, std::string text) {
   notes_.push_back({level, std::move(text)});
 }
 
-void SessionContext::write_log(log::Level level, const std::string& text) {
-  if (log_lines_left == 0) {
-    ++log_lines_lost;
-    return;
-  }
-  --log_lines_left;
-  log::write(level, "vrpn", text);
-}
-
 Session::Session(std::shared_ptr<SessionContext> context, net::Socket socket, Origin origin)
     : TcpSession(std::move(socket), "vrpn", context->clock),
       context_(std::move(context)),
@@ -298,15 +285,14 @@ void Session::received(std::span<const std::byte> bytes) {
   const Instant now = clock().now();
   const auto result = connection_.receive(bytes, context_->utc_ns(now), replies());
   for (const auto& note : connection_.take_notes())
-    context_->write_log(note.level, transport_text() + " " + note.text);
+    log::write(note.level, "vrpn", transport_text() + " " + note.text);
   if (!result) return close("is refused: " + result.error().text(), log::Level::kWarning);
   number_messages(std::span(replies()).subspan(before), context_->sequence);
   if (!was_open && connection_.open()) {
     open_since_ = now;
-    context_->write_log(
-        log::Level::kInfo,
-        "client " + transport_text() +
-            (origin_ == Origin::kDirect ? " connected" : " connected on its request"));
+    log::info("vrpn",
+              "client " + transport_text() +
+                  (origin_ == Origin::kDirect ? " connected" : " connected on its request"));
   }
   flush();
 }

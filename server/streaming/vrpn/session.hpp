@@ -120,7 +120,6 @@ class Connection final {
   [[nodiscard]] std::vector<Note> take_notes();
 
  private:
-  void greet_back(std::int64_t utc_ns, std::vector<std::byte>& out);
   void handle(const Message& message, std::int64_t utc_ns, std::vector<std::byte>& out);
   void learn_sender(const Message& message);
   void learn_type(const Message& message);
@@ -155,11 +154,8 @@ struct SessionContext {
   Duration utc_offset{};  ///< Of the newest frame; zero before the first.
   /// Of the next message; one count for all clients, which only look for gaps in a log.
   std::uint32_t sequence{0};
-  int log_lines_left{0};  ///< Refilled once a second: clients cannot flood the log.
-  int log_lines_lost{0};
 
   [[nodiscard]] std::int64_t utc_ns(Instant now) const { return to_ns(now) + utc_offset.count(); }
-  void write_log(log::Level level, const std::string& text);
 };
 
 /// One client's TCP socket and protocol state. The server sends reports that go by UDP.
@@ -173,7 +169,7 @@ class Session final : public net::TcpSession {
   void start() override;
   void describe_new_senders();
   /// Whole messages, numbered, by TCP.
-  void send_reliable(std::span<const std::byte> messages) { send(messages); }
+  using TcpSession::send;
 
   [[nodiscard]] bool open() const { return !closed() && connection_.open(); }
   [[nodiscard]] Origin origin() const { return origin_; }

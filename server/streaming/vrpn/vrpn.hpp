@@ -2,15 +2,12 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "base/config_check.hpp"
-#include "base/expected.hpp"
 #include "base/pose.hpp"
-#include "base/time.hpp"
 #include "streaming/conventions/axes.hpp"
 #include "streaming/conventions/client_names.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
@@ -74,17 +71,7 @@ void describe(V& v, VrpnConfig& c) {
 
 using ProtocolConfig = VrpnConfig;
 
-/// @param clock  outlives all handlers of `io`
 /// @return Error `kUnavailable` naming port and remedy when it cannot bind.
-[[nodiscard]] StartedStreamer start_vrpn_server(boost::asio::io_context& io,
-                                                const VrpnConfig& config,
-                                                std::shared_ptr<const SceneModel> model,
-                                                const Clock& clock);
-
-/// For the list of protocols (streaming/CMakeLists.txt).
-[[nodiscard]] inline StartedStreamer serve(const ProtocolContext& context,
-                                           const VrpnConfig& config) {
-  return start_vrpn_server(context.io, config, context.model, context.clock);
-}
+[[nodiscard]] StartedStreamer serve(const ProtocolContext& context, const VrpnConfig& config);
 
 }  // namespace fiducap::vrpn

@@ -19,18 +19,17 @@ constexpr double kMillimetres = 1e3;
 double micro(double value) { return rounded(value, 1e6); }
 double milli(double value) { return rounded(value, 1e3); }
 
-void add_vector(JsonWriter& out, std::string_view name, const Eigen::Vector3d& v) {
+void add_numbers(JsonWriter& out, std::string_view name, std::initializer_list<double> numbers) {
   out.name(name);
   out.array([&] {
-    for (const double x : {v.x(), v.y(), v.z()}) out.value(micro(x));
+    for (const double x : numbers) out.value(micro(x));
   });
 }
-
+void add_vector(JsonWriter& out, std::string_view name, const Eigen::Vector3d& v) {
+  add_numbers(out, name, {v.x(), v.y(), v.z()});
+}
 void add_quaternion(JsonWriter& out, const Eigen::Quaterniond& q) {
-  out.name("q");
-  out.array([&] {
-    for (const double x : {q.w(), q.x(), q.y(), q.z()}) out.value(micro(x));
-  });
+  add_numbers(out, "q", {q.w(), q.x(), q.y(), q.z()});
 }
 
 void add_covariance(JsonWriter& out, const Eigen::Matrix3d& c) {
@@ -168,7 +167,7 @@ bool had_pose(const BodyPose& body) {
 
 std::string encode_hello(const Hello& hello, const SceneModel& model) {
   return message("hello", [&](JsonWriter& out) {
-    out.member("server", hello.server_name);
+    out.member("server", "fiducapd");
     out.member("version", hello.version);
     out.member("map_mode", hello.map_mode);
     out.member("page_rate_hz", hello.rate_hz);

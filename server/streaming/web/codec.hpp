@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <concepts>
-#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
@@ -97,9 +96,8 @@ class JsonWriter final {
 
 /// The first message to a page; sent again when the list of bodies changes.
 struct Hello {
-  std::string server_name;
-  std::string version;
-  std::string map_mode;
+  std::string_view version;
+  std::string_view map_mode;
   double rate_hz{};       ///< Of frames to the page.
   bool takes_commands{};  ///< An operator's token is configured.
 };

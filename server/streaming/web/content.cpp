@@ -3,16 +3,14 @@
 #include <zlib.h>
 
 #include <array>
-#include <cctype>
 #include <cstdint>
 #include <cstdio>
-#include <fstream>
 #include <limits>
-#include <sstream>
 #include <system_error>
 #include <utility>
 
 #include "base/log.hpp"
+#include "base/whole_file.hpp"
 #include "streaming/conventions/text_fields.hpp"
 
 namespace fiducap::web {
@@ -42,13 +40,6 @@ std::optional<std::string> compressed(const std::string& text, Effort effort) {
   // Not worth it for less than a tenth, e.g. of pictures.
   if (ended != Z_STREAM_END || out.size() > text.size() / 10 * 9) return std::nullopt;
   return out;
-}
-
-bool same_word(std::string_view text, std::string_view word) {
-  if (text.size() != word.size()) return false;
-  for (std::size_t i = 0; i < text.size(); ++i)
-    if (std::tolower(static_cast<unsigned char>(text[i])) != word[i]) return false;
-  return true;
 }
 
 /// `q=0`, `q=0.000`: not accepted.
@@ -96,14 +87,6 @@ std::string etag_of(const std::string& content) {
   return text.data();
 }
 
-std::optional<std::string> read(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream content;
-  content << file.rdbuf();
-  if (!file) return std::nullopt;
-  return content.str();
-}
-
 }  // namespace
 
 Content plain_content(std::string text) {
@@ -143,7 +126,7 @@ PageFiles PageFiles::load(const fs::path& root) {
           "web", "page folder " + root.string() + " is larger than a page: the rest is not served");
       break;
     }
-    auto content = read(at->path());
+    auto content = read_whole_file(at->path().string(), kMostBytes);
     if (!content) continue;
     PageFile file;
     file.content_type = *type;

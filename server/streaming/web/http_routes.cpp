@@ -1,11 +1,11 @@
 #include "streaming/web/http_routes.hpp"
 
 #include <algorithm>
-#include <cctype>
 #include <charconv>
 #include <utility>
 
 #include "middleware/net/peer.hpp"
+#include "streaming/conventions/text_fields.hpp"
 
 namespace fiducap::web {
 
@@ -53,9 +53,7 @@ HttpResponse file_response(const PageFile& file, const HttpRequest& request) {
 }
 
 HttpResponse json_response(int status, Content json, const HttpRequest& request) {
-  HttpResponse response;
-  response.status = status;
-  response.content_type = "application/json";
+  HttpResponse response{.status = status, .content_type = "application/json"};
   send(response, std::move(json), request);
   return response;
 }
@@ -71,30 +69,16 @@ HttpResponse health_response(const Health& health, const HttpRequest& request) {
       plain_content("{\"status\":\"" + status + "\",\"alarms\":{" + alarms + "}}\n"), request);
 }
 
-HttpResponse metrics_response(const RouteSources& sources, const HttpRequest& request) {
-  const MetricsFormat format = metrics_format(request.accept);
-  HttpResponse response;
-  response.content_type = content_type_of(format);
-  send(response, sources.metrics(format), request);
-  return response;
-}
-
-/// `3/7`; nullopt: anything else.
-std::optional<std::pair<std::int64_t, std::int64_t>> two_versions_in(std::string_view text) {
-  std::pair<std::int64_t, std::int64_t> out;
-  const char* const end = text.data() + text.size();
-  const auto [middle, first] = std::from_chars(text.data(), end, out.first);
-  if (first != std::errc{} || middle == end || *middle != '/') return std::nullopt;
-  const auto [last, second] = std::from_chars(middle + 1, end, out.second);
-  if (second != std::errc{} || last != end) return std::nullopt;
-  return out;
-}
-
 HttpResponse diff_response(std::string_view versions, const RouteSources& sources,
                            const HttpRequest& request) {
-  const auto wanted = two_versions_in(versions);
-  if (!wanted) return plain_response(400, "expected two versions, as /api/v1/map/diff/3/7\n");
-  const auto diff = sources.diff(wanted->first, wanted->second);
+  const auto slash = versions.find('/');
+  const auto before = whole_number<std::int64_t>(versions.substr(0, slash));
+  const auto after = slash == std::string_view::npos
+                         ? std::nullopt
+                         : whole_number<std::int64_t>(versions.substr(slash + 1));
+  if (!before || !after)
+    return plain_response(400, "expected two versions, as /api/v1/map/diff/3/7\n");
+  const auto diff = sources.diff(*before, *after);
   if (!diff) return plain_response(404, diff.error().what + "\n");
   if (!*diff) return later_response(503, "the versions are being read; ask again in a moment\n");
   return json_response(200, **diff, request);
@@ -102,8 +86,7 @@ HttpResponse diff_response(std::string_view versions, const RouteSources& source
 
 std::string lower(std::string_view text) {
   std::string out(text);
-  std::transform(out.begin(), out.end(), out.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::ranges::transform(out, out.begin(), [](char c) { return fiducap::lower(c); });
   return out;
 }
 
@@ -162,17 +145,11 @@ std::optional<std::string> unescaped(std::string_view text) {
 HttpResponse picture_of(const HttpRequest&, SetupApi& setup) {
   const auto picture = setup.picture();
   if (!picture) return plain_response(404, "there is no picture yet\n");
-  HttpResponse response;
-  response.content_type = "image/jpeg";
-  response.content.plain = picture;
-  return response;
+  return {.content_type = "image/jpeg", .content = {picture}};
 }
 
 HttpResponse state_of(const HttpRequest&, SetupApi& setup) {
-  HttpResponse response;
-  response.content_type = "application/json";
-  response.content.plain = setup.state();
-  return response;
+  return {.content_type = "application/json", .content = {setup.state()}};
 }
 
 HttpResponse sheet_of(const HttpRequest& request, SetupApi& setup) {
@@ -180,10 +157,7 @@ HttpResponse sheet_of(const HttpRequest& request, SetupApi& setup) {
   if (!order) return plain_response(400, "expected ?key=value&key=value\n");
   auto pdf = setup.sheet(std::move(*order));
   if (!pdf) return plain_response(400, pdf.error().text() + "\n");
-  HttpResponse response;
-  response.content_type = "application/pdf";
-  response.content.plain = std::make_shared<const std::string>(std::move(*pdf));
-  return response;
+  return {.content_type = "application/pdf", .content = plain_content(std::move(*pdf))};
 }
 
 HttpResponse run_command(const HttpRequest& request, SetupApi& setup) {
@@ -201,10 +175,7 @@ constexpr std::array<SetupRoute, 4> kRoutes{{{"GET", "", state_of},
 }  // namespace
 
 HttpResponse plain_response(int status, std::string text) {
-  HttpResponse response;
-  response.status = status;
-  response.content = plain_content(std::move(text));
-  return response;
+  return {.status = status, .content = plain_content(std::move(text))};
 }
 
 HttpResponse later_response(int status, std::string text) {
@@ -224,7 +195,12 @@ HttpResponse answer(const HttpRequest& request, const PageFiles& page,
   const std::string_view path = path_of(request.target);
   if (path == "/api/v1/state") return json_response(200, sources.state(), request);
   if (path == "/healthz") return health_response(sources.health(), request);
-  if (path == "/metrics") return metrics_response(sources, request);
+  if (path == "/metrics") {
+    const MetricsFormat format = metrics_format(request.accept);
+    HttpResponse response{.content_type = std::string(content_type_of(format))};
+    send(response, sources.metrics(format), request);
+    return response;
+  }
   if (path == kViewsPath) return json_response(200, sources.views(), request);
   if (path == "/api/v1/map/versions") return json_response(200, sources.versions(), request);
   if (path.starts_with(kDiffPath))

@@ -38,9 +38,9 @@ struct HttpRequest {
 struct HttpResponse {
   int status{200};
   std::string content_type{"text/plain; charset=utf-8"};
-  Content content;
-  bool gzip{};       ///< Send the compressed content.
-  std::string etag;  ///< Empty: none.
+  Content content{};
+  bool gzip{};         ///< Send the compressed content.
+  std::string etag{};  ///< Empty: none.
   std::string cache_control{"no-store"};
   int retry_after_s{0};  ///< 0: none.
 

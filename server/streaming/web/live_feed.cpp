@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "streaming/conventions/frame_sequence.hpp"
+#include "streaming/operator_api.hpp"
 #include "streaming/web/codec.hpp"
 
 namespace fiducap::web {
@@ -33,7 +34,7 @@ Message shared(std::string text) { return std::make_shared<const std::string>(st
 
 void LiveConnection::offer(Topic topic, Message message) {
   auto& place = waiting_[slot(topic)];
-  if (topic == Topic::kFrame && place) ++frames_dropped_;
+  if (topic == Topic::kFrame && place) ++dropped_;
   place = std::move(message);
 }
 
@@ -51,36 +52,24 @@ Message LiveConnection::next(Instant now) {
   if (writing_since_) return nullptr;
   for (std::size_t i = 0; i < kTopics; ++i) {
     if (!waiting_[i]) continue;
-    if (i == slot(Topic::kFrame)) ++frames_sent_;
+    if (i == slot(Topic::kFrame)) ++sent_;
     writing_since_ = now;
     return std::exchange(waiting_[i], nullptr);
   }
   return nullptr;
 }
 
-void LiveConnection::written() { writing_since_.reset(); }
-
-bool LiveConnection::is_stuck(Instant now, Duration limit) const {
-  return writing_since_ && now - *writing_since_ > limit;
-}
-
-ClientStatus LiveConnection::status(Instant now) const {
-  return {"web",           net::text_of(peer_) + " tcp",   "live page", frames_sent_,
-          frames_dropped_, to_seconds(now - connected_at_)};
-}
-
-LiveFeed::LiveFeed(const WebConfig& config, WebSources sources,
-                   std::shared_ptr<const SceneModel> model)
+LiveFeed::LiveFeed(const WebConfig& config, const ProtocolContext& context)
     : frame_period_(from_seconds(1.0 / config.rate_hz)),
-      sources_(std::move(sources)),
-      model_(std::move(model)),
-      sent_mode_(sources_.map_mode ? sources_.map_mode() : std::string()) {}
+      context_(context),
+      model_(context.model),
+      sent_mode_(map_mode()) {}
 
 std::shared_ptr<LiveConnection> LiveFeed::join(const net::Peer& peer, Instant now) {
   auto connection = std::make_shared<LiveConnection>(peer, now);
   connections_.push_back(connection);
   connection->offer(Topic::kHello, hello());
-  if (sources_.events != nullptr) connection->offer(Topic::kEvents, events());
+  if (context_.events != nullptr) connection->offer(Topic::kEvents, events());
   if (sent_map_) connection->offer(Topic::kMap, map(sent_map_));
   if (newest_) connection->offer(Topic::kFrame, shared(encode_frame(*newest_)));
   if (const Message message = fits(Duration::max())) connection->offer(Topic::kFits, message);
@@ -135,7 +124,7 @@ void LiveFeed::tick(Instant now) {
   offer_events(now);
   if (ticked_at_ && now - *ticked_at_ < kTickPeriod) return;
   ticked_at_ = now;
-  const std::string mode = sources_.map_mode ? sources_.map_mode() : std::string();
+  const std::string_view mode = map_mode();
   const bool has_changed = mode != sent_mode_;
   sent_mode_ = mode;
   const std::vector<ClientStatus> all = all_clients();
@@ -159,39 +148,44 @@ void LiveFeed::offer_log(LiveConnection& connection) const {
 }
 
 Message LiveFeed::hello() const {
-  return shared(encode_hello(
-      {sources_.server_name, sources_.version, sent_mode_, 1.0 / to_seconds(frame_period_),
-       sources_.operator_api != nullptr && !sources_.operator_api->token().empty()},
-      *model_));
+  return shared(
+      encode_hello({context_.version, sent_mode_, 1.0 / to_seconds(frame_period_),
+                    context_.operator_api != nullptr && !context_.operator_api->token().empty()},
+                   *model_));
+}
+
+std::string_view LiveFeed::map_mode() const {
+  if (context_.operator_api == nullptr) return "";
+  return context_.operator_api->map_mode() == MapMode::kFrozen ? "frozen" : "mapping";
 }
 
 Message LiveFeed::clients() const { return shared(encode_clients(all_clients())); }
 
 Message LiveFeed::fits(Duration within) const {
-  if (!sources_.tag_fits || !newest_) return nullptr;
-  auto all = sources_.tag_fits();
+  if (context_.operator_api == nullptr || !newest_) return nullptr;
+  auto all = context_.operator_api->tag_fits();
   std::erase_if(all, [&](const TagFit& fit) { return newest_->at - fit.seen_at > within; });
   return all.empty() ? nullptr : shared(encode_fits(all, newest_->utc_offset));
 }
 
 std::vector<ClientStatus> LiveFeed::all_clients() const {
-  return sources_.clients ? sources_.clients() : std::vector<ClientStatus>{};
+  return context_.clients ? context_.clients() : std::vector<ClientStatus>{};
 }
 
 void LiveFeed::offer_events(Instant now) {
-  if (sources_.events == nullptr) return;
+  if (context_.events == nullptr) return;
   if (events_looked_at_ && now - *events_looked_at_ < kEventsPeriod) return;
   events_looked_at_ = now;
-  const std::uint64_t revision = sources_.events->revision();
+  const std::uint64_t revision = context_.events->revision();
   if (std::exchange(sent_revision_, revision) == revision || connections_.empty()) return;
   offer_all(Topic::kEvents, events());
 }
 
 Message LiveFeed::events() const {
-  const auto kept = sources_.events->after(0);
+  const auto kept = context_.events->after(0);
   const std::span<const Event> all(kept);
   return shared(
-      encode_events(sources_.events->standing(), all.last(std::min(all.size(), kNewestEvents))));
+      encode_events(context_.events->standing(), all.last(std::min(all.size(), kNewestEvents))));
 }
 
 const Content& LiveFeed::state(Instant now) {
@@ -200,19 +194,20 @@ const Content& LiveFeed::state(Instant now) {
 
 const Content& LiveFeed::versions(Instant now) {
   return versions_.at(now, [this] {
-    return encode_versions(sources_.map_versions ? sources_.map_versions()
-                                                 : std::vector<MapVersionInfo>{});
+    return encode_versions(context_.operator_api != nullptr ? context_.operator_api->map_versions()
+                                                            : std::vector<MapVersionInfo>{});
   });
 }
 
 Expected<std::optional<Content>> LiveFeed::diff(std::int64_t before, std::int64_t after) {
-  if (!sources_.map_version) return fail(ErrorCode::kNotFound, "the map has no store");
-  const auto first = sources_.map_version(before);
+  OperatorApi* const api = context_.operator_api;
+  if (api == nullptr) return fail(ErrorCode::kNotFound, "the map has no store");
+  const auto first = api->map_version(before);
   if (!first) return tl::unexpected(first.error());
-  const auto second = sources_.map_version(after);
+  const auto second = api->map_version(after);
   if (!second) return tl::unexpected(second.error());
   if (*first == nullptr || *second == nullptr) return std::nullopt;
-  const auto served = sources_.operator_api != nullptr ? sources_.operator_api->map() : nullptr;
+  const auto served = api->map();
   const Pose X_RW = served ? served->X_RW : (*second)->X_RW;
   return make_content(encode_diff(**first, **second, X_RW), Effort::kQuick);
 }
@@ -221,7 +216,7 @@ std::string LiveFeed::encode_state_now() {
   const Message frame = newest_ ? shared(encode_frame(*newest_)) : shared({});
   const Message at_map = newest_ && newest_->map ? map(newest_->map) : shared({});
   const Message seen = fits(Duration::max());
-  const Message message = sources_.events != nullptr ? events() : shared({});
+  const Message message = context_.events != nullptr ? events() : shared({});
   return encode_state({*hello(), *at_map, seen ? std::string_view(*seen) : std::string_view(),
                        *frame, *clients(), encode_log(log::lines_after(0)), *message});
 }
@@ -233,10 +228,10 @@ const Content& LiveFeed::metrics(MetricsFormat format, Instant now) {
 }
 
 std::string LiveFeed::encode_metrics_now(MetricsFormat format, Instant now) const {
-  const EventBoard* board = sources_.events;
+  const EventBoard* board = context_.events;
   const std::vector<Event> alarms = board != nullptr ? board->standing() : std::vector<Event>{};
   return encode_metrics(
-      {.version = sources_.version,
+      {.version = context_.version,
        .healthy = health(now).trouble.empty(),
        .frame = newest_.get(),
        .model = model_.get(),
@@ -254,8 +249,8 @@ Health LiveFeed::health(Instant now) const {
   } else if (now - newest_->published_at > kFrozenAfter) {
     health.trouble = "frames stopped";
   }
-  if (sources_.events == nullptr) return health;
-  for (const Event& alarm : sources_.events->standing())
+  if (context_.events == nullptr) return health;
+  for (const Event& alarm : context_.events->standing())
     ++health.alarms.at(static_cast<std::size_t>(alarm.severity));
   return health;
 }

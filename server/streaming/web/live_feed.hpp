@@ -25,13 +25,44 @@ using Message = std::shared_ptr<const std::string>;
 enum class Topic : std::size_t { kHello, kEvents, kMap, kFits, kFrame, kClients, kLog };
 inline constexpr std::size_t kTopics = 7;
 
-/// One live page, without its socket: keeps the newest message per topic, so a slow page costs at
-/// most seven messages. Only frames count as dropped; log lines are collected.
-class LiveConnection final {
+/// One client of a feed, without its socket: one write at a time, and its counts.
+class FeedClient {
  public:
-  LiveConnection(const net::Peer& peer, Instant connected_at)
+  FeedClient(const net::Peer& peer, Instant connected_at)
       : peer_(peer), connected_at_(connected_at) {}
   [[nodiscard]] const net::Peer& peer() const { return peer_; }
+
+  /// The message of `next` is written.
+  void written() { writing_since_.reset(); }
+  /// @return a write is pending for longer than `limit`
+  [[nodiscard]] bool is_stuck(Instant now, Duration limit) const {
+    return writing_since_ && now - *writing_since_ > limit;
+  }
+  /// Another client gets its place: it will be closed.
+  void dismiss() { dismissed_ = true; }
+  [[nodiscard]] bool dismissed() const { return dismissed_; }
+
+ protected:
+  [[nodiscard]] ClientStatus status(std::string detail, Instant now) const {
+    return {"web",    net::text_of(peer_) + " tcp",   std::move(detail), sent_,
+            dropped_, to_seconds(now - connected_at_)};
+  }
+
+  std::optional<Instant> writing_since_;
+  std::uint64_t sent_{0};  ///< Frames or pictures.
+  std::uint64_t dropped_{0};
+
+ private:
+  net::Peer peer_;
+  Instant connected_at_;
+  bool dismissed_{false};
+};
+
+/// One live page: keeps the newest message per topic, so a slow page costs at most seven messages.
+/// Only frames count as dropped; log lines are collected.
+class LiveConnection final : public FeedClient {
+ public:
+  using FeedClient::FeedClient;
 
   /// Replaces a waiting message of the same topic.
   void offer(Topic topic, Message message);
@@ -42,25 +73,14 @@ class LiveConnection final {
 
   /// The next message to write; nullptr: none, or a write is pending.
   [[nodiscard]] Message next(Instant now);
-  /// The message of `next` is written.
-  void written();
-  /// Another page gets its place: it will be closed.
-  void dismiss() { dismissed_ = true; }
-  [[nodiscard]] bool dismissed() const { return dismissed_; }
-  /// @return a write is pending for longer than `limit`
-  [[nodiscard]] bool is_stuck(Instant now, Duration limit) const;
 
-  [[nodiscard]] ClientStatus status(Instant now) const;
+  [[nodiscard]] ClientStatus status(Instant now) const {
+    return FeedClient::status("live page", now);
+  }
 
  private:
-  net::Peer peer_;
-  Instant connected_at_;
   std::array<Message, kTopics> waiting_{};
-  std::optional<Instant> writing_since_;
-  bool dismissed_{false};
   std::uint64_t log_given_{0};
-  std::uint64_t frames_sent_{0};
-  std::uint64_t frames_dropped_{0};
 };
 
 /// Messages of the live pages: frames at the page's rate; map and events when they change; clients,
@@ -68,7 +88,7 @@ class LiveConnection final {
 /// No socket, no thread; time is passed in.
 class LiveFeed final {
  public:
-  LiveFeed(const WebConfig& config, WebSources sources, std::shared_ptr<const SceneModel> model);
+  LiveFeed(const WebConfig& config, const ProtocolContext& context);
 
   /// A new page, with hello, events, map, newest frame, clients and log waiting.
   [[nodiscard]] std::shared_ptr<LiveConnection> join(const net::Peer& peer, Instant now);
@@ -97,6 +117,8 @@ class LiveFeed final {
   void offer_log(LiveConnection& connection) const;
   void offer_events(Instant now);
   [[nodiscard]] Message hello() const;
+  /// A literal; empty without an OperatorApi.
+  [[nodiscard]] std::string_view map_mode() const;
   [[nodiscard]] Message map(const std::shared_ptr<const TagMap>& wanted);
   [[nodiscard]] Message clients() const;
   /// @return nullptr: no tag was seen within this time
@@ -107,9 +129,9 @@ class LiveFeed final {
   [[nodiscard]] std::string encode_metrics_now(MetricsFormat format, Instant now) const;
 
   Duration frame_period_;
-  WebSources sources_;
+  ProtocolContext context_;
   std::shared_ptr<const SceneModel> model_;
-  std::string sent_mode_;  ///< Map mode, as sent to the pages.
+  std::string_view sent_mode_;  ///< Map mode, as sent to the pages.
   std::shared_ptr<const SceneFrame> newest_;
   std::shared_ptr<const TagMap> sent_map_;
   std::optional<Instant> map_sent_at_;

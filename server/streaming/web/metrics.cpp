@@ -135,15 +135,16 @@ void add_images(Writer& out, const MetricsParts& parts) {
 }
 
 void add_protocols(Writer& out, const MetricsParts& parts) {
+  const auto add_each = [&](std::uint64_t Traffic::*count) {
+    for (const auto& [name, traffic] : parts.protocols)
+      out.sample(traffic.*count, {{"protocol", name}});
+  };
   out.gauge("fiducap_protocol_clients", "Clients now.");
-  for (const auto& [name, traffic] : parts.protocols)
-    out.sample(traffic.clients, {{"protocol", name}});
+  add_each(&Traffic::clients);
   out.counter("fiducap_protocol_frames_sent", "Frames sent, of all clients.");
-  for (const auto& [name, traffic] : parts.protocols)
-    out.sample(traffic.sent, {{"protocol", name}});
+  add_each(&Traffic::sent);
   out.counter("fiducap_protocol_frames_dropped", "Frames that slow clients lost.");
-  for (const auto& [name, traffic] : parts.protocols)
-    out.sample(traffic.dropped, {{"protocol", name}});
+  add_each(&Traffic::dropped);
 }
 
 void add_events(Writer& out, const MetricsParts& parts) {

@@ -23,7 +23,7 @@ ViewRequest united(const std::optional<ViewRequest>& a, const ViewRequest& b) {
 
 ViewConnection::ViewConnection(const net::Peer& peer, Instant connected_at, std::size_t cameras,
                                std::unique_ptr<native::ControlConversation> proof)
-    : peer_(peer), connected_at_(connected_at), proof_(std::move(proof)), places_(cameras) {}
+    : FeedClient(peer, connected_at), proof_(std::move(proof)), places_(cameras) {}
 
 void ViewConnection::greet(std::vector<std::byte>& out, Instant now) {
   if (proof_) proof_->greet(out, now);
@@ -77,12 +77,8 @@ Message ViewConnection::next(Instant now) {
 ClientStatus ViewConnection::status(Instant now) const {
   const auto watched =
       std::ranges::count_if(places_, [](const Place& place) { return place.request.has_value(); });
-  return {"web",
-          net::text_of(peer_) + " tcp",
-          "camera views, " + std::to_string(watched) + (watched == 1 ? " camera" : " cameras"),
-          sent_,
-          dropped_,
-          to_seconds(now - connected_at_)};
+  return FeedClient::status(
+      "camera views, " + std::to_string(watched) + (watched == 1 ? " camera" : " cameras"), now);
 }
 
 ViewAccess ViewFeed::access(const net::Peer& peer, bool is_forwarded, bool has_token) const {
@@ -118,16 +114,6 @@ net::Place ViewFeed::place_for(const net::Peer& peer) const {
   return net::place_for(peer, holders, kMostViewers);
 }
 
-/// From the newest viewer of the address that loses one.
-void ViewFeed::take(const net::Place& place) {
-  if (!place.instead_of) return;
-  const auto newest =
-      std::find_if(connections_.rbegin(), connections_.rend(), [&](const auto& one) {
-        return one->has_place() && one->peer().same_address(*place.instead_of);
-      });
-  if (newest != connections_.rend()) (*newest)->dismiss();
-}
-
 std::shared_ptr<ViewConnection> ViewFeed::join(const net::Peer& peer, Instant now,
                                                std::unique_ptr<native::ControlConversation> proof) {
   auto made = std::make_shared<ViewConnection>(peer, now, cameras().size(), std::move(proof));
@@ -139,7 +125,12 @@ std::shared_ptr<ViewConnection> ViewFeed::join(const net::Peer& peer, Instant no
 bool ViewFeed::admit(ViewConnection& connection) {
   const net::Place place = place_for(connection.peer());
   if (!place.is_there) return false;
-  take(place);
+  // From the newest viewer of the address that loses one.
+  const auto newest =
+      std::find_if(connections_.rbegin(), connections_.rend(), [&](const auto& one) {
+        return place.instead_of && one->has_place() && one->peer().same_address(*place.instead_of);
+      });
+  if (newest != connections_.rend()) (*newest)->dismiss();
   connection.give_place();
   return true;
 }

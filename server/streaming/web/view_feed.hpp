@@ -1,8 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -22,7 +20,7 @@ namespace fiducap::web {
 
 /// One viewer, without its socket: proves the operator's token if required, requests cameras, and
 /// gets pictures: the newest per camera, at the requested rate, at most kMostPerSecond in total.
-class ViewConnection final {
+class ViewConnection final : public FeedClient {
  public:
   static constexpr double kMostPerSecond = 30;
 
@@ -30,14 +28,10 @@ class ViewConnection final {
   /// @param proof  asks for the token; nullptr: not required
   ViewConnection(const net::Peer& peer, Instant connected_at, std::size_t cameras,
                  std::unique_ptr<native::ControlConversation> proof);
-  [[nodiscard]] const net::Peer& peer() const { return peer_; }
   [[nodiscard]] bool is_admitted() const { return proof_ == nullptr || proof_->is_operator(); }
   /// One of a bounded number, see ViewFeed.
-  void give_place() { place_ = PlaceState::kHeld; }
-  [[nodiscard]] bool has_place() const { return place_ == PlaceState::kHeld; }
-  /// Another viewer gets its place: it will be closed.
-  void dismiss() { place_ = PlaceState::kTaken; }
-  [[nodiscard]] bool dismissed() const { return place_ == PlaceState::kTaken; }
+  void give_place() { has_place_ = true; }
+  [[nodiscard]] bool has_place() const { return has_place_ && !dismissed(); }
   /// @return false: no proof within the time limit
   [[nodiscard]] bool is_alive(Instant now) const { return is_admitted() || proof_->is_alive(now); }
 
@@ -57,12 +51,6 @@ class ViewConnection final {
   void offer(std::size_t camera, const CameraViews::Picture& picture, Instant now);
   /// The next picture to send; nullptr: none, or a write is pending.
   [[nodiscard]] Message next(Instant now);
-  /// The picture of `next` is written.
-  void written() { writing_since_.reset(); }
-  /// @return a write is pending for longer than `limit`
-  [[nodiscard]] bool is_stuck(Instant now, Duration limit) const {
-    return writing_since_ && now - *writing_since_ > limit;
-  }
   [[nodiscard]] ClientStatus status(Instant now) const;
 
  private:
@@ -71,18 +59,12 @@ class ViewConnection final {
     CameraViews::Picture waiting;
     std::optional<Instant> due_at;  ///< Of the next picture.
   };
-  enum class PlaceState { kNone, kHeld, kTaken };
 
-  net::Peer peer_;
-  Instant connected_at_;
   std::unique_ptr<native::ControlConversation> proof_;
   std::vector<Place> places_;  ///< One per camera.
-  PlaceState place_{PlaceState::kNone};
+  bool has_place_{false};
   std::size_t next_camera_{0};
   net::TokenBucket sent_bucket_;
-  std::optional<Instant> writing_since_;
-  std::uint64_t sent_{0};
-  std::uint64_t dropped_{0};
 };
 
 /// All viewers. A camera makes pictures while they are requested, at the largest requested size and
@@ -118,7 +100,6 @@ class ViewFeed final {
 
  private:
   [[nodiscard]] net::Place place_for(const net::Peer& peer) const;
-  void take(const net::Place& place);
   void ask_for_pictures();
 
   ViewRule rule_;

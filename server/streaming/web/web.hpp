@@ -2,17 +2,10 @@
 
 #include <array>
 #include <cstdint>
-#include <functional>
-#include <memory>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "base/config_check.hpp"
-#include "base/expected.hpp"
-#include "base/time.hpp"
-#include "streaming/operator_api.hpp"
-#include "streaming/page_api.hpp"
 #include "streaming/streamer.hpp"
 
 namespace fiducap::web {
@@ -67,53 +60,11 @@ void describe(V& v, WebConfig& c) {
 
 using ProtocolConfig = WebConfig;
 
-/// Data for the page besides frames.
-struct WebSources {
-  /// Of all protocols; called on the pages' thread, once a second and for each new page.
-  std::function<std::vector<ClientStatus>()> clients;
-  std::string server_name{"fiducapd"};
-  std::string version;
-  std::function<std::string()> map_mode;  ///< Current: `mapping` or `frozen`.
-  const EventBoard* events{};             ///< nullptr: no events.
-  OperatorApi* operator_api{};            ///< nullptr: no commands.
-  CameraViews* views{};                   ///< nullptr: no pictures.
-  SetupApi* setup{};                      ///< nullptr: no set-up is running.
-  /// Called once a second.
-  std::function<std::vector<TagFit>()> tag_fits{};
-  /// As OperatorApi::map_versions and map_version; empty: no store.
-  std::function<std::vector<MapVersionInfo>()> map_versions{};
-  std::function<Expected<std::shared_ptr<const TagMap>>(std::int64_t)> map_version{};
-};
-
 /// HTTP (page, `/api/v1/state` JSON, `/healthz`, `/metrics`) and WebSockets (`/api/v1/live`:
 /// frames;
 /// `/api/v1/control`: commands with the operator's token; `/api/v1/views`: pictures of cameras),
-/// same origin.
+/// same origin. Without an OperatorApi there are no commands and no versions of the map.
 /// @return Error with a remedy when the address cannot be bound
-[[nodiscard]] StartedStreamer start_web_server(boost::asio::io_context& io, const WebConfig& config,
-                                               WebSources sources,
-                                               std::shared_ptr<const SceneModel> model,
-                                               const Clock& clock);
-
-/// For the list of protocols (streaming/CMakeLists.txt).
-[[nodiscard]] inline StartedStreamer serve(const ProtocolContext& context,
-                                           const WebConfig& config) {
-  WebSources sources;
-  sources.clients = context.clients;
-  sources.version = context.version;
-  sources.events = &context.events;
-  sources.operator_api = &context.operator_api;
-  sources.views = context.views;
-  sources.setup = context.setup;
-  sources.map_mode = [&api = context.operator_api] {
-    return std::string(api.map_mode() == MapMode::kFrozen ? "frozen" : "mapping");
-  };
-  sources.tag_fits = [&api = context.operator_api] { return api.tag_fits(); };
-  sources.map_versions = [&api = context.operator_api] { return api.map_versions(); };
-  sources.map_version = [&api = context.operator_api](std::int64_t version) {
-    return api.map_version(version);
-  };
-  return start_web_server(context.io, config, std::move(sources), context.model, context.clock);
-}
+[[nodiscard]] StartedStreamer serve(const ProtocolContext& context, const WebConfig& config);
 
 }  // namespace fiducap::web

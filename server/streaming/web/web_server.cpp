@@ -1,5 +1,3 @@
-#include <utility>
-
 #include "base/log.hpp"
 #include "middleware/net/peer.hpp"
 #include "streaming/net/tcp_server.hpp"
@@ -17,10 +15,14 @@ constexpr std::string_view kKey = "streaming.web";
 /// Slow pages lose frames, then their connection.
 class PageServer final : public Streamer {
  public:
-  PageServer(boost::asio::io_context& io, std::shared_ptr<WebContext> context,
-             const WebConfig& config, const Clock& clock)
-      : context_(std::move(context)),
-        tcp_(io, {"web", config.max_clients + kPlainConnections, 0, kKey}, clock) {}
+  PageServer(const ProtocolContext& context, const WebConfig& config)
+      : Streamer("web"),
+        context_(std::make_shared<WebContext>(context, config)),
+        tcp_(context.io, {"web", config.max_clients + kPlainConnections, 0, kKey}, context.clock) {
+    if (!context_->has_page())
+      log::warning("web", "no page bundle in " + page_root(config.root).string() +
+                              ": only the API is served");
+  }
 
   Expected<void> listen(const WebConfig& config) {
     const auto port = tcp_.listen({config.address, config.port, kKey},
@@ -37,8 +39,6 @@ class PageServer final : public Streamer {
     return {};
   }
 
-  [[nodiscard]] std::string_view protocol() const override { return "web"; }
-  [[nodiscard]] std::uint16_t port() const override { return port_; }
   void publish(const std::shared_ptr<const SceneFrame>& frame) override {
     context_->feed().publish(frame);
     context_->feed().tick(context_->now());
@@ -59,7 +59,6 @@ class PageServer final : public Streamer {
   }
 
   std::shared_ptr<WebContext> context_;
-  std::uint16_t port_{0};
   net::TcpServer tcp_;
 };
 
@@ -74,14 +73,8 @@ std::vector<ConfigError> WebConfig::check() const {
       .errors;
 }
 
-StartedStreamer start_web_server(boost::asio::io_context& io, const WebConfig& config,
-                                 WebSources sources, std::shared_ptr<const SceneModel> model,
-                                 const Clock& clock) {
-  auto context = std::make_shared<WebContext>(config, std::move(sources), std::move(model), clock);
-  if (!context->has_page())
-    log::warning(
-        "web", "no page bundle in " + page_root(config.root).string() + ": only the API is served");
-  auto server = std::make_unique<PageServer>(io, std::move(context), config, clock);
+StartedStreamer serve(const ProtocolContext& context, const WebConfig& config) {
+  auto server = std::make_unique<PageServer>(context, config);
   if (const auto listening = server->listen(config); !listening)
     return tl::unexpected(listening.error());
   const bool is_v6 = config.address.find(':') != std::string::npos;

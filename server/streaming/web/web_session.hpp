@@ -5,7 +5,6 @@
 #include <memory>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "base/time.hpp"
@@ -27,16 +26,15 @@ class WebSession;
 /// Shared by the sessions of the server; without sockets.
 class WebContext final {
  public:
-  WebContext(const WebConfig& config, WebSources sources, std::shared_ptr<const SceneModel> model,
-             const Clock& clock)
+  WebContext(const ProtocolContext& context, const WebConfig& config)
       : page_(PageFiles::load(page_root(config.root))),
-        operators_(sources.operator_api),
-        setup_(sources.setup),
-        view_feed_(config.camera_views, sources.views),
-        feed_(config, std::move(sources), std::move(model)),
+        operators_(context.operator_api),
+        setup_(context.setup),
+        view_feed_(config.camera_views, context.views),
+        feed_(config, context),
         most_pages_(static_cast<std::size_t>(config.max_clients)),
         names_(own_names(config)),
-        clock_(clock) {}
+        clock_(context.clock) {}
 
   /// @param views  the client's access to cameras
   [[nodiscard]] HttpResponse answer(const HttpRequest& request, const ViewAccess& views) {

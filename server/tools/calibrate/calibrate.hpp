@@ -62,9 +62,6 @@ struct CalibrateExtrinsicsArguments {
 [[nodiscard]] int run_calibrate_extrinsics(const CalibrateExtrinsicsArguments& arguments,
                                            const Terminal& terminal);
 
-/// Kalibr's imu.yaml, as read_kalibr_imu reads it; comments mark values that are upper bounds.
-[[nodiscard]] std::string to_kalibr_imu(const StaticImuNoise& result, const std::string& heading);
-
 /// Renames the file at `path`, if there is one, to `path.before` (`.before2`, … when that exists)
 /// and reports it: it may be of another camera.
 void keep_before(const std::string& path, const Terminal& terminal);
@@ -142,7 +139,7 @@ struct CameraOutcome {
 };
 
 /// For scripts.
-[[nodiscard]] std::string to_camera_json(const CameraOutcome& outcome);
+[[nodiscard]] nlohmann::ordered_json to_camera_json(const CameraOutcome& outcome);
 /// For people.
 void print_camera_report(const Terminal& terminal, const CameraOutcome& outcome,
                          const std::string& input);

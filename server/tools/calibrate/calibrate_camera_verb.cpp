@@ -1,5 +1,7 @@
 #include <filesystem>
 
+#include <nlohmann/json.hpp>
+
 #include "base/whole_file.hpp"
 #include "calibration/intrinsics/view_collector.hpp"
 #include "tools/calibrate/calibrate.hpp"
@@ -9,14 +11,6 @@ namespace fiducap {
 namespace {
 
 constexpr double kUsualTag_mm = 160;
-
-IntrinsicsOptions options_of(const CalibrateCameraArguments& arguments) {
-  IntrinsicsOptions options;
-  if (arguments.lens == "equidistant") options.lenses = {Distortion::kEquidistant};
-  if (arguments.lens == "radial-tangential") options.lenses = {Distortion::kRadialTangential};
-  options.join_targets = !arguments.loose;
-  return options;
-}
 
 const std::string& input_of(const CalibrateCameraArguments& arguments) {
   return arguments.corners.empty() ? arguments.input : arguments.corners;
@@ -44,10 +38,8 @@ Expected<CollectedViews> views_in_corners(const CalibrateCameraArguments& argume
   }
   auto data = read_corner_file(choice);
   if (!data) return tl::unexpected(data.error());
-  CollectedViews seen;
-  seen.images = data->views.size();
-  seen.data = std::move(*data);
-  return seen;
+  const std::size_t images = data->views.size();
+  return CollectedViews{std::move(*data), images};
 }
 
 Expected<CameraOutcome> calibrate(const CalibrateCameraArguments& arguments,
@@ -61,13 +53,13 @@ Expected<CameraOutcome> calibrate(const CalibrateCameraArguments& arguments,
       arguments.corners.empty() ? views_in_images(arguments, line) : views_in_corners(arguments);
   if (!seen) return tl::unexpected(seen.error());
   const auto data = select_views(seen->data, static_cast<std::size_t>(arguments.views));
-  auto result = calibrate_intrinsics(data, options_of(arguments),
-                                     [&](const std::string& what) { line.show(what); });
-  if (!result) {
-    Error error = result.error();
-    if (error.context.empty()) error.context = input_of(arguments);
-    return tl::unexpected(error);
-  }
+  IntrinsicsOptions options;
+  if (arguments.lens == "equidistant") options.lenses = {Distortion::kEquidistant};
+  if (arguments.lens == "radial-tangential") options.lenses = {Distortion::kRadialTangential};
+  options.join_targets = !arguments.loose;
+  auto result =
+      calibrate_intrinsics(data, options, [&](const std::string& what) { line.show(what); });
+  if (!result) return tl::unexpected(in_context(result.error(), input_of(arguments)));
   CameraOutcome out{seen->images, seen->data.views.size(), std::move(*result), {}, {}};
   out.map = make_image_map(out.calibration);
   out.verdict = assess(out.calibration, out.map);
@@ -78,12 +70,9 @@ void add_camera_target_options(CLI::App& verb, CalibrateCameraArguments& a) {
   auto* board =
       verb.add_option("--checkerboard", a.checkerboard,
                       "COLUMNSxROWS of inner corners, e.g. 9x6; without it tags are looked for");
-  verb.add_option("--square-mm", a.square_mm, "Of the checkerboard; changes no intrinsics")
-      ->check(kPositive)
-      ->capture_default_str();
-  verb.add_option("--tag-mm", a.tag_mm,
-                  "Edge of all tags; changes no intrinsics. Default: as in the recording, else 160")
-      ->check(kPositive)
+  add_positive(verb, "--square-mm", a.square_mm, "Of the checkerboard; changes no intrinsics");
+  add_positive(verb, "--tag-mm", a.tag_mm,
+               "Edge of all tags; changes no intrinsics. Default: as in the recording, else 160")
       ->excludes(board);
   verb.add_option("--family", a.family, "Tag family; default: as in the recording, else tag36h11")
       ->excludes(board);
@@ -123,7 +112,7 @@ int run_calibrate_camera(const CalibrateCameraArguments& arguments, const Termin
     written = write_whole_file(file, to_camera_yaml(outcome->calibration, outcome->verdict));
   if (!written) return report(terminal, written.error());
   if (arguments.json)
-    terminal.out << to_camera_json(*outcome);
+    print_json(terminal, to_camera_json(*outcome));
   else
     print_camera_report(terminal, *outcome, input_of(arguments));
   if (!wanted)

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <filesystem>
 
@@ -10,7 +11,7 @@
 #include "calibration/extrinsics/camera_imu_calibration.hpp"
 #include "daemon/system.hpp"
 #include "tools/calibrate/calibrate.hpp"
-#include "tools/verb_inputs.hpp"
+#include "tools/replay/replay_verbs.hpp"
 #include "tools/verb_options.hpp"
 
 namespace fiducap {
@@ -19,11 +20,6 @@ namespace {
 constexpr double kGoodTime_s = 0.001;
 constexpr double kSurprising_sigma = 3;
 constexpr std::array<const char*, 6> kAxes{"x", "y", "z", "rotation x", "rotation y", "rotation z"};
-
-Error in_recording(Error error, const std::string& recording) {
-  if (error.context.empty()) error.context = recording;
-  return error;
-}
 
 Expected<CameraImuCalibration> calibrate(const CalibrateExtrinsicsArguments& arguments,
                                          const Terminal& terminal) {
@@ -45,7 +41,7 @@ Expected<CameraImuCalibration> calibrate(const CalibrateExtrinsicsArguments& arg
   options.search_time = !arguments.keep_time;
   auto result = calibrate_camera_imu(setup, *samples, options,
                                      [&](const std::string& what) { line.show(what); });
-  if (!result) return tl::unexpected(in_recording(result.error(), arguments.recording));
+  if (!result) return tl::unexpected(in_context(result.error(), arguments.recording));
   return result;
 }
 
@@ -55,10 +51,9 @@ bool time_is_good(const CameraImuCalibration& c) {
 
 bool is_good(const CameraImuCalibration& c, bool time_searched) {
   if (c.begins_in_motion || (time_searched && !time_is_good(c))) return false;
-  for (const CameraVerdict& camera : c.verdicts)
-    for (const AxisVerdict& axis : camera.axes)
-      if (!axis.observed) return false;
-  return true;
+  return std::ranges::all_of(c.verdicts, [](const CameraVerdict& camera) {
+    return std::ranges::all_of(camera.axes, &AxisVerdict::observed);
+  });
 }
 
 nlohmann::ordered_json camera_json(const CameraVerdict& verdict, const CameraMount& mount) {
@@ -80,7 +75,7 @@ nlohmann::ordered_json camera_json(const CameraVerdict& verdict, const CameraMou
           {"timeshift_cam_imu_s", to_seconds(mount.time_shift)}};
 }
 
-std::string json_report(const CameraImuCalibration& c, bool time_searched) {
+nlohmann::ordered_json json_report(const CameraImuCalibration& c, bool time_searched) {
   nlohmann::ordered_json cameras = nlohmann::ordered_json::array();
   for (std::size_t k = 0; k < c.cameras.size(); ++k)
     cameras.push_back(camera_json(c.verdicts[k], c.cameras[k]));
@@ -98,15 +93,7 @@ std::string json_report(const CameraImuCalibration& c, bool time_searched) {
                          {"tags_used", c.statistics.tags_used},
                          {"tags_rejected", c.statistics.tags_rejected}};
   report["filter_runs"] = c.runs;
-  return report.dump(2) + "\n";
-}
-
-void print_axis(const Terminal& terminal, const AxisVerdict& axis, std::size_t i, double value,
-                double scale) {
-  terminal.out << fmt::format("    {}  {:.3f} ± {:.3f} {}", kAxes[i], scale * value,
-                              scale * axis.sigma, i < 3 ? "mm" : "°");
-  if (!axis.observed) terminal.out << "   weak: " << motion_for_axis(i);
-  terminal.out << "\n";
+  return report;
 }
 
 void print_camera(const Terminal& terminal, std::size_t k, const CameraVerdict& v,
@@ -116,26 +103,20 @@ void print_camera(const Terminal& terminal, std::size_t k, const CameraVerdict& 
   terminal.out << fmt::format(
       "  cam{}, X_BV (camera in IMU axes), moved by {:.2f} mm and {:.3f}°\n", k, moved_mm,
       moved_deg);
-  const Eigen::Vector3d rotation = log_so3(v.X_BV.q);
-  for (std::size_t i = 0; i < 3; ++i)
-    print_axis(terminal, v.axes[i], i, v.X_BV.p(static_cast<Eigen::Index>(i)), 1000);
-  for (std::size_t i = 0; i < 3; ++i)
-    print_axis(terminal, v.axes[3 + i], 3 + i, rotation(static_cast<Eigen::Index>(i)), 1 / kDegree);
+  Eigen::Matrix<double, 6, 1> place;
+  place << v.X_BV.p, log_so3(v.X_BV.q);
+  for (std::size_t i = 0; i < v.axes.size(); ++i) {
+    const double scale = i < 3 ? 1000 : 1 / kDegree;
+    terminal.out << fmt::format("    {}  {:.3f} ± {:.3f} {}", kAxes[i],
+                                scale * place(static_cast<Eigen::Index>(i)),
+                                scale * v.axes[i].sigma, i < 3 ? "mm" : "°");
+    if (!v.axes[i].observed) terminal.out << "   weak: " << motion_for_axis(i);
+    terminal.out << "\n";
+  }
   if (moved_mm > kSurprising_sigma * arguments.prior_mm ||
       moved_deg > kSurprising_sigma * arguments.prior_deg)
     terminal.out << "    this is further from the recording's own X_BV than --prior-mm and "
                     "--prior-deg allow: widen them and run again\n";
-}
-
-void print_time(const Terminal& terminal, const CameraImuCalibration& c) {
-  terminal.out << fmt::format(
-      "  time: images are {:.3f} ± {:.3f} ms later than their stamps (added to "
-      "timeshift_cam_imu)\n",
-      1000 * c.time.shift_s, 1000 * c.time.sigma_s);
-  if (!c.time.determined)
-    terminal.out << "    weak: the motion is too gentle to show it; turn quickly to and fro\n";
-  else if (!time_is_good(c))
-    terminal.out << "    weak: more than 1 ms uncertain; turn quickly to and fro\n";
 }
 
 void print_report(const Terminal& terminal, const CameraImuCalibration& c,
@@ -146,7 +127,17 @@ void print_report(const Terminal& terminal, const CameraImuCalibration& c,
                               s.tags_rejected);
   for (std::size_t k = 0; k < c.verdicts.size(); ++k)
     print_camera(terminal, k, c.verdicts[k], arguments);
-  if (!arguments.keep_time) print_time(terminal, c);
+  if (!arguments.keep_time) {
+    terminal.out << fmt::format(
+        "  time: images are {:.3f} ± {:.3f} ms later than their stamps (added to "
+        "timeshift_cam_imu)\n",
+        1000 * c.time.shift_s, 1000 * c.time.sigma_s);
+    if (!time_is_good(c))
+      terminal.out << "    weak: "
+                   << (c.time.determined ? "more than 1 ms uncertain"
+                                         : "the motion is too gentle to show it")
+                   << "; turn quickly to and fro\n";
+  }
   if (c.begins_in_motion)
     terminal.out << "  weak: no moment was found in which it was held still with tags in view, and "
                     "it may be centimetres off; hold it still for two seconds, then wave\n";
@@ -169,14 +160,13 @@ int run_calibrate_extrinsics(const CalibrateExtrinsicsArguments& arguments,
                              "timeshift_cam_imu into cam0/sensor.yaml and run again",
                              arguments.recording});
   const std::string file = (std::filesystem::path(arguments.out) / "camchain-imucam.yaml").string();
-  const std::string heading = "Camera-IMU calibration by fiducap calibrate extrinsics";
+  constexpr const char* kHeading = "Camera-IMU calibration by fiducap calibrate extrinsics";
   keep_before(file, terminal);
-  if (auto written = write_whole_file(file, to_kalibr_camchain(result->cameras, heading)); !written)
+  if (auto written = write_whole_file(file, to_kalibr_camchain(result->cameras, kHeading));
+      !written)
     return report(terminal, written.error());
-  if (arguments.json)
-    terminal.out << json_report(*result, !arguments.keep_time);
-  else
-    print_report(terminal, *result, arguments, file);
+  if (arguments.json) return print_json(terminal, json_report(*result, !arguments.keep_time));
+  print_report(terminal, *result, arguments, file);
   return kExitOk;
 }
 
@@ -189,12 +179,9 @@ void add_calibrate_extrinsics(CLI::App& calibrate, ChosenVerb& chosen) {
                    "Folder in the EuRoC/ASL layout with camera, IMU and tags")
       ->required();
   verb->add_option("--out", a.out, "Folder for camchain-imucam.yaml")->capture_default_str();
-  verb->add_option("--prior-mm", a.prior_mm, "How far the recording's T_BS may be off, per axis")
-      ->check(kPositive)
-      ->capture_default_str();
-  verb->add_option("--prior-deg", a.prior_deg, "The same for its rotation")
-      ->check(kPositive)
-      ->capture_default_str();
+  add_positive(*verb, "--prior-mm", a.prior_mm,
+               "How far the recording's T_BS may be off, per axis");
+  add_positive(*verb, "--prior-deg", a.prior_deg, "The same for its rotation");
   verb->add_flag("--keep-time", a.keep_time, "Do not search the time offset");
   verb->add_flag("--json", a.json, "Numbers for scripts");
   verb->footer(

@@ -8,12 +8,10 @@
 
 #include "base/numeric.hpp"
 #include "base/whole_file.hpp"
-#include "calibration/imu/imu_calibration.hpp"
 #include "capture/recording/recording_layout.hpp"
 #include "capture/recording/recording_source.hpp"
 #include "pipeline/imu_plausibility.hpp"
 #include "tools/calibrate/calibrate.hpp"
-#include "tools/plot/plot_page.hpp"
 #include "tools/verb_options.hpp"
 
 namespace fiducap {
@@ -95,7 +93,7 @@ PlotPage allan_plots(const StaticImuNoise& result) {
   return page;
 }
 
-std::string json_report(const StaticImuNoise& r) {
+nlohmann::ordered_json json_report(const StaticImuNoise& r) {
   nlohmann::ordered_json axes = nlohmann::ordered_json::array();
   for (std::size_t i = 0; i < kImuAxes; ++i) {
     const AxisNoise& a = r.axes[i];
@@ -108,19 +106,17 @@ std::string json_report(const StaticImuNoise& r) {
                     {"random_walk_seen", a.walk_seen},
                     {"random_walk_bound", a.walk_bound}});
   }
-  const nlohmann::ordered_json report{
-      {"seconds", r.seconds},
-      {"rate_hz", r.rate_hz},
-      {"samples", r.samples},
-      {"lost", r.lost},
-      {"axes", axes},
-      {"gyroscope_noise_density", r.noise.gyro_noise_rad_s_rtHz},
-      {"gyroscope_random_walk", r.noise.gyro_walk_rad_s2_rtHz},
-      {"gyroscope_random_walk_is_bound", !r.gyro_walk_seen},
-      {"accelerometer_noise_density", r.noise.accel_noise_m_s2_rtHz},
-      {"accelerometer_random_walk", r.noise.accel_walk_m_s3_rtHz},
-      {"accelerometer_random_walk_is_bound", !r.accel_walk_seen}};
-  return report.dump(2) + "\n";
+  return {{"seconds", r.seconds},
+          {"rate_hz", r.rate_hz},
+          {"samples", r.samples},
+          {"lost", r.lost},
+          {"axes", axes},
+          {"gyroscope_noise_density", r.noise.gyro_noise_rad_s_rtHz},
+          {"gyroscope_random_walk", r.noise.gyro_walk_rad_s2_rtHz},
+          {"gyroscope_random_walk_is_bound", !r.gyro_walk_seen},
+          {"accelerometer_noise_density", r.noise.accel_noise_m_s2_rtHz},
+          {"accelerometer_random_walk", r.noise.accel_walk_m_s3_rtHz},
+          {"accelerometer_random_walk_is_bound", !r.accel_walk_seen}};
 }
 
 std::string too_short(const char* sensor, const AxisNoise& axis, const StaticImuNoise& r) {
@@ -159,22 +155,20 @@ nlohmann::ordered_json rows_json(const Eigen::Matrix3d& M) {
 
 nlohmann::ordered_json list_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
-std::string poses_json(const MultiPoseImu& r) {
+nlohmann::ordered_json poses_json(const MultiPoseImu& r) {
   const ImuCorrection& c = r.correction;
-  const nlohmann::ordered_json report{
-      {"seconds", r.seconds},
-      {"rests", r.rests},
-      {"turns", r.turns},
-      {"accel_bias_m_s2", list_json(c.accel_bias_m_s2)},
-      {"accel_bias_sigma_m_s2", list_json(r.accel_bias_sigma_m_s2)},
-      {"accel_matrix", rows_json(c.accel_matrix)},
-      {"accel_scale_sigma", list_json(r.accel_scale_sigma)},
-      {"gyro_bias_rad_s", list_json(c.gyro_bias_rad_s)},
-      {"gyro_matrix", rows_json(c.gyro_matrix)},
-      {"gyro_scale_sigma", list_json(r.gyro_scale_sigma)},
-      {"gravity_rms_m_s2", {{"before", r.gravity_rms_before}, {"after", r.gravity_rms_after}}},
-      {"up_rms_rad", {{"before", r.up_rms_before}, {"after", r.up_rms_after}}}};
-  return report.dump(2) + "\n";
+  return {{"seconds", r.seconds},
+          {"rests", r.rests},
+          {"turns", r.turns},
+          {"accel_bias_m_s2", list_json(c.accel_bias_m_s2)},
+          {"accel_bias_sigma_m_s2", list_json(r.accel_bias_sigma_m_s2)},
+          {"accel_matrix", rows_json(c.accel_matrix)},
+          {"accel_scale_sigma", list_json(r.accel_scale_sigma)},
+          {"gyro_bias_rad_s", list_json(c.gyro_bias_rad_s)},
+          {"gyro_matrix", rows_json(c.gyro_matrix)},
+          {"gyro_scale_sigma", list_json(r.gyro_scale_sigma)},
+          {"gravity_rms_m_s2", {{"before", r.gravity_rms_before}, {"after", r.gravity_rms_after}}},
+          {"up_rms_rad", {{"before", r.up_rms_before}, {"after", r.up_rms_after}}}};
 }
 
 std::string listed(const Eigen::Vector3d& v, int decimals) {
@@ -220,15 +214,12 @@ int run_poses(const CalibrateImuArguments& arguments, const std::vector<ImuSampl
   if (auto written = write_whole_file(file, to_imu_correction_yaml(result->correction, heading));
       !written)
     return report(terminal, written.error());
-  if (arguments.json)
-    terminal.out << poses_json(*result);
-  else
-    print_poses(*result, file, terminal);
+  if (arguments.json) return print_json(terminal, poses_json(*result));
+  print_poses(*result, file, terminal);
   return kExitOk;
 }
 
-}  // namespace
-
+/// Kalibr's imu.yaml, as read_kalibr_imu reads it; comments mark values that are upper bounds.
 std::string to_kalibr_imu(const StaticImuNoise& result, const std::string& heading) {
   std::ostringstream out;
   out.imbue(std::locale::classic());
@@ -246,6 +237,8 @@ std::string to_kalibr_imu(const StaticImuNoise& result, const std::string& headi
   return out.str();
 }
 
+}  // namespace
+
 int run_calibrate_imu(const CalibrateImuArguments& arguments, const Terminal& terminal) {
   const auto samples = read_imu(arguments.recording, terminal);
   if (!samples) return report(terminal, samples.error());
@@ -262,10 +255,8 @@ int run_calibrate_imu(const CalibrateImuArguments& arguments, const Terminal& te
   if (auto written = write_whole_file((to / "allan.html").string(), to_html(allan_plots(*result)));
       !written)
     return report(terminal, written.error());
-  if (arguments.json)
-    terminal.out << json_report(*result);
-  else
-    print_table(*result, arguments.out, terminal);
+  if (arguments.json) return print_json(terminal, json_report(*result));
+  print_table(*result, arguments.out, terminal);
   return kExitOk;
 }
 
@@ -283,10 +274,7 @@ void add_calibrate_imu(CLI::App& calibrate, ChosenVerb& chosen) {
   auto* poses = verb->add_flag("--poses", a.poses,
                                "The IMU was put down in 20 to 40 attitudes, two seconds each, and "
                                "turned by hand between them");
-  verb->add_option("--gravity", a.gravity_m_s2, "Where it was recorded, m/s²")
-      ->check(kPositive)
-      ->needs(poses)
-      ->capture_default_str();
+  add_positive(*verb, "--gravity", a.gravity_m_s2, "Where it was recorded, m/s²")->needs(poses);
   verb->add_flag("--json", a.json, "Numbers for scripts");
   verb->footer(
       "Record: let the IMU warm up, put it on a solid table away from fans, and do not touch the "

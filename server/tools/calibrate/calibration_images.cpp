@@ -33,16 +33,43 @@ struct CalibrationImage {
   int height{};
 };
 
+bool is_picture(const std::filesystem::path& file) {
+  std::string ending = file.extension().string();
+  std::ranges::transform(ending, ending.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  constexpr std::array<const char*, 8> kEndings{".png", ".jpg",  ".jpeg", ".bmp",
+                                                ".pgm", ".tiff", ".tif",  ".webp"};
+  return std::ranges::find(kEndings, ending) != kEndings.end();
+}
+
 /// Images of one camera, calibrated or not: a folder of pictures, a video file, or a recording.
 class CalibrationImages final {
  public:
   /// @param camera  which camera of a recording
   /// @return Error with what was expected
   [[nodiscard]] static Expected<CalibrationImages> open(const std::string& path,
-                                                        std::size_t camera);
+                                                        std::size_t camera) {
+    if (is_folder(path))
+      return RecordingLayout::find(path) ? open_recorded(path, camera) : open_folder(path);
+    CameraDeviceConfig video;
+    video.open = path;
+    video.paced = false;
+    if (!is_file(path))
+      return fail(ErrorCode::kNotFound,
+                  "no such folder or file: expected a folder of pictures, a video or a recording",
+                  path);
+    auto source = open_camera_device(video, CameraModel{}, kClock);
+    if (!source) return tl::unexpected(source.error());
+    CalibrationImages images;
+    images.source_ = std::move(*source);
+    return images;
+  }
 
   /// @return nullopt at the end. Unreadable pictures are skipped, the first one is logged.
-  [[nodiscard]] Expected<std::optional<CalibrationImage>> next();
+  [[nodiscard]] Expected<std::optional<CalibrationImage>> next() {
+    if (source_) return next_sample();
+    return next_file();
+  }
 
   /// Number of images; 0: unknown.
   [[nodiscard]] std::size_t total() const { return files_.size(); }
@@ -51,10 +78,68 @@ class CalibrationImages final {
 
  private:
   [[nodiscard]] static Expected<CalibrationImages> open_recorded(const std::string& path,
-                                                                 std::size_t camera);
-  [[nodiscard]] static Expected<CalibrationImages> open_folder(const std::string& path);
-  [[nodiscard]] std::optional<CalibrationImage> next_file();
-  [[nodiscard]] Expected<std::optional<CalibrationImage>> next_sample();
+                                                                 std::size_t camera) {
+    auto info = read_recording_info(path);
+    if (!info) return tl::unexpected(info.error());
+    if (camera >= info->cameras.size())
+      return fail(
+          ErrorCode::kNotFound,
+          "has " + std::to_string(info->cameras.size()) + " cameras, --camera counts from 0", path);
+    auto source = open_recording(*info, {}, kClock);
+    if (!source) return tl::unexpected(source.error());
+    CalibrationImages images;
+    images.source_ = std::move(*source);
+    images.recording_ = std::move(*info);
+    images.camera_ = camera;
+    return images;
+  }
+
+  [[nodiscard]] static Expected<CalibrationImages> open_folder(const std::string& path) {
+    CalibrationImages images;
+    std::error_code error;
+    for (const auto& entry : std::filesystem::directory_iterator(path, error))
+      if (is_file(entry.path()) && is_picture(entry.path())) images.files_.push_back(entry.path());
+    if (error) return fail(ErrorCode::kUnavailable, "cannot be read: " + error.message(), path);
+    if (images.files_.empty())
+      return fail(
+          ErrorCode::kNotFound,
+          "holds neither pictures (.png, .jpg, .bmp, .pgm, .tiff, .webp) nor a recording (mav0)",
+          path);
+    std::ranges::sort(images.files_);
+    return images;
+  }
+
+  [[nodiscard]] std::optional<CalibrationImage> next_file() {
+    while (next_file_ < files_.size()) {
+      const std::filesystem::path& file = files_[next_file_++];
+      auto image = std::make_shared<GrayImage>();
+      const auto read = read_gray_file_of_any_size(file, scratch_, *image);
+      if (read)
+        return CalibrationImage{file.filename().string(), image, {}, image->width, image->height};
+      if (left_out_++ == 0)
+        log::warning("calibrate", read.error().text() + "; such pictures are left out");
+    }
+    return std::nullopt;
+  }
+
+  [[nodiscard]] Expected<std::optional<CalibrationImage>> next_sample() {
+    for (;;) {
+      auto sample = source_->next({});
+      if (!sample) return tl::unexpected(sample.error());
+      if (!*sample) return std::nullopt;
+      const auto* frame = std::get_if<CameraFrame>(&**sample);
+      const auto* corners = std::get_if<CornerFrame>(&**sample);
+      const int camera = static_cast<int>(camera_);
+      const bool is_wanted = frame != nullptr ? frame->camera == camera
+                                              : corners != nullptr && corners->camera == camera;
+      if (!is_wanted) continue;
+      const std::string name = "image " + std::to_string(++seen_);
+      if (frame != nullptr)
+        return CalibrationImage{name, frame->image, {}, frame->image->width, frame->image->height};
+      const CameraModel& model = recording_->cameras[camera_].model;
+      return CalibrationImage{name, nullptr, *corners, model.width, model.height};
+    }
+  }
 
   std::vector<std::filesystem::path> files_;
   std::size_t next_file_{0};
@@ -65,103 +150,6 @@ class CalibrationImages final {
   std::size_t seen_{0};
   std::size_t left_out_{0};
 };
-
-bool is_picture(const std::filesystem::path& file) {
-  std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  constexpr std::array<const char*, 8> kEndings{".png", ".jpg",  ".jpeg", ".bmp",
-                                                ".pgm", ".tiff", ".tif",  ".webp"};
-  return std::find(kEndings.begin(), kEndings.end(), ending) != kEndings.end();
-}
-
-Expected<CalibrationImages> CalibrationImages::open(const std::string& path, std::size_t camera) {
-  if (is_folder(path))
-    return RecordingLayout::find(path) ? open_recorded(path, camera) : open_folder(path);
-  CameraDeviceConfig video;
-  video.open = path;
-  video.paced = false;
-  if (!is_file(path))
-    return fail(ErrorCode::kNotFound,
-                "no such folder or file: expected a folder of pictures, a video or a recording",
-                path);
-  auto source = open_camera_device(video, CameraModel{}, kClock);
-  if (!source) return tl::unexpected(source.error());
-  CalibrationImages images;
-  images.source_ = std::move(*source);
-  return images;
-}
-
-Expected<CalibrationImages> CalibrationImages::open_recorded(const std::string& path,
-                                                             std::size_t camera) {
-  auto info = read_recording_info(path);
-  if (!info) return tl::unexpected(info.error());
-  if (camera >= info->cameras.size())
-    return fail(ErrorCode::kNotFound,
-                "has " + std::to_string(info->cameras.size()) + " cameras, --camera counts from 0",
-                path);
-  auto source = open_recording(*info, {}, kClock);
-  if (!source) return tl::unexpected(source.error());
-  CalibrationImages images;
-  images.source_ = std::move(*source);
-  images.recording_ = std::move(*info);
-  images.camera_ = camera;
-  return images;
-}
-
-Expected<CalibrationImages> CalibrationImages::open_folder(const std::string& path) {
-  CalibrationImages images;
-  std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(path, error))
-    if (is_file(entry.path()) && is_picture(entry.path())) images.files_.push_back(entry.path());
-  if (error) return fail(ErrorCode::kUnavailable, "cannot be read: " + error.message(), path);
-  if (images.files_.empty())
-    return fail(
-        ErrorCode::kNotFound,
-        "holds neither pictures (.png, .jpg, .bmp, .pgm, .tiff, .webp) nor a recording (mav0)",
-        path);
-  std::ranges::sort(images.files_);
-  return images;
-}
-
-Expected<std::optional<CalibrationImage>> CalibrationImages::next() {
-  if (source_) return next_sample();
-  return next_file();
-}
-
-std::optional<CalibrationImage> CalibrationImages::next_file() {
-  while (next_file_ < files_.size()) {
-    const std::filesystem::path& file = files_[next_file_++];
-    auto image = std::make_shared<GrayImage>();
-    const auto read = read_gray_file_of_any_size(file, scratch_, *image);
-    if (read)
-      return CalibrationImage{file.filename().string(), image, {}, image->width, image->height};
-    if (left_out_++ == 0)
-      log::warning("calibrate", read.error().text() + "; such pictures are left out");
-  }
-  return std::nullopt;
-}
-
-Expected<std::optional<CalibrationImage>> CalibrationImages::next_sample() {
-  for (;;) {
-    auto sample = source_->next({});
-    if (!sample) return tl::unexpected(sample.error());
-    if (!*sample) return std::nullopt;
-    const int camera = static_cast<int>(camera_);
-    if (const auto* frame = std::get_if<CameraFrame>(&**sample); frame && frame->camera == camera)
-      return CalibrationImage{"image " + std::to_string(++seen_),
-                              frame->image,
-                              {},
-                              frame->image->width,
-                              frame->image->height};
-    if (const auto* corners = std::get_if<CornerFrame>(&**sample);
-        corners && corners->camera == camera) {
-      const CameraModel& model = recording_->cameras[camera_].model;
-      return CalibrationImage{"image " + std::to_string(++seen_), nullptr, *corners, model.width,
-                              model.height};
-    }
-  }
-}
 
 constexpr double kUsualTag_m = 0.16;
 
@@ -198,10 +186,6 @@ Expected<CalibrationTargets> choose_targets(const CalibrateCameraArguments& argu
   return targets;
 }
 
-std::string size_text(int width, int height) {
-  return std::to_string(width) + " x " + std::to_string(height);
-}
-
 Expected<CollectedViews> collect_views(
     CalibrationImages& images, const CalibrationTargets& targets,
     const std::function<void(std::size_t, std::size_t)>& progress) {
@@ -230,15 +214,6 @@ Expected<CollectedViews> collect_views(
   return out;
 }
 
-Error nothing_seen(const CollectedViews& seen, const CalibrateCameraArguments& arguments) {
-  const std::string target = arguments.checkerboard.empty()
-                                 ? "no tag of 20 px or more (family, light, sharpness?)"
-                                 : "no whole checkerboard of " + arguments.checkerboard +
-                                       " inner corners (count them; all must be in view)";
-  return {ErrorCode::kNotFound, target + " in " + std::to_string(seen.images) + " images",
-          arguments.input};
-}
-
 }  // namespace
 
 Expected<CollectedViews> views_in_images(const CalibrateCameraArguments& arguments,
@@ -254,8 +229,13 @@ Expected<CollectedViews> views_in_images(const CalibrateCameraArguments& argumen
     line.show("looking for targets: " + std::to_string(looked) + of + " images, " +
               std::to_string(found) + " with");
   });
-  if (seen && seen->data.views.empty()) return tl::unexpected(nothing_seen(*seen, arguments));
-  return seen;
+  if (!seen || !seen->data.views.empty()) return seen;
+  const std::string target = arguments.checkerboard.empty()
+                                 ? "no tag of 20 px or more (family, light, sharpness?)"
+                                 : "no whole checkerboard of " + arguments.checkerboard +
+                                       " inner corners (count them; all must be in view)";
+  return fail(ErrorCode::kNotFound, target + " in " + std::to_string(seen->images) + " images",
+              arguments.input);
 }
 
 }  // namespace fiducap

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -17,6 +16,12 @@ std::array<const char*, kLensNumbers> number_names(Distortion kind) {
   if (kind == Distortion::kEquidistant)
     return {"fu", "fv", "cu", "cv", "k1", "k2", "k3", "k4", "-"};
   return {"fu", "fv", "cu", "cv", "k1", "k2", "p1", "p2", "k3"};
+}
+
+const char* verdict_text(IntrinsicsGrade grade) {
+  return grade == IntrinsicsGrade::kGood   ? "good enough"
+         : grade == IntrinsicsGrade::kWeak ? "usable, could be better"
+                                           : "refused";
 }
 
 const char* word_for(IntrinsicsGrade grade) {
@@ -46,7 +51,7 @@ std::vector<std::string> held_names(const IntrinsicsCalibration& c) {
   const Distortion kind = c.state.camera.distortion;
   std::vector<int> held;
   for (int i = 4; i < (kind == Distortion::kEquidistant ? 8 : kLensNumbers); ++i)
-    if (std::find(c.free.begin(), c.free.end(), i) == c.free.end()) held.push_back(i);
+    if (std::ranges::find(c.free, i) == c.free.end()) held.push_back(i);
   return names_of(held, kind);
 }
 
@@ -102,15 +107,12 @@ void print_lens(const Terminal& terminal, const IntrinsicsCalibration& c) {
                  << fixed(std::sqrt(c.uncertainty.covariance(i, i)), decimals)
                  << (i < 4 ? " px" : "") << "\n";
   }
-  std::string held;
-  for (const std::string& name : held_names(c)) held += (held.empty() ? "" : ", ") + name;
-  if (!held.empty())
-    terminal.out << "    " << held << "  held at 0: the images do not determine them\n";
+  if (const auto held = held_names(c); !held.empty())
+    terminal.out << "    " << comma_list(held) << "  held at 0: the images do not determine them\n";
 }
 
 constexpr std::size_t kMostDots = 6000;
-constexpr PlotPoint kBreak{std::numeric_limits<double>::quiet_NaN(),
-                           std::numeric_limits<double>::quiet_NaN()};
+constexpr PlotPoint kBreak{kPlotGap, kPlotGap};
 
 /// Pixels below each bound have the colour; the last but one is for larger ones, the last for cells
 /// without a number.
@@ -128,10 +130,7 @@ class CameraPlots final {
   [[nodiscard]] PlotPage page() const {
     const CameraModel& camera = c_.state.camera;
     PlotPage page;
-    page.title =
-        "Verdict: " + std::string(v_.grade == IntrinsicsGrade::kGood   ? "good enough"
-                                  : v_.grade == IntrinsicsGrade::kWeak ? "usable, could be better"
-                                                                       : "refused");
+    page.title = std::string("Verdict: ") + verdict_text(v_.grade);
     page.remarks = {"fu " + fixed(camera.fu, 2) + "  fv " + fixed(camera.fv, 2) + "  cu " +
                     fixed(camera.cu, 2) + "  cv " + fixed(camera.cv, 2) + " px;  " +
                     std::to_string(v_.images) + " images, " + std::to_string(v_.points) +
@@ -204,15 +203,13 @@ class CameraPlots final {
         const double turn = i * 5 * kDegree;
         const auto px = c_.state.camera.project(
             {std::sin(angle) * std::cos(turn), std::sin(angle) * std::sin(turn), std::cos(angle)});
-        line.points.push_back(px && inside(*px) ? point(*px) : kBreak);
+        const bool is_inside = px && px->x() >= 0 && px->y() >= 0 && px->x() < c_.data.width &&
+                               px->y() < c_.data.height;
+        line.points.push_back(is_inside ? point(*px) : kBreak);
       }
       line.points.push_back(kBreak);
     }
     return line;
-  }
-
-  [[nodiscard]] bool inside(const Eigen::Vector2d& px) const {
-    return px.x() >= 0 && px.y() >= 0 && px.x() < c_.data.width && px.y() < c_.data.height;
   }
 
   [[nodiscard]] LinePlot reprojection() const {
@@ -252,7 +249,7 @@ class CameraPlots final {
 
 }  // namespace
 
-std::string to_camera_json(const CameraOutcome& o) {
+nlohmann::ordered_json to_camera_json(const CameraOutcome& o) {
   const IntrinsicsCalibration& c = o.calibration;
   const IntrinsicsVerdict& v = o.verdict;
   nlohmann::ordered_json trials = nlohmann::ordered_json::array();
@@ -261,7 +258,7 @@ std::string to_camera_json(const CameraOutcome& o) {
                       {"numbers", names_of(trial.free, trial.distortion)},
                       {"sigma_px", trial.sigma_px},
                       {"can_be_a_lens", trial.sound}});
-  const nlohmann::ordered_json report{
+  return {
       {"verdict", word_for(v.grade)},
       {"advice", v.advice},
       {"lens", name_of(c.state.camera.distortion)},
@@ -286,7 +283,6 @@ std::string to_camera_json(const CameraOutcome& o) {
       {"lens_error_px", v.lens_error_px},
       {"lenses_tried", trials},
       {"map", cells_json(o.map)}};
-  return report.dump(2) + "\n";
 }
 
 void print_camera_report(const Terminal& terminal, const CameraOutcome& o,
@@ -310,11 +306,8 @@ void print_camera_report(const Terminal& terminal, const CameraOutcome& o,
       "  directions uncertain by {:.3f} px in half of the image, {:.3f} px at worst\n",
       100 * v.covered, v.seen_angle_rad / kDegree, v.image_angle_rad / kDegree, 100 * v.tilted,
       v.reprojection_rms_px, v.uncertainty_median_px, v.uncertainty_worst_px);
-  terminal.out << "verdict: "
-               << (v.grade == IntrinsicsGrade::kGood   ? "good enough"
-                   : v.grade == IntrinsicsGrade::kWeak ? "usable, could be better"
-                                                       : "refused, record again")
-               << "\n";
+  terminal.out << "verdict: " << verdict_text(v.grade)
+               << (v.grade == IntrinsicsGrade::kUseless ? ", record again\n" : "\n");
   for (const std::string& advice : v.advice) terminal.out << "  - " << advice << "\n";
 }
 

@@ -14,15 +14,6 @@ namespace {
 
 constexpr int kMostAlong = 100;  // squares along a side
 
-Error board_error(const std::string& text) {
-  return {ErrorCode::kInvalid,
-          "must be tags:MM, points:COLUMNSxROWS:MM, "
-          "charuco:COLUMNSxROWS:SQUARE_MM:MARKER_MM[:white] or grid:COLUMNSxROWS:TAG_MM:GAP_MM, "
-          "e.g. charuco:5x7:36.2:18.3 (columns and rows 2 to 100, lengths > 0); is '" +
-              text + "'",
-          "--board"};
-}
-
 std::vector<std::string_view> split(std::string_view text, char by) {
   std::vector<std::string_view> parts;
   for (std::size_t at = 0; at <= text.size();) {
@@ -36,7 +27,8 @@ std::vector<std::string_view> split(std::string_view text, char by) {
 std::optional<double> metres(std::string_view millimetres) {
   constexpr double kLongest_mm = 1e5;
   double value = 0;
-  if (!parse(millimetres, value) || !(value > 0 && value <= kLongest_mm)) return std::nullopt;
+  if (!parse_number(millimetres, value) || !(value > 0 && value <= kLongest_mm))
+    return std::nullopt;
   return value / 1000;
 }
 
@@ -100,7 +92,7 @@ struct Columns {
   std::array<int, 8> quad{-1, -1, -1, -1, -1, -1, -1, -1};
 
   [[nodiscard]] bool has_quads() const {
-    return tag >= 0 && std::find(quad.begin(), quad.end(), -1) == quad.end();
+    return tag >= 0 && std::ranges::find(quad, -1) == quad.end();
   }
   [[nodiscard]] bool has_corners() const { return tag >= 0 && corner >= 0 && u >= 0 && v >= 0; }
   [[nodiscard]] bool has_points() const { return point >= 0 && u >= 0 && v >= 0; }
@@ -122,13 +114,6 @@ int* column_named(Columns& c, std::string_view name) {
   return nullptr;
 }
 
-Columns read_columns(std::span<const std::string_view> names) {
-  Columns columns;
-  for (std::size_t i = 0; i < names.size(); ++i)
-    if (int* column = column_named(columns, names[i])) *column = static_cast<int>(i);
-  return columns;
-}
-
 /// The corners of one image, by tag or by point.
 struct SeenImage {
   std::map<int, Quad> tags;
@@ -143,7 +128,9 @@ class CornerRows final {
     auto csv = CsvReader::open(choice_.path);
     if (!csv) return tl::unexpected(csv.error());
     if (!csv->next()) return fail(ErrorCode::kInvalid, "is empty", choice_.path);
-    columns_ = read_columns(csv->fields());
+    const auto names = csv->fields();
+    for (std::size_t i = 0; i < names.size(); ++i)
+      if (int* column = column_named(columns_, names[i])) *column = static_cast<int>(i);
     const bool tags = columns_.has_quads() || columns_.has_corners();
     if (columns_.image < 0 || (choice_.board.has_tags() ? !tags : !columns_.has_points()))
       return fail(ErrorCode::kInvalid,
@@ -161,9 +148,9 @@ class CornerRows final {
     return {};
   }
 
-  [[nodiscard]] const std::map<std::string, SeenImage>& images() const { return images_; }
-  [[nodiscard]] const std::set<std::string>& sets() const { return sets_; }
-  [[nodiscard]] const std::vector<std::string>& order() const { return order_; }
+  std::map<std::string, SeenImage> images;
+  std::vector<std::string> order;  ///< Of the images.
+  std::set<std::string> sets;
 
  private:
   using Fields = std::span<const std::string_view>;
@@ -175,7 +162,7 @@ class CornerRows final {
   template <typename Number>
   [[nodiscard]] std::optional<Number> number(Fields fields, int column) const {
     Number value{};
-    if (!parse(text(fields, column), value)) return std::nullopt;
+    if (!parse_number(text(fields, column), value)) return std::nullopt;
     return value;
   }
   [[nodiscard]] std::optional<Eigen::Vector2d> pixel(Fields fields, int u, int v) const {
@@ -194,7 +181,7 @@ class CornerRows final {
     if (columns_.set >= 0) {
       const std::string_view set = text(fields, columns_.set);
       constexpr std::size_t kMostSets = 1000;
-      if (sets_.size() < kMostSets) sets_.emplace(set);
+      if (sets.size() < kMostSets) sets.emplace(set);
       if (!choice_.set.empty() && set != choice_.set) return true;
     }
     if (columns_.camera >= 0) {
@@ -204,8 +191,8 @@ class CornerRows final {
     }
     const std::string name(text(fields, columns_.image));
     if (name.empty()) return false;
-    const auto [image, is_new] = images_.try_emplace(name);
-    if (is_new) order_.push_back(name);
+    const auto [image, is_new] = images.try_emplace(name);
+    if (is_new) order.push_back(name);
     return choice_.board.has_tags() ? take_tag(fields, image->second)
                                     : take_point(fields, image->second);
   }
@@ -243,9 +230,6 @@ class CornerRows final {
   const CornerFileChoice& choice_;
   Columns columns_;
   std::size_t rows_{0};
-  std::map<std::string, SeenImage> images_;
-  std::vector<std::string> order_;
-  std::set<std::string> sets_;
 };
 
 bool is_whole(const Quad& quad) {
@@ -338,15 +322,23 @@ class CornerViews final {
 std::optional<std::pair<int, int>> pair_from(std::string_view text) {
   const auto by = text.find('x');
   std::pair<int, int> pair;
-  if (by == std::string_view::npos || !parse(text.substr(0, by), pair.first) ||
-      !parse(text.substr(by + 1), pair.second))
+  if (by == std::string_view::npos || !parse_number(text.substr(0, by), pair.first) ||
+      !parse_number(text.substr(by + 1), pair.second))
     return std::nullopt;
   return pair;
 }
 
 Expected<BoardDescription> read_board_description(const std::string& text) {
   const auto parts = split(text, ':');
-  const auto wrong = [&] { return tl::unexpected(board_error(text)); };
+  const auto wrong = [&] {
+    return fail(ErrorCode::kInvalid,
+                "must be tags:MM, points:COLUMNSxROWS:MM, "
+                "charuco:COLUMNSxROWS:SQUARE_MM:MARKER_MM[:white] or "
+                "grid:COLUMNSxROWS:TAG_MM:GAP_MM, e.g. charuco:5x7:36.2:18.3 (columns and rows 2 "
+                "to 100, lengths > 0); is '" +
+                    text + "'",
+                "--board");
+  };
   if (parts[0] == "tags" && parts.size() == 2) {
     const auto edge = metres(parts[1]);
     if (!edge) return wrong();
@@ -371,16 +363,13 @@ Expected<BoardDescription> read_board_description(const std::string& text) {
 Expected<CalibrationData> read_corner_file(const CornerFileChoice& choice) {
   CornerRows rows(choice);
   if (const auto read = rows.read(); !read) return tl::unexpected(read.error());
-  if (choice.set.empty() ? rows.sets().size() > 1 : !rows.sets().contains(choice.set)) {
-    std::string sets;
-    for (const std::string& name : rows.sets()) sets += (sets.empty() ? "" : ", ") + name;
-    return fail(ErrorCode::kInvalid, "holds the sets " + sets + ": choose one with --set",
-                choice.path);
-  }
+  if (choice.set.empty() ? rows.sets.size() > 1 : !rows.sets.contains(choice.set))
+    return fail(ErrorCode::kInvalid,
+                "holds the sets " + comma_list(rows.sets) + ": choose one with --set", choice.path);
   CornerViews views(choice.board);
   views.data.width = choice.width;
   views.data.height = choice.height;
-  for (const std::string& name : rows.order()) views.add(name, rows.images().at(name));
+  for (const std::string& name : rows.order) views.add(name, rows.images.at(name));
   if (views.data.views.empty())
     return fail(ErrorCode::kNotFound,
                 "holds no corners that can be used (of camera " + std::to_string(choice.camera) +

@@ -12,15 +12,13 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json size_json(PixelSize size) { return {size.width, size.height}; }
-
 Json formats_json(const ListedCamera& camera) {
   Json formats = Json::array();
   for (const v4l2::OfferedFormat& format : camera.formats) {
     const v4l2::PixelFormat* known = v4l2::pixel_format(format.code);
     Json sizes = Json::array();
     for (const v4l2::OfferedSize& one : format.sizes)
-      sizes.push_back({{"size", size_json(one.size)}, {"rates_hz", one.rates_hz}});
+      sizes.push_back({{"size", {one.size.width, one.size.height}}, {"rates_hz", one.rates_hz}});
     formats.push_back({{"code", v4l2::code_text(format.code)},
                        {"format", known != nullptr ? Json(known->name) : Json(nullptr)},
                        {"description", format.description},
@@ -64,7 +62,7 @@ Json camera_json(const ListedCamera& camera) {
   out["controls"] = controls_json(camera);
   if (camera.now)
     out["now"] = {{"code", v4l2::code_text(camera.now->code)},
-                  {"size", size_json(camera.now->size)},
+                  {"size", {camera.now->size.width, camera.now->size.height}},
                   {"rate_hz", camera.now->rate_hz}};
   out["configuration"] = source_section(camera);
   return out;
@@ -132,9 +130,7 @@ int run_cameras(const CamerasArguments& arguments, const Terminal& terminal,
   if (arguments.json) {
     Json all = Json::array();
     for (const ListedCamera& camera : cameras) all.push_back(camera_json(camera));
-    terminal.out << Json{{"cameras", all}}.dump(2, ' ', false, Json::error_handler_t::replace)
-                 << "\n";
-    return kExitOk;
+    return print_json(terminal, {{"cameras", all}});
   }
   for (const ListedCamera& camera : cameras) print_camera(camera, terminal.out);
   if (!cameras.empty()) return kExitOk;

@@ -8,6 +8,7 @@
 #include <poll.h>
 #include <unistd.h>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "base/log.hpp"
@@ -44,65 +45,55 @@ class PicturePicker final {
 
   /// @pre tags.check().empty()
   explicit PicturePicker(const TagSetConfig& tags) : tags_(tags) {}
+
   /// kTaken: the image is remembered as chosen.
-  [[nodiscard]] Verdict look(const CameraFrame& frame);
+  [[nodiscard]] Verdict look(const CameraFrame& frame) {
+    const ImageTraits measures = traits_of(*frame.image);
+    const auto is_smeared = [](double sharpness) { return sharpness > 0 && sharpness < kSharp; };
+    if (is_smeared(measures.across) || is_smeared(measures.down)) return Verdict::kSmeared;
+    Corners corners = corners_in(frame);
+    if (corners.empty()) return Verdict::kNoTag;
+    for (const Corners& before : taken_) {
+      double sum = 0;
+      int count = 0;
+      for (const auto& [id, now] : corners) {
+        const auto then = before.find(id);
+        if (then == before.end()) continue;
+        for (std::size_t i = 0; i < 4; ++i) sum += (now[i] - then->second[i]).norm();
+        count += 4;
+      }
+      if (count > 0 && sum / count < kFarApart * frame.image->width) return Verdict::kSimilar;
+    }
+    taken_.push_back(std::move(corners));
+    return Verdict::kTaken;
+  }
 
  private:
   using Corners = std::map<int, std::array<Eigen::Vector2d, 4>>;
-  [[nodiscard]] Corners corners_in(const CameraFrame& frame);
+
+  [[nodiscard]] Corners corners_in(const CameraFrame& frame) {
+    if (!detector_) {
+      DetectorConfig config;
+      config.decimate = frame.image->width * frame.image->height > kQuicklySearched ? 2.0 : 1.0;
+      detector_.emplace(tags_, config);
+    }
+    Corners corners;
+    for (const TagSighting& tag : detector_->detect(frame).tags)
+      if (is_large(tag)) corners[tag.tag_id] = tag.corners_px;
+    return corners;
+  }
 
   TagSetConfig tags_;
-  std::unique_ptr<TagDetector> detector_;
+  std::optional<TagDetector> detector_;
   std::vector<Corners> taken_;
 };
 
-PicturePicker::Corners PicturePicker::corners_in(const CameraFrame& frame) {
-  if (!detector_) {
-    DetectorConfig config;
-    config.decimate = frame.image->width * frame.image->height > kQuicklySearched ? 2.0 : 1.0;
-    detector_ = std::make_unique<TagDetector>(tags_, config);
-  }
-  Corners corners;
-  for (const TagSighting& tag : detector_->detect(frame).tags)
-    if (is_large(tag)) corners[tag.tag_id] = tag.corners_px;
-  return corners;
-}
-
-PicturePicker::Verdict PicturePicker::look(const CameraFrame& frame) {
-  const ImageTraits measures = traits_of(*frame.image);
-  const auto is_smeared = [](double sharpness) { return sharpness > 0 && sharpness < kSharp; };
-  if (is_smeared(measures.across) || is_smeared(measures.down)) return Verdict::kSmeared;
-  Corners corners = corners_in(frame);
-  if (corners.empty()) return Verdict::kNoTag;
-  for (const Corners& before : taken_) {
-    double sum = 0;
-    int count = 0;
-    for (const auto& [id, now] : corners) {
-      const auto then = before.find(id);
-      if (then == before.end()) continue;
-      for (std::size_t i = 0; i < 4; ++i) sum += (now[i] - then->second[i]).norm();
-      count += 4;
-    }
-    if (count > 0 && sum / count < kFarApart * frame.image->width) return Verdict::kSimilar;
-  }
-  taken_.push_back(std::move(corners));
-  return Verdict::kTaken;
-}
-
-/// For the person who moves the camera.
-std::string_view advice_for(PicturePicker::Verdict verdict) {
-  switch (verdict) {
-    case PicturePicker::Verdict::kTaken:
-      return "taken; now from another side, distance or angle";
-    case PicturePicker::Verdict::kNoTag:
-      return "no tag with sides of 20 px: nearer, more light, or another --family?";
-    case PicturePicker::Verdict::kSmeared:
-      return "not sharp: hold still for a moment";
-    case PicturePicker::Verdict::kSimilar:
-      break;
-  }
-  return "like one that was taken: move on, turn, tilt, fill the corners of the image";
-}
+/// For the person who moves the camera; of each verdict.
+constexpr std::array<std::string_view, 4> kAdvice{
+    "taken; now from another side, distance or angle",
+    "no tag with sides of 20 px: nearer, more light, or another --family?",
+    "not sharp: hold still for a moment",
+    "like one that was taken: move on, turn, tilt, fill the corners of the image"};
 
 namespace fs = std::filesystem;
 
@@ -142,9 +133,6 @@ class CameraRun final {
     return std::nullopt;
   }
   [[nodiscard]] Duration length() const { return last_ - first_; }
-  [[nodiscard]] double rate_hz() const {
-    return length() > Duration{0} ? static_cast<double>(images_ - 1) / to_seconds(length()) : 0;
-  }
   [[nodiscard]] nlohmann::ordered_json json() const {
     return {{"size", {size_.width, size_.height}},
             {"images_seen", images_},
@@ -153,12 +141,15 @@ class CameraRun final {
             {"rate_hz", rate_hz()}};
   }
   [[nodiscard]] std::string text() const {
-    return std::to_string(size_.width) + " x " + std::to_string(size_.height) + ", " +
-           fixed(rate_hz(), 1) + " Hz" +
+    return size_text(size_) + ", " + fixed(rate_hz(), 1) + " Hz" +
            (lost_ > 0 ? ", " + std::to_string(lost_) + " images lost" : "");
   }
 
  private:
+  [[nodiscard]] double rate_hz() const {
+    return length() > Duration{0} ? static_cast<double>(images_ - 1) / to_seconds(length()) : 0;
+  }
+
   std::unique_ptr<SensorSource> source_;
   const Terminal& terminal_;
   ImageWatch watch_{{}};
@@ -183,11 +174,10 @@ class Shutter final {
   }
   bool releases(const CameraFrame& frame) {
     if (by_key_) return enter_was_pressed();
-    const bool is_time = !last_ || to_seconds(frame.exposed_at - *last_) >= every_s_;
-    if (!is_time) return false;
+    if (last_ && to_seconds(frame.exposed_at - *last_) < every_s_) return false;
     if (picker_) {
       const auto verdict = picker_->look(frame);
-      advice_ = advice_for(verdict);
+      advice_ = kAdvice[static_cast<std::size_t>(verdict)];
       if (verdict != PicturePicker::Verdict::kTaken) return false;
     }
     last_ = frame.exposed_at;
@@ -227,10 +217,8 @@ Expected<int> take_pictures(const CaptureArguments& arguments, CameraRun& run,
     if (!frame) return tl::unexpected(frame.error());
     if (!*frame) break;
     if (shutter.releases(**frame)) {
-      std::string number = std::to_string(++taken);
-      number.insert(0, number.size() < 4 ? 4 - number.size() : 0, '0');
-      const auto written = write_gray_file(fs::path(arguments.out) / ("picture_" + number + ".png"),
-                                           scratch, *(*frame)->image);
+      const auto file = fs::path(arguments.out) / fmt::format("picture_{:04}.png", ++taken);
+      const auto written = write_gray_file(file, scratch, *(*frame)->image);
       if (!written) return tl::unexpected(written.error());
     }
     line.show(std::to_string(taken) + " of " + std::to_string(arguments.pictures) +
@@ -266,11 +254,10 @@ Expected<int> record(const CaptureArguments& arguments, const CameraModel& lens,
       RecordingInfo info;
       info.folder = arguments.out;
       info.name = fs::path(arguments.out).filename().string();
-      info.cameras = {guessed_mount({(*frame)->image->width, (*frame)->image->height})};
-      if (lens.width > 0) {
-        info.cameras[0] = CameraMount{};
-        info.cameras[0].model = lens;
-      }
+      if (lens.width > 0)
+        info.cameras.emplace_back().model = lens;
+      else
+        info.cameras = {guessed_mount({(*frame)->image->width, (*frame)->image->height})};
       info.has_images = {true};
       info.has_corners = {false};
       info.tag_family = arguments.family;
@@ -289,20 +276,6 @@ Expected<int> record(const CaptureArguments& arguments, const CameraModel& lens,
   return images;
 }
 
-Expected<CameraModel> lens_of(const CaptureArguments& arguments) {
-  if (arguments.calibration.empty()) return CameraModel{};
-  return read_camera_calibration(arguments.calibration);
-}
-
-std::string what_next(const CaptureArguments& arguments) {
-  if (arguments.pictures > 0)
-    return "  fiducap calibrate camera " + arguments.out + " --out lens\n";
-  return "  fiducap check " + arguments.out + "\n" +
-         (arguments.calibration.empty()
-              ? "  its lens is a guess: --calibration names a better one\n"
-              : "");
-}
-
 void add_camera_options(CLI::App& verb, CameraDeviceConfig& camera) {
   verb.add_option("--camera", camera.open,
                   "/dev/videoN or N, a name of /dev/v4l/by-id, libcamera:, rtsp://…, a GStreamer "
@@ -310,11 +283,10 @@ void add_camera_options(CLI::App& verb, CameraDeviceConfig& camera) {
       ->required();
   verb.add_option("--width", camera.width, "Asked of the camera; with --height");
   verb.add_option("--height", camera.height, "Asked of the camera; with --width");
-  verb.add_option("--rate", camera.rate_hz, "Images a second asked of the camera")
-      ->check(kPositive);
+  add_positive(verb, "--rate", camera.rate_hz, "Images a second asked of the camera");
   verb.add_option("--format", camera.format, "GREY, MJPEG, YUYV, …; auto: the quickest")
       ->capture_default_str();
-  verb.add_option("--exposure", camera.exposure_s, "Seconds; else as it is")->check(kPositive);
+  add_positive(verb, "--exposure", camera.exposure_s, "Seconds; else as it is");
   verb.add_option("--gain", camera.gain, "auto, or a number of the camera")->capture_default_str();
   verb.add_option("--focus", camera.focus, "auto, or a number of the camera")
       ->capture_default_str();
@@ -332,7 +304,8 @@ int run_capture(const CaptureArguments& arguments, const Terminal& terminal,
   tags.family = arguments.family;
   if (const auto faults = tags.check(); !faults.empty())
     return report(terminal, {ErrorCode::kInvalid, faults.front().text(), "--family"});
-  const auto lens = lens_of(arguments);
+  const bool has_lens = !arguments.calibration.empty();
+  const auto lens = has_lens ? read_camera_calibration(arguments.calibration) : CameraModel{};
   if (!lens) return report(terminal, lens.error());
   catch_interrupt();
   if (!arguments.json && terminal.err_is_live) log::set_level(log::Level::kInfo);
@@ -350,12 +323,14 @@ int run_capture(const CaptureArguments& arguments, const Terminal& terminal,
     nlohmann::ordered_json all{{"camera", arguments.camera.open}, {"out", arguments.out}};
     all[takes_pictures ? "pictures" : "images"] = *taken;
     all.update(run.json());
-    terminal.out << all.dump(2) << "\n";
-    return kExitOk;
+    return print_json(terminal, all);
   }
   terminal.out << arguments.out << ": " << *taken << (takes_pictures ? " pictures" : " images")
-               << " (" << run.text() << ")\n"
-               << what_next(arguments);
+               << " (" << run.text() << ")\n  fiducap "
+               << (takes_pictures ? "calibrate camera " + arguments.out + " --out lens\n"
+                                  : "check " + arguments.out + "\n");
+  if (!takes_pictures && !has_lens)
+    terminal.out << "  its lens is a guess: --calibration names a better one\n";
   return kExitOk;
 }
 
@@ -371,10 +346,8 @@ void add_capture(CLI::App& app, ChosenVerb& chosen) {
       verb->add_option("--pictures", a.pictures,
                        "Number of pictures; each on Enter, without a terminal once a second")
           ->check(kPositive);
-  verb->add_option("--seconds", a.seconds, "Length of a recording")
-      ->check(kPositive)
-      ->excludes(pictures);
-  verb->add_option("--every", a.every_s, "Seconds between two pictures")->check(kPositive);
+  add_positive(*verb, "--seconds", a.seconds, "Length of a recording")->excludes(pictures);
+  add_positive(*verb, "--every", a.every_s, "Seconds between two pictures");
   verb->add_flag("--tags", a.tags,
                  "Take pictures by itself: those with tags that are sharp and differ");
   verb->add_option("--family", a.family, "Tag family")->capture_default_str();

@@ -102,33 +102,7 @@ struct StoreFacts {
   FolderFacts folder;
 };
 
-/// A condition that the running server reports.
-struct Alarm {
-  std::string subject;
-  std::string severity;
-  std::string text;
-  std::string remedy;
-};
-
-struct ServerFacts {
-  MachineFacts machine;
-  TokenFacts token;
-  std::vector<RunningServer> servers;
-  std::vector<ListeningPort> listening;
-  std::optional<StoreFacts> store;  ///< nullopt: the configuration names none.
-  FolderFacts recordings;
-  std::vector<Alarm> alarms;
-};
-
-/// Asks this machine, and the page of the server at `host` for its alarms.
-[[nodiscard]] ServerFacts gather_facts(const ServerConfig& config, const std::string& host);
-
-/// Conditions in the JSON of /api/v1/state; none when it does not carry them.
-[[nodiscard]] std::vector<Alarm> alarms_in(std::string_view state_json);
-
-// ---- Findings: what facts mean, each with its remedy. Pure functions.
-
-[[nodiscard]] bool is_loopback(const std::string& address);
+/// What facts mean.
 struct Finding {
   enum class Grade { kOk, kWarning, kFault, kNote };
 
@@ -139,6 +113,25 @@ struct Finding {
 
 using Findings = std::vector<Finding>;
 
+struct ServerFacts {
+  MachineFacts machine;
+  TokenFacts token;
+  std::vector<RunningServer> servers;
+  std::vector<ListeningPort> listening;
+  std::optional<StoreFacts> store;  ///< nullopt: the configuration names none.
+  FolderFacts recordings;
+  Findings alarms;  ///< Conditions that the running server reports.
+};
+
+/// Asks this machine, and the page of the server at `host` for its alarms.
+[[nodiscard]] ServerFacts gather_facts(const ServerConfig& config, const std::string& host);
+
+/// Conditions in the JSON of /api/v1/state; none when it does not carry them.
+[[nodiscard]] Findings alarms_in(std::string_view state_json);
+
+// ---- Findings: what facts mean, each with its remedy. Pure functions.
+
+[[nodiscard]] bool is_loopback(const std::string& address);
 /// Why a protocol cannot be reached, one sentence each with its remedy; empty: it can.
 [[nodiscard]] std::vector<std::string> faults_of(const ServedProtocol& protocol,
                                                  const std::vector<ListeningPort>& listening,
@@ -157,8 +150,6 @@ using Findings = std::vector<Finding>;
 [[nodiscard]] Findings disk_findings(const ServerConfig& config, const ServerFacts& facts);
 /// Ports of the configuration that another program has.
 [[nodiscard]] Findings port_findings(const ServerConfig& config, const ServerFacts& facts);
-/// What the running server reports of itself.
-[[nodiscard]] Findings alarm_findings(const ServerFacts& facts);
 
 /// Of all bodies together, in bytes per second, roughly.
 [[nodiscard]] double recording_rate(const ServerConfig& config);

@@ -1,9 +1,7 @@
 #include <array>
-#include <chrono>
 
 #include <nlohmann/json.hpp>
 
-#include "fiducap/client.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
 #include "tools/doctor/doctor.hpp"
 #include "tools/live/live_verbs.hpp"
@@ -22,18 +20,19 @@ class Report final {
  public:
   Report(std::ostream& out, bool json) : out_(out), is_json_(json) {}
 
-  void add(const char* title, const Findings& findings) {
+  void add(const std::string& title, std::initializer_list<Findings> parts) {
     if (!is_json_) out_ << title << "\n";
     auto json = nlohmann::ordered_json::array();
-    for (const Finding& one : findings) {
-      static constexpr std::array kNames{"ok", "warning", "fault", "note"};
-      static constexpr std::array kMarks{"  ok  ", "  !   ", "  !!  ", "      "};
-      const auto grade = static_cast<std::size_t>(one.grade);
-      ++counts_[grade];
-      const std::string text = one.text + (one.remedy.empty() ? "" : " – " + one.remedy);
-      json.push_back({{"grade", kNames[grade]}, {"text", text}});
-      if (!is_json_) out_ << kMarks[grade] << text << "\n";
-    }
+    for (const Findings& part : parts)
+      for (const Finding& one : part) {
+        static constexpr std::array kNames{"ok", "warning", "fault", "note"};
+        static constexpr std::array kMarks{"  ok  ", "  !   ", "  !!  ", "      "};
+        const auto grade = static_cast<std::size_t>(one.grade);
+        ++counts_[grade];
+        const std::string text = one.text + (one.remedy.empty() ? "" : " – " + one.remedy);
+        json.push_back({{"grade", kNames[grade]}, {"text", text}});
+        if (!is_json_) out_ << kMarks[grade] << text << "\n";
+      }
     sections_.push_back({{"title", title}, {"findings", json}});
   }
   /// @return exit code
@@ -56,11 +55,6 @@ class Report final {
   std::array<int, 4> counts_{};
 };
 
-Findings joined(Findings first, const Findings& second) {
-  first.insert(first.end(), second.begin(), second.end());
-  return first;
-}
-
 Findings network_findings(const std::vector<NetworkInterface>& interfaces) {
   Findings all;
   for (const NetworkInterface& one : interfaces) {
@@ -82,13 +76,8 @@ Findings network_findings(const std::vector<NetworkInterface>& interfaces) {
 }
 
 std::string ports_text(const ServedProtocol& protocol) {
-  std::string text;
-  for (const PortUse& port : protocol.ports)
-    text += (text.empty() ? "" : ", ") + std::to_string(port.number) + (port.udp ? " udp" : " tcp");
-  return text;
+  return comma_list(protocol.ports, [](const PortUse& port) { return text_of(port); });
 }
-
-std::string units_text(double units_per_m) { return units_per_m == 1000.0 ? "mm" : "m"; }
 
 std::string looks_of_lost(const ProtocolConventions& conventions, WhenInvalid policy) {
   if (policy == conventions.when_invalid) return std::string(conventions.invalid_looks);
@@ -100,8 +89,9 @@ std::string looks_of_lost(const ProtocolConventions& conventions, WhenInvalid po
 void note_conventions(Findings& all, std::string_view protocol, const OutputAxes& axes,
                       WhenInvalid policy) {
   const ProtocolConventions& conventions = conventions_of(protocol);
-  all.push_back({Grade::kNote, std::string(name_of(axes.up)) + ", " + units_text(axes.units_per_m) +
-                                   ", attitude " + std::string(conventions.attitude) +
+  const char* unit = axes.units_per_m == 1000.0 ? "mm" : "m";
+  all.push_back({Grade::kNote, std::string(name_of(axes.up)) + ", " + unit + ", attitude " +
+                                   std::string(conventions.attitude) +
                                    "; a body that is lost: " + looks_of_lost(conventions, policy) +
                                    "; stamped with " + std::string(conventions.stamp)});
 }
@@ -178,11 +168,7 @@ std::string why_unseen(const Body& body) {
 
 Findings live_findings(const ServerAddress& address) {
   Findings all;
-  ClientOptions options;
-  options.server = address.host;
-  options.port = address.port;
-  options.name = "fiducap doctor";
-  const Client client(options);
+  const Client client(client_options(address, "fiducap doctor"));
   Frame frame;
   if (!client.wait_for_frame(0, kFrameTimeout) || !client.latest(frame)) {
     const std::string problem = client.statistics().problem;
@@ -222,17 +208,15 @@ int run_doctor(const DoctorArguments& arguments, const Terminal& terminal) {
   Report findings(terminal.out, arguments.json);
   const ServerFacts facts = gather_facts(*config, address->host);
   const auto interfaces = network_interfaces();
-  findings.add("Network", network_findings(interfaces));
+  findings.add("Network", {network_findings(interfaces)});
   findings.add("Protocols: where they listen, what their clients receive",
-               joined(joined(protocol_findings(config->streaming, facts.listening, interfaces),
-                             dds_findings(*config, facts.listening, interfaces)),
-                      port_findings(*config, facts)));
-  findings.add("Access", exposure_findings(*config, facts, interfaces));
-  findings.add("This machine", machine_findings(*config, facts));
-  findings.add("Map and recordings", disk_findings(*config, facts));
-  const std::string running =
-      "Running server at " + address->host + ":" + std::to_string(address->port);
-  findings.add(running.c_str(), joined(live_findings(*address), alarm_findings(facts)));
+               {protocol_findings(config->streaming, facts.listening, interfaces),
+                dds_findings(*config, facts.listening, interfaces), port_findings(*config, facts)});
+  findings.add("Access", {exposure_findings(*config, facts, interfaces)});
+  findings.add("This machine", {machine_findings(*config, facts)});
+  findings.add("Map and recordings", {disk_findings(*config, facts)});
+  findings.add("Running server at " + address->host + ":" + std::to_string(address->port),
+               {live_findings(*address), facts.alarms});
   return findings.conclude();
 }
 

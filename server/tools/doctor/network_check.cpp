@@ -16,8 +16,8 @@
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/time.h>
-#include <unistd.h>
 
+#include "daemon/system.hpp"
 #include "tools/doctor/doctor.hpp"
 
 namespace fiducap {
@@ -25,20 +25,6 @@ namespace {
 
 constexpr const char* kGroup = "239.255.70.67";  // site-local, unassigned
 constexpr int kMulticastTimeout_ms = 300;
-
-class Socket final {
- public:
-  explicit Socket(int fd) : fd_(fd) {}
-  ~Socket() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  Socket(const Socket&) = delete;
-  Socket& operator=(const Socket&) = delete;
-  [[nodiscard]] int fd() const { return fd_; }
-
- private:
-  int fd_;
-};
 
 std::string system_text() { return std::strerror(errno); }
 
@@ -80,13 +66,13 @@ std::map<unsigned long, std::string> socket_owners() {
 
 constexpr std::size_t kMost_bytes = 4u << 20;
 
-bool connect_to(const Socket& connection, const addrinfo& address,
+bool connect_to(const Descriptor& connection, const addrinfo& address,
                 std::chrono::milliseconds timeout) {
   const timeval wait{timeout.count() / 1000, (timeout.count() % 1000) * 1000};
-  return connection.fd() >= 0 &&
-         ::setsockopt(connection.fd(), SOL_SOCKET, SO_RCVTIMEO, &wait, sizeof wait) == 0 &&
-         ::setsockopt(connection.fd(), SOL_SOCKET, SO_SNDTIMEO, &wait, sizeof wait) == 0 &&
-         ::connect(connection.fd(), address.ai_addr, address.ai_addrlen) == 0;
+  return connection.number() >= 0 &&
+         ::setsockopt(connection.number(), SOL_SOCKET, SO_RCVTIMEO, &wait, sizeof wait) == 0 &&
+         ::setsockopt(connection.number(), SOL_SOCKET, SO_SNDTIMEO, &wait, sizeof wait) == 0 &&
+         ::connect(connection.number(), address.ai_addr, address.ai_addrlen) == 0;
 }
 
 Expected<std::string> ask(int fd, const std::string& request) {
@@ -133,27 +119,28 @@ std::vector<NetworkInterface> network_interfaces() {
 }
 
 std::optional<std::string> multicast_fault(const NetworkInterface& interface) {
-  const Socket socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  const Descriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   ip_mreqn group{};
   ::inet_pton(AF_INET, kGroup, &group.imr_multiaddr);
   ::inet_pton(AF_INET, interface.address.c_str(), &group.imr_address);
   sockaddr_in any{};
   any.sin_family = AF_INET;
   socklen_t size = sizeof any;
-  if (::bind(socket.fd(), reinterpret_cast<const sockaddr*>(&any), size) != 0 ||
-      ::getsockname(socket.fd(), reinterpret_cast<sockaddr*>(&any), &size) != 0)
+  if (::bind(socket.number(), reinterpret_cast<const sockaddr*>(&any), size) != 0 ||
+      ::getsockname(socket.number(), reinterpret_cast<sockaddr*>(&any), &size) != 0)
     return "no socket: " + system_text();
-  if (::setsockopt(socket.fd(), IPPROTO_IP, IP_ADD_MEMBERSHIP, &group, sizeof group) != 0)
+  if (::setsockopt(socket.number(), IPPROTO_IP, IP_ADD_MEMBERSHIP, &group, sizeof group) != 0)
     return "cannot join a group: " + system_text();
-  if (::setsockopt(socket.fd(), IPPROTO_IP, IP_MULTICAST_IF, &group, sizeof group) != 0)
+  if (::setsockopt(socket.number(), IPPROTO_IP, IP_MULTICAST_IF, &group, sizeof group) != 0)
     return "cannot send to a group: " + system_text();
   sockaddr_in to = any;
   to.sin_addr = group.imr_multiaddr;
   const char hello = 'f';
-  if (::sendto(socket.fd(), &hello, 1, 0, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 1)
+  if (::sendto(socket.number(), &hello, 1, 0, reinterpret_cast<const sockaddr*>(&to), sizeof to) !=
+      1)
     return "cannot send to a group: " + system_text() +
            " (is there a route? `ip route add 224.0.0.0/4 dev " + interface.name + "`)";
-  pollfd wait{socket.fd(), POLLIN, 0};
+  pollfd wait{socket.number(), POLLIN, 0};
   if (::poll(&wait, 1, kMulticastTimeout_ms) != 1)
     return "does not come back: a firewall may drop it (udp to 224.0.0.0/4)";
   return std::nullopt;
@@ -204,10 +191,10 @@ Expected<std::string> http_get(const std::string& host, std::uint16_t port, cons
     return fail(ErrorCode::kNotFound, "no such host", where);
   const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> list(first, &::freeaddrinfo);
   for (const addrinfo* one = first; one != nullptr; one = one->ai_next) {
-    const Socket connection(::socket(one->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    const Descriptor connection(::socket(one->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0));
     if (!connect_to(connection, *one, timeout)) continue;
-    auto answer = ask(connection.fd(), "GET " + path + " HTTP/1.1\r\nHost: " + where +
-                                           "\r\nConnection: close\r\n\r\n");
+    auto answer = ask(connection.number(), "GET " + path + " HTTP/1.1\r\nHost: " + where +
+                                               "\r\nConnection: close\r\n\r\n");
     auto body = answer ? body_of(*answer) : std::move(answer);
     if (!body) return fail(body.error().code, body.error().what, where);
     return body;

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -10,12 +9,12 @@
 
 #include <sched.h>
 #include <sys/resource.h>
-#include <sys/timex.h>
 #include <unistd.h>
 
 #include <nlohmann/json.hpp>
 
 #include "daemon/operator_token.hpp"
+#include "daemon/watch/health_watch.hpp"
 #include "mapping/store/file_claim.hpp"
 #include "mapping/store/map_repair.hpp"
 #include "tools/doctor/doctor.hpp"
@@ -46,13 +45,6 @@ std::optional<long> realtime_most() {
   const long most = ::sched_get_priority_max(SCHED_RR);
   if (::geteuid() == 0 || limit.rlim_cur == RLIM_INFINITY) return most;
   return std::min(most, static_cast<long>(limit.rlim_cur));
-}
-
-std::optional<bool> clock_synchronised() {
-  timex state{};
-  const int verdict = ::adjtimex(&state);
-  if (verdict < 0) return std::nullopt;
-  return verdict != TIME_ERROR && (state.status & STA_UNSYNC) == 0;
 }
 
 /// Empty without systemd, and without such a unit.
@@ -111,17 +103,23 @@ std::string text_in(const nlohmann::json& object, const char* key) {
 
 }  // namespace
 
-std::vector<Alarm> alarms_in(std::string_view state_json) {
+Findings alarms_in(std::string_view state_json) {
   const auto state = nlohmann::json::parse(state_json, nullptr, false);
   if (!state.is_object()) return {};
   const auto events = state.value("events", nlohmann::json{});
   const auto standing = events.is_object() ? events.value("standing", nlohmann::json{}) : events;
   if (!standing.is_array()) return {};
-  std::vector<Alarm> alarms;
+  using Grade = Finding::Grade;
+  Findings alarms;
   for (const auto& one : standing) {
-    if (one.is_object())
-      alarms.push_back({text_in(one, "subject"), text_in(one, "severity"), text_in(one, "text"),
-                        text_in(one, "remedy")});
+    if (!one.is_object()) continue;
+    const std::string severity = text_in(one, "severity");
+    const std::string text = text_in(one, "subject") + ": " + text_in(one, "text");
+    if (severity == "info")
+      alarms.push_back({Grade::kOk, text});
+    else
+      alarms.push_back(
+          {severity == "error" ? Grade::kFault : Grade::kWarning, text, text_in(one, "remedy")});
   }
   return alarms;
 }
@@ -133,7 +131,7 @@ ServerFacts gather_facts(const ServerConfig& config, const std::string& host) {
   facts.machine.realtime_most = realtime_most();
   facts.machine.receive_buffer_most = number_in("/proc/sys/net/core/rmem_max");
   facts.machine.send_buffer_most = number_in("/proc/sys/net/core/wmem_max");
-  facts.machine.clock_synchronised = clock_synchronised();
+  facts.machine.clock_synchronised = read_machine_state().clock_synchronised;
   facts.machine.unit = unit_state();
   if (const auto token = operator_token(config.operators, std::getenv("CREDENTIALS_DIRECTORY")))
     facts.token.length = token->size();

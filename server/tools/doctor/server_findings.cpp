@@ -2,7 +2,6 @@
 #include <array>
 
 #include "base/text.hpp"
-#include "daemon/stream_loop.hpp"
 #include "middleware/net/networks.hpp"
 #include "tools/doctor/doctor.hpp"
 
@@ -45,14 +44,6 @@ bool is_public(const std::string& address) {
     const auto known = net::parse_network(network);
     return known && known->contains({peer->address, 0});
   });
-}
-
-/// The protocols and the page.
-std::vector<ServedProtocol> listeners(const StreamingConfig& streaming) {
-  auto all = served_protocols(streaming);
-  const auto& web = streaming.web;
-  all.push_back({"web", web.enabled, web.address, {{web.port, false}}, {}});
-  return all;
 }
 
 std::string allowed_clients(const ServerConfig& config, std::string_view protocol) {
@@ -144,10 +135,6 @@ void check_unit(Findings& all, const ServerFacts& facts) {
          "end it and `systemctl enable --now fiducapd`");
 }
 
-std::string room_text(double bytes) {
-  return bytes < 10e9 ? fixed(bytes / 1e6, 0) + " MB" : fixed(bytes / 1e9, 0) + " GB";
-}
-
 void check_store(Findings& all, const StoreFacts& store,
                  const std::vector<RunningServer>& servers) {
   const std::string repair = "`fiducap map repair --store " + store.path + "`";
@@ -173,7 +160,7 @@ void check_store(Findings& all, const StoreFacts& store,
   const auto free = static_cast<double>(*store.folder.free_bytes);
   if (free < kLittleRoom_bytes)
     all.push_back({free < kNoRoom_bytes ? Grade::kFault : Grade::kWarning,
-                   "the disk of the map store has " + room_text(free) + " left",
+                   "the disk of the map store has " + fixed(free / 1e6, 0) + " MB left",
                    "make room, or put map.store on another disk"});
 }
 
@@ -195,11 +182,6 @@ double image_px(const BodyConfig& body, const CameraMount& mount) {
   if (body.source.type == SourceType::kCamera && device.width > 0)
     return 1.0 * device.width * device.height;
   return kUnknownImage_px;
-}
-
-double image_hz(const BodyConfig& body, const CameraMount& mount) {
-  const bool asked = body.source.type == SourceType::kCamera && body.source.camera.rate_hz > 0;
-  return asked ? body.source.camera.rate_hz : mount.rate_hz;
 }
 
 }  // namespace
@@ -226,8 +208,7 @@ std::vector<std::string> faults_of(const ServedProtocol& protocol,
              (one.address == protocol.address || is_any(one.address));
     });
     if (!heard && port.number != 0)
-      faults.push_back("no program listens on " + std::to_string(port.number) +
-                       (port.udp ? " udp" : " tcp") +
+      faults.push_back("no program listens on " + text_of(port) +
                        ": is fiducapd running with this configuration? Its log names a port that "
                        "it could not open");
   }
@@ -342,22 +323,9 @@ Findings port_findings(const ServerConfig& config, const ServerFacts& facts) {
       });
       if (port.number == 0 || taken == facts.listening.end()) continue;
       fault(all,
-            std::string(protocol.name) + ": port " + std::to_string(port.number) +
-                (port.udp ? " udp" : " tcp") + " is taken by " + taken->owner,
+            std::string(protocol.name) + ": port " + text_of(port) + " is taken by " + taken->owner,
             "end that program, or give streaming." + std::string(protocol.name) + " another port");
     }
-  }
-  return all;
-}
-
-Findings alarm_findings(const ServerFacts& facts) {
-  Findings all;
-  for (const Alarm& one : facts.alarms) {
-    const std::string text = one.subject + ": " + one.text;
-    if (one.severity == "info")
-      good(all, text);
-    else
-      all.push_back({one.severity == "error" ? Grade::kFault : Grade::kWarning, text, one.remedy});
   }
   return all;
 }
@@ -366,15 +334,15 @@ double recording_rate(const ServerConfig& config) {
   double bytes_per_s = 0;
   for (const BodyConfig& body : config.bodies) {
     if (body.use_imu) bytes_per_s += kImu_hz * kImuRow_bytes;
-    std::vector<CameraMount> mounts = body.source.type == SourceType::kSimulator
-                                          ? body.source.simulator.cameras
-                                          : std::vector<CameraMount>{};
-    if (!body.cameras.empty()) mounts.clear();
+    std::vector<CameraMount> mounts;
     for (const CameraConfig& camera : body.cameras) mounts.push_back(camera.mount);
+    if (mounts.empty() && body.source.type == SourceType::kSimulator)
+      mounts = body.source.simulator.cameras;
     if (mounts.empty()) mounts.emplace_back();
+    const bool asked = body.source.type == SourceType::kCamera && body.source.camera.rate_hz > 0;
     for (const CameraMount& mount : mounts)
       bytes_per_s +=
-          image_hz(body, mount) *
+          (asked ? body.source.camera.rate_hz : mount.rate_hz) *
           (config.recorder.images ? kPixel_bytes * image_px(body, mount) : kCorners_bytes);
   }
   return bytes_per_s;

@@ -2,7 +2,6 @@
 #include <filesystem>
 
 #include "base/text.hpp"
-#include "capture/import/import_source.hpp"
 #include "capture/ros_image.hpp"
 #include "detection/detector_config.hpp"
 #include "tools/import/import.hpp"
@@ -19,35 +18,29 @@ constexpr double kGuessedK1Sigma = 0.1;
 constexpr double kUnknownPlace_m = 0.1;
 constexpr double kUnknownPlace_rad = 0.1;
 
-std::string names_of(const ImportSource& source, FoundKind kind) {
-  std::string names;
-  for (const FoundStream& stream : source.streams())
-    if (stream.kind == kind) names += (names.empty() ? "" : ", ") + stream.text();
-  return names;
-}
-
 std::string all_there_is(const ImportSource& source) {
   constexpr std::size_t kMost = 20;
-  std::string names;
-  std::size_t count = 0;
-  const auto add = [&](const std::string& name) {
-    if (++count <= kMost) names += (names.empty() ? "" : ", ") + name;
-  };
-  for (const FoundStream& stream : source.streams()) add(stream.text());
-  for (const std::string& other : source.others()) add(other);
-  if (count > kMost) names += ", and " + std::to_string(count - kMost) + " more";
-  return names.empty() ? "nothing" : names;
+  std::vector<std::string> names = source.others();
+  names.insert(names.begin(), source.streams().size(), "");
+  std::ranges::transform(source.streams(), names.begin(), &FoundStream::text);
+  const std::size_t count = names.size();
+  names.resize(std::min(count, kMost));
+  if (count > kMost) names.push_back("and " + std::to_string(count - kMost) + " more");
+  return names.empty() ? "nothing" : comma_list(names);
 }
 
 Expected<std::size_t> find_stream(const ImportSource& source, const std::string& name,
                                   FoundKind kind) {
   const auto& streams = source.streams();
-  for (std::size_t i = 0; i < streams.size(); ++i)
-    if (streams[i].name == name && streams[i].kind == kind) return i;
+  std::vector<std::string> there;
+  for (std::size_t i = 0; i < streams.size(); ++i) {
+    if (streams[i].kind != kind) continue;
+    if (streams[i].name == name) return i;
+    there.push_back(streams[i].text());
+  }
   const std::string what = kind == FoundKind::kImu ? "IMU" : "images";
-  const std::string there = names_of(source, kind);
   return fail(ErrorCode::kNotFound, "no " + what + " called " + name + "; there is: " +
-                                        (there.empty() ? all_there_is(source) : there));
+                                        (there.empty() ? all_there_is(source) : comma_list(there)));
 }
 
 /// Images that are used by default: brightness, of a known size, not twice.

@@ -5,8 +5,8 @@
 #include "capture/recording/recording_layout.hpp"
 #include "capture/recording/recording_writer.hpp"
 #include "daemon/system.hpp"
-#include "pipeline/replay/recording_check.hpp"
 #include "tools/import/import.hpp"
+#include "tools/replay/replay_verbs.hpp"
 #include "tools/verb_options.hpp"
 
 namespace fiducap {
@@ -120,27 +120,6 @@ Expected<Imported> write_recording(ImportSource& source, const ImportPlan& plan,
   return counter.done();
 }
 
-/// Every camera needs an image; why none could be decoded is in the log.
-Expected<void> require_images(const Imported& done, const ImportSource& source,
-                              const ImportPlan& plan) {
-  for (std::size_t k = 0; k < done.images.size(); ++k)
-    if (done.images[k] == 0)
-      return fail(
-          ErrorCode::kInvalid,
-          "no image of " + source.streams()[plan.choice.images[k]].text() + " could be decoded");
-  return {};
-}
-
-Expected<void> check_written(const std::string& folder, Imported& done) {
-  const auto info = read_recording_info(folder);
-  if (!info) return tl::unexpected(info.error());
-  auto checked = check_recording(*info);
-  if (!checked) return tl::unexpected(checked.error());
-  done.usable = checked->is_usable();
-  done.findings = std::move(checked->findings);
-  return {};
-}
-
 nlohmann::ordered_json stream_json(const FoundStream& stream) {
   nlohmann::ordered_json json{
       {"name", stream.name},           {"kind", stream.kind == FoundKind::kImu ? "imu" : "images"},
@@ -164,11 +143,6 @@ nlohmann::ordered_json source_json(const ImportSource& source, const std::string
   return json;
 }
 
-void print_json(const nlohmann::ordered_json& json, const Terminal& terminal) {
-  constexpr auto kReplace = nlohmann::ordered_json::error_handler_t::replace;
-  terminal.out << json.dump(2, ' ', false, kReplace) << "\n";
-}
-
 void print_imported(const ImportSource& source, const ImportPlan& plan, const Imported& done,
                     const Terminal& terminal) {
   terminal.out << plan.info.folder << ":";
@@ -184,8 +158,7 @@ void print_imported(const ImportSource& source, const ImportPlan& plan, const Im
   if (done.twice > 0)
     terminal.out << "  note: " << done.twice << " samples have the stamp of the one before: left "
                  << "out\n";
-  for (const RecordingFinding& finding : done.findings)
-    terminal.out << (finding.unusable ? "  unusable: " : "  warning: ") << finding.text << "\n";
+  print_findings(terminal, done.findings);
   for (const std::string& item : plan.to_do) terminal.out << "  missing: " << item << "\n";
   if (done.usable)
     terminal.out << "next: fiducap replay " << plan.info.folder << " --out results\n";
@@ -199,29 +172,9 @@ void print_imported_json(nlohmann::ordered_json json, const ImportPlan& plan, co
   json["same_stamp"] = done.twice;
   for (const std::string& remark : plan.remarks) json["notes"].push_back(remark);
   json["usable"] = done.usable;
-  json["findings"] = nlohmann::ordered_json::array();
-  for (const RecordingFinding& finding : done.findings)
-    json["findings"].push_back({{"unusable", finding.unusable}, {"text", finding.text}});
+  json["findings"] = findings_json(done.findings);
   json["missing"] = plan.to_do;
-  print_json(json, terminal);
-}
-
-/// Whether the arguments name streams, which must then exist.
-bool names_streams(const ImportArguments& given) {
-  return !given.images.empty() || !given.imu.empty();
-}
-
-Error in_source(Error error, const std::string& source) {
-  if (error.context.empty()) error.context = source;
-  return error;
-}
-
-Expected<std::unique_ptr<ImportSource>> search_source(ImportArguments& arguments,
-                                                      const Terminal& terminal) {
-  ProgressLine line(terminal);
-  return open_import(arguments.source, options_of(arguments), [&](double share) {
-    line.show("looking through " + arguments.source + ": " + fixed(100 * share, 0) + " %");
-  });
+  print_json(terminal, json);
 }
 
 /// Removes what was written when it fails, so that the folder is free for the next try.
@@ -237,10 +190,16 @@ Expected<Imported> make_recording(ImportSource& source, const ImportPlan& plan,
     if (was_written && !failure) done.error().what += "; what was written is removed";
   }
   if (!done) return done;
-  if (const auto any = require_images(*done, source, plan); !any)
-    return tl::unexpected(any.error());
-  if (const auto checked = check_written(plan.info.folder, *done); !checked)
-    return tl::unexpected(checked.error());
+  // Why no image could be decoded is in the log.
+  for (std::size_t k = 0; k < done->images.size(); ++k)
+    if (done->images[k] == 0)
+      return fail(
+          ErrorCode::kInvalid,
+          "no image of " + source.streams()[plan.choice.images[k]].text() + " could be decoded");
+  auto checked = read_recording_info(plan.info.folder).and_then(check_recording);
+  if (!checked) return tl::unexpected(checked.error());
+  done->usable = checked->is_usable();
+  done->findings = std::move(checked->findings);
   return done;
 }
 
@@ -248,19 +207,28 @@ Expected<Imported> make_recording(ImportSource& source, const ImportPlan& plan,
 
 int run_import(const ImportArguments& given, const Terminal& terminal) {
   ImportArguments arguments = given;
-  const auto source = search_source(arguments, terminal);
-  if (!source) return report(terminal, in_source(source.error(), given.source));
+  const auto refuse = [&](const Error& why) {
+    return report(terminal, in_context(why, given.source));
+  };
+  const auto source = [&] {
+    ProgressLine line(terminal);
+    return open_import(arguments.source, options_of(arguments), [&](double share) {
+      line.show("looking through " + arguments.source + ": " + fixed(100 * share, 0) + " %");
+    });
+  }();
+  if (!source) return refuse(source.error());
   if (!arguments.json) print_source(**source, given.source, terminal);
   if (arguments.out.empty()) {
-    if (const auto chosen = choose_streams(**source, arguments); !chosen && names_streams(given))
-      return report(terminal, in_source(chosen.error(), given.source));
-    if (arguments.json) print_json(source_json(**source, given.source), terminal);
+    const bool names_streams = !given.images.empty() || !given.imu.empty();  // they must exist
+    if (const auto chosen = choose_streams(**source, arguments); !chosen && names_streams)
+      return refuse(chosen.error());
+    if (arguments.json) print_json(terminal, source_json(**source, given.source));
     return kExitOk;
   }
   const auto plan = plan_import(**source, arguments);
-  if (!plan) return report(terminal, in_source(plan.error(), given.source));
+  if (!plan) return refuse(plan.error());
   const auto done = make_recording(**source, *plan, terminal);
-  if (!done) return report(terminal, in_source(done.error(), given.source));
+  if (!done) return refuse(done.error());
   if (arguments.json)
     print_imported_json(source_json(**source, given.source), *plan, *done, terminal);
   else
@@ -287,8 +255,7 @@ void add_import(CLI::App& app, ChosenVerb& chosen) {
                    "Lens, place or noise: a file per camera in their order (OpenCV, ROS, EuRoC), "
                    "Kalibr's camchain, Kalibr's imu.yaml")
       ->allow_extra_args(false);
-  verb->add_option("--tag-size", a.tag_size_m, "Edge between black and white border, metres")
-      ->check(kPositive);
+  add_positive(*verb, "--tag-size", a.tag_size_m, "Edge between black and white border, metres");
   verb->add_option("--tag-family", a.tag_family, "Tag family, e.g. tag36h11");
   verb->add_option("--stamps", a.stamps,
                    "Stamps to use: 'header', of the sensor, or 'log', of the recorder")

@@ -11,11 +11,23 @@
 #include "base/text.hpp"
 #include "fiducap/control.hpp"
 #include "tools/live/live_verbs.hpp"
-#include "tools/verb_inputs.hpp"
+#include "tools/tags/map_files.hpp"
 #include "tools/verb_options.hpp"
 
 namespace fiducap {
 namespace {
+
+struct ControlArguments {
+  std::string server{"127.0.0.1"};
+  std::string token;       ///< Empty: the environment's FIDUCAP_TOKEN.
+  std::string body;        ///< Name or id.
+  std::string name;        ///< New name of the body, of the recording or of the version.
+  std::int64_t version{};  ///< Of the map.
+  int tag_id{};
+  std::string measured;  ///< File with measured places of tags.
+  bool json{false};
+  double timeout_s{10};  ///< While a recording's disk writes nothing.
+};
 
 /// Address and token of the server. @return Error when one is missing
 Expected<ControlOptions> options_of(const ControlArguments& arguments) {
@@ -76,19 +88,10 @@ Error stalled(const Recording& recording, std::chrono::duration<double> timeout)
           {}};
 }
 
-Error failure(const Recording& recording) {
-  return {ErrorCode::kUnavailable,
-          "the recording \"" + recording.name + "\" has failed: " + recording.reason +
-              "; saved: " + counts_of(recording),
-          {}};
-}
-
-/// Polls the server's list until the recording has reached the state `wanted`,
-/// or is over.
+/// Polls the server's list until the recording has reached the state `wanted`, or is over.
 /// @param timeout  without progress on disk
-/// @return nullopt: the server does not list it (it is older than this
-/// program); Error when the server cannot be asked, after the timeout, and when
-/// the recording has failed
+/// @return nullopt: the server does not list it (it is older than this program); Error when the
+/// server cannot be asked, after the timeout, and when the recording has failed
 Expected<std::optional<Recording>> follow_recording(Control& control, const std::string& name,
                                                     RecordingState wanted,
                                                     std::chrono::duration<double> timeout) {
@@ -102,7 +105,9 @@ Expected<std::optional<Recording>> follow_recording(Control& control, const std:
     const auto newest = std::find_if(all.rbegin(), all.rend(),
                                      [&](const Recording& one) { return one.name == name; });
     if (newest == all.rend()) return std::nullopt;
-    if (newest->state == RecordingState::kFailed) return tl::unexpected(failure(*newest));
+    if (newest->state == RecordingState::kFailed)
+      return fail(ErrorCode::kUnavailable, "the recording \"" + name + "\" has failed: " +
+                                               newest->reason + "; saved: " + counts_of(*newest));
     if (newest->state >= wanted) return *newest;
     const auto now = std::chrono::steady_clock::now();
     if (newest->bytes != bytes) progress_at = now;
@@ -117,16 +122,6 @@ Expected<std::optional<Recording>> follow_recording(Control& control, const std:
 /// One command; its result is the text that is printed.
 using Command = Expected<std::string> (*)(const ControlArguments&, Control&);
 
-int carry_out(const ControlArguments& arguments, const Terminal& terminal, Command command) {
-  const auto options = options_of(arguments);
-  if (!options) return report(terminal, options.error());
-  Control control(*options);
-  const auto done = command(arguments, control);
-  if (!done) return report(terminal, done.error());
-  terminal.out << *done << "\n";
-  return kExitOk;
-}
-
 Expected<std::string> done_if(const Outcome& outcome, const std::string& text) {
   return outcome ? Expected<std::string>(text) : tl::unexpected(refusal(outcome));
 }
@@ -135,12 +130,11 @@ Expected<std::string> done_if(const Outcome& outcome, const std::string& text) {
 Expected<int> find_body(Control& control, const std::string& body) {
   const auto state = state_of(control);
   if (!state) return tl::unexpected(state.error());
-  std::string known;
-  for (const ControlledBody& one : state->bodies) {
+  for (const ControlledBody& one : state->bodies)
     if (one.name == body || std::to_string(one.id) == body) return one.id;
-    known += (known.empty() ? "" : ", ") + one.name;
-  }
-  return fail(ErrorCode::kUnavailable, "there is no body \"" + body + "\"; known are " + known);
+  return fail(ErrorCode::kUnavailable,
+              "there is no body \"" + body + "\"; known are " +
+                  comma_list(state->bodies, [](const auto& one) { return one.name; }));
 }
 
 Expected<std::string> enable(const ControlArguments& a, Control& control, bool enabled) {
@@ -284,13 +278,10 @@ class ControlVerbs final {
         ->required();
     add_for_version("rollback", "Serve a stored version of the map again, as a new version",
                     roll_back, " 12");
-    add("align",
-        "Align the workspace with the room by measured tags; streamed poses "
-        "jump",
+    add("align", "Align the workspace with the room by measured tags; streamed poses jump",
         align_with_room, " --to measured.csv")
         .add_option("--to", arguments_->measured,
-                    "Three tags or more as measured in the room: id,x,y,z in "
-                    "metres, z up")
+                    "Three tags or more as measured in the room: id,x,y,z in metres, z up")
         ->required();
     add_for_tag("quarantine", "Keep a tag in the map and do not use it",
                 [](const auto& a, Control& control) {
@@ -316,13 +307,18 @@ class ControlVerbs final {
     auto& verb = *control_.add_subcommand(name, what);
     arguments_ = &arguments_of<ControlArguments>(
         verb, chosen_, [command](const ControlArguments& arguments, const Terminal& terminal) {
-          return carry_out(arguments, terminal, command);
+          const auto options = options_of(arguments);
+          if (!options) return report(terminal, options.error());
+          Control control(*options);
+          const auto done = command(arguments, control);
+          if (!done) return report(terminal, done.error());
+          terminal.out << *done << "\n";
+          return kExitOk;
         });
     add_server_option(verb, arguments_->server);
     verb.add_option("--token", arguments_->token,
-                    "The operator's token; better the environment's "
-                    "FIDUCAP_TOKEN: every user of the "
-                    "machine sees command lines");
+                    "The operator's token; better the environment's FIDUCAP_TOKEN: every user of "
+                    "the machine sees command lines");
     verb.footer("Example:\n  fiducap control " + name + example);
     return verb;
   }
@@ -361,26 +357,12 @@ class ControlVerbs final {
 
 }  // namespace
 
-int run_control_list(const ControlArguments& arguments, const Terminal& terminal) {
-  return carry_out(arguments, terminal, list);
-}
-
-int run_control_record(const ControlArguments& arguments, const Terminal& terminal) {
-  return carry_out(arguments, terminal, record);
-}
-
-int run_control_stop(const ControlArguments& arguments, const Terminal& terminal) {
-  return carry_out(arguments, terminal, stop);
-}
-
 void add_control(CLI::App& app, ChosenVerb& chosen) {
   auto* control = app.add_subcommand("control", "Change a running server: bodies, map, recording");
   control->require_subcommand(1);
   control->footer(
-      "The server's configuration names the token: operator.token "
-      "or operator.token_file.\n"
-      "Other users of this machine see command lines, but not the "
-      "environment.\n"
+      "The server's configuration names the token: operator.token or operator.token_file.\n"
+      "Other users of this machine see command lines, but not the environment.\n"
       "Before: export FIDUCAP_TOKEN=$(cat robot.token)\n"
       "Example:\n  fiducap control disable rover\n"
       "  fiducap control record flight-3");

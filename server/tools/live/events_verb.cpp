@@ -1,9 +1,7 @@
 #include <array>
-#include <chrono>
-#include <cstdio>
 #include <ctime>
-#include <limits>
 
+#include <fmt/chrono.h>
 #include <nlohmann/json.hpp>
 
 #include "base/text.hpp"
@@ -15,6 +13,13 @@ namespace {
 
 constexpr std::chrono::milliseconds kSlice{100};  // bounds the delay of an interrupt
 
+struct EventsArguments {
+  std::string server{"127.0.0.1"};
+  double duration_s{0};  ///< 0: until interrupted.
+  bool only_new{false};  ///< Without the events that the server remembers.
+  bool json{false};      ///< One JSON object per event and line.
+};
+
 const char* name_of(EventSeverity severity) {
   constexpr std::array<const char*, 3> kNames{"info", "warning", "error"};
   return kNames[static_cast<std::size_t>(severity)];
@@ -23,22 +28,8 @@ const char* name_of(EventSeverity severity) {
 std::string time_text(std::int64_t utc_ms) {
   const std::time_t seconds = utc_ms / 1000;
   std::tm local{};
-  std::array<char, 32> date{};
-  std::array<char, 48> all{};
   if (::localtime_r(&seconds, &local) == nullptr) return "?";
-  std::strftime(date.data(), date.size(), "%F %T", &local);
-  std::snprintf(all.data(), all.size(), "%s.%03d", date.data(), static_cast<int>(utc_ms % 1000));
-  return all.data();
-}
-
-}  // namespace
-
-std::string event_line(const ServerEvent& event) {
-  std::string severity = name_of(event.severity);
-  severity.resize(8, ' ');
-  const std::string remedy = event.remedy.empty() ? "" : " – " + event.remedy;
-  return time_text(event.at_utc_ms) + " " + severity +
-         escape_controls(event.subject + ": " + event.text + remedy) + "\n";
+  return fmt::format("{:%F %T}.{:03}", local, utc_ms % 1000);
 }
 
 std::string event_json(const ServerEvent& event) {
@@ -58,11 +49,6 @@ int run_events(const EventsArguments& arguments, const Terminal& terminal) {
   if (!address) return report(terminal, address.error());
   EventWatch watch({address->host, address->port, !arguments.only_new});
   const auto start = std::chrono::steady_clock::now();
-  const double duration_s = arguments.duration_s.value_or(std::numeric_limits<double>::infinity());
-  const auto is_over = [&] {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() >=
-           duration_s;
-  };
   bool reached = false;
   std::string reported;
   ServerEvent event;
@@ -72,9 +58,19 @@ int run_events(const EventsArguments& arguments, const Terminal& terminal) {
     reached = reached || watch.problem().empty();
     if (watch.problem() != reported && !(reported = watch.problem()).empty())
       terminal.err << "fiducap: " << reported << "; retrying" << std::endl;
-    if (is_over()) break;
+    if (is_over(start, arguments.duration_s)) break;
   }
   return reached ? kExitOk : kExitFailed;
+}
+
+}  // namespace
+
+std::string event_line(const ServerEvent& event) {
+  std::string severity = name_of(event.severity);
+  severity.resize(8, ' ');
+  const std::string remedy = event.remedy.empty() ? "" : " – " + event.remedy;
+  return time_text(event.at_utc_ms) + " " + severity +
+         escape_controls(event.subject + ": " + event.text + remedy) + "\n";
 }
 
 void add_events(CLI::App& app, ChosenVerb& chosen) {
@@ -82,9 +78,8 @@ void add_events(CLI::App& app, ChosenVerb& chosen) {
       "events", "Events of a server: bodies lost and found, devices, disks, clocks");
   auto& a = arguments_of<EventsArguments>(*verb, chosen, run_events);
   add_server_option(*verb, a.server);
-  verb->add_option("--duration", a.duration_s,
-                   "End after this many seconds; fails when the server was never reached")
-      ->check(kPositive);
+  add_positive(*verb, "--duration", a.duration_s,
+               "End after this many seconds; fails when the server was never reached");
   verb->add_flag("--news", a.only_new, "Leave out what the server remembers");
   verb->add_flag("--json", a.json, "One JSON object per event and line");
   verb->footer(

@@ -1,7 +1,5 @@
 #include <algorithm>
 #include <array>
-#include <charconv>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 
@@ -10,16 +8,21 @@
 #include <nlohmann/json.hpp>
 
 #include "base/numeric.hpp"
-#include "fiducap/client.hpp"
 #include "tools/live/live_verbs.hpp"
-#include "tools/terminal.hpp"
 #include "tools/verb_options.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr std::size_t kAngleWidth = 8;
-constexpr std::size_t kRateWidth = 7;
+struct WatchArguments {
+  std::string server{"127.0.0.1"};
+  double duration_s{0};  ///< 0: until Ctrl-C.
+  bool json{false};
+};
+
+/// Position, yaw pitch roll, speeds, sigmas, age, tags.
+constexpr const char* kColumns =
+    " {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>7} {:>4}\n";
 
 const char* name_of(Tracking tracking) {
   constexpr std::array kNames{"searching", "tracking", "coasting", "lost"};
@@ -42,37 +45,30 @@ std::string milliseconds(double seconds) {
   return std::isfinite(seconds) ? fixed(1000 * seconds, 2) + " ms" : "unknown";
 }
 
-std::string right(const std::string& text, std::size_t width) {
-  return text.size() >= width ? text : std::string(width - text.size(), ' ') + text;
-}
-
 std::string column_names() {
-  std::string text = "body             state    ";
-  for (const char* name : {"x [m]", "y [m]", "z [m]"}) text += ' ' + right(name, 8);
-  for (const char* name : {"yaw[deg]", "pitch", "roll"}) text += ' ' + right(name, kAngleWidth);
-  for (const char* name : {"[m/s]", "[deg/s]"}) text += ' ' + right(name, kRateWidth);
-  for (const char* name : {"1s [mm]", "1s[deg]", "age[ms]"}) text += ' ' + right(name, 7);
-  return text + " tags\n";
+  return "body             state    " + fmt::format(kColumns, "x [m]", "y [m]", "z [m]", "yaw[deg]",
+                                                    "pitch", "roll", "[m/s]", "[deg/s]", "1s [mm]",
+                                                    "1s[deg]", "age[ms]", "tags");
 }
 
 std::string row(const Body& body) {
   std::array<char, 96> head{};
   std::snprintf(head.data(), head.size(), "%-16.32s %-9s", body.name.c_str(),
                 name_of(body.tracking));
-  std::string text = head.data();
-  // Invalid poses are not shown.
-  const auto add = [&](double value, int decimals, std::size_t width) {
-    text += ' ' + right(body.valid && std::isfinite(value) ? fixed(value, decimals) : "-", width);
+  const auto text = [](bool is_shown, double value, int decimals) {
+    return is_shown && std::isfinite(value) ? fixed(value, decimals) : "-";
   };
-  for (const double p : body.position_m) add(p, 3, 8);
-  for (const double angle : yaw_pitch_roll_deg(body.orientation_wxyz)) add(angle, 1, kAngleWidth);
-  add(length(body.velocity_m_s), 2, kRateWidth);
-  add(kDegreesPerRadian * length(body.body_rate_rad_s), 0, kRateWidth);
-  add(1000 * body.position_sigma_m, 1, 7);
-  add(kDegreesPerRadian * body.rotation_sigma_rad, 2, 7);
-  text += ' ' + right(std::isfinite(body.age_s) ? fixed(1000 * body.age_s, 0) : "-", 7) + ' ' +
-          right(std::to_string(body.tags_in_view), 4);
-  return text + '\n';
+  // Invalid poses are not shown.
+  const auto shown = [&](double value, int decimals) { return text(body.valid, value, decimals); };
+  const auto& [x, y, z] = body.position_m;
+  const auto [yaw, pitch, roll] = yaw_pitch_roll_deg(body.orientation_wxyz);
+  return head.data() + fmt::format(kColumns, shown(x, 3), shown(y, 3), shown(z, 3), shown(yaw, 1),
+                                   shown(pitch, 1), shown(roll, 1),
+                                   shown(length(body.velocity_m_s), 2),
+                                   shown(kDegreesPerRadian * length(body.body_rate_rad_s), 0),
+                                   shown(1000 * body.position_sigma_m, 1),
+                                   shown(kDegreesPerRadian * body.rotation_sigma_rad, 2),
+                                   text(true, 1000 * body.age_s, 0), body.tags_in_view);
 }
 
 std::string summary(const Frame& frame, const ClientStatistics& s) {
@@ -86,26 +82,18 @@ constexpr std::chrono::seconds kTimeout{2};  // without a frame, then it is repo
 constexpr std::chrono::milliseconds kLivePeriod{100};
 constexpr std::chrono::seconds kLinePeriod{1};
 
-ClientOptions options(const ServerAddress& address) {
-  ClientOptions options;
-  options.server = address.host;
-  options.port = address.port;
-  options.name = "fiducap watch";
-  return options;
-}
-
 class Watch final {
  public:
   Watch(const ServerAddress& address, bool json, const Terminal& terminal)
       : name_(address.host + ":" + std::to_string(address.port)),
         json_(json),
         terminal_(terminal),
-        client_(options(address)) {}
+        client_(client_options(address, "fiducap watch")) {}
 
-  int run(std::optional<SteadyTime> end) {
-    while (!interrupted() && terminal_.out) {
+  int run(double duration_s) {
+    const SteadyTime start = last_frame_;
+    while (!interrupted() && terminal_.out && !is_over(start, duration_s)) {
       const SteadyTime now = std::chrono::steady_clock::now();
-      if (end && now >= *end) break;
       if (client_.wait_for_frame(newest_, std::chrono::milliseconds(100)) &&
           client_.latest(frame_)) {
         newest_ = frame_.number;
@@ -172,6 +160,16 @@ class Watch final {
   bool reported_{false};
 };
 
+int run_watch(const WatchArguments& arguments, const Terminal& terminal) {
+  const auto address = parse_server_address(arguments.server, ClientOptions{}.port);
+  if (!address) {
+    report(terminal, address.error());
+    return kExitUsage;
+  }
+  catch_interrupt();
+  return Watch(*address, arguments.json, terminal).run(arguments.duration_s);
+}
+
 }  // namespace
 
 std::string watch_table(const std::string& server, const Frame& frame,
@@ -219,6 +217,19 @@ std::string watch_json(const Frame& frame, const ClientStatistics& statistics) {
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
+bool is_over(SteadyTime start, double limit_s) {
+  const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - start;
+  return limit_s > 0 && passed.count() >= limit_s;
+}
+
+ClientOptions client_options(const ServerAddress& address, const char* name) {
+  ClientOptions options;
+  options.server = address.host;
+  options.port = address.port;
+  options.name = name;
+  return options;
+}
+
 Expected<ServerAddress> parse_server_address(std::string_view text, std::uint16_t default_port) {
   const auto wrong = fail(ErrorCode::kInvalid,
                           "--server must be HOST or HOST:PORT, is '" + std::string(text) + "'");
@@ -233,10 +244,7 @@ Expected<ServerAddress> parse_server_address(std::string_view text, std::uint16_
                          text.find(':', colon + 1) != std::string_view::npos;
   if (colon != std::string_view::npos && !bare_ipv6) {
     if (!bracketed) address.host = text.substr(0, colon);
-    const std::string_view port = text.substr(colon + 1);
-    const auto parsed = std::from_chars(port.data(), port.data() + port.size(), address.port);
-    if (parsed.ec != std::errc{} || parsed.ptr != port.data() + port.size() || address.port == 0)
-      return wrong;
+    if (!parse_number(text.substr(colon + 1), address.port) || address.port == 0) return wrong;
   } else if (bracketed && close + 1 != text.size()) {
     return wrong;
   }
@@ -244,29 +252,13 @@ Expected<ServerAddress> parse_server_address(std::string_view text, std::uint16_
   return address;
 }
 
-int run_watch(const WatchArguments& arguments, const Terminal& terminal) {
-  const auto address = parse_server_address(arguments.server, ClientOptions{}.port);
-  if (!address) {
-    report(terminal, address.error());
-    return kExitUsage;
-  }
-  catch_interrupt();
-  std::optional<SteadyTime> end;
-  if (arguments.duration_s > 0)
-    end = std::chrono::steady_clock::now() +
-          std::chrono::duration_cast<std::chrono::steady_clock::duration>(
-              std::chrono::duration<double>(arguments.duration_s));
-  return Watch(*address, arguments.json, terminal).run(end);
-}
-
 void add_watch(CLI::App& app, ChosenVerb& chosen) {
   auto* verb =
       app.add_subcommand("watch", "Live poses, rates, latency and loss as a client receives them");
   auto& a = arguments_of<WatchArguments>(*verb, chosen, run_watch);
   add_server_option(*verb, a.server);
-  verb->add_option("--duration", a.duration_s,
-                   "End after this many seconds; fails when nothing arrived")
-      ->check(kPositive);
+  add_positive(*verb, "--duration", a.duration_s,
+               "End after this many seconds; fails when nothing arrived");
   verb->add_flag("--json", a.json, "One JSON object per frame and line");
   verb->footer(
       "Example:\n  fiducap watch --server robot-hall:21600\n"

@@ -20,8 +20,6 @@ namespace {
 using PlotJson = nlohmann::basic_json<nlohmann::ordered_map, std::vector, std::string, bool,
                                       std::int64_t, std::uint64_t, float>;
 
-constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
-
 constexpr const char* kStyle = R"(
 :root { color-scheme: light dark; }
 body { font-family: system-ui, sans-serif; line-height: 1.45; color: #222; background: #fff;
@@ -54,7 +52,7 @@ class PlotRange final {
   [[nodiscard]] bool can_show(double value) const {
     return std::isfinite(value) && (!logarithmic_ || value > 0);
   }
-  [[nodiscard]] double shown(double value) const { return can_show(value) ? value : kNothing; }
+  [[nodiscard]] double shown(double value) const { return can_show(value) ? value : kPlotGap; }
   void add(double value) {
     if (!can_show(value)) return;
     low_ = std::min(low_, value);
@@ -77,7 +75,7 @@ class PlotRange final {
   }
   /// 0 … 1 within the interval; not finite for values that cannot be shown.
   [[nodiscard]] double share(double value) const {
-    if (!can_show(value)) return kNothing;
+    if (!can_show(value)) return kPlotGap;
     return logarithmic_ ? std::log(value / low_) / std::log(high_ / low_)
                         : (value - low_) / (high_ - low_);
   }
@@ -89,24 +87,29 @@ class PlotRange final {
   double high_{-std::numeric_limits<double>::infinity()};
 };
 
+/// Of lines, columns and shapes.
+template <typename Take>
+void for_each_point(const PlotPanel& panel, const Take& take) {
+  for (const PlotLine& line : panel.lines)
+    for (const auto& [x, y] : line.points) take(x, y);
+  for (const PlotColumns& columns : panel.columns)
+    for (const auto& [from, to, height] : columns.columns) take(from, height), take(to, height);
+  for (const PlotShapes& shapes : panel.shapes)
+    for (const PlotShapes::Shape& shape : shapes.shapes)
+      for (const auto& [x, y] : shape.outline) take(x, y);
+}
+
 PlotRange x_range_of(const LinePlot& plot) {
   PlotRange range(plot.logarithmic);
   for (const PlotPanel& panel : plot.panels) {
-    for (const PlotLine& line : panel.lines)
-      for (const PlotPoint& p : line.points) range.add(p.first);
+    for_each_point(panel, [&](double x, double) { range.add(x); });
     for (const PlotArea& area : panel.areas)
       for (const PlotArea::Slice& slice : area.slices) range.add(slice.x);
-    for (const PlotColumns& columns : panel.columns)
-      for (const PlotColumns::Column& column : columns.columns)
-        range.add(column.from), range.add(column.to);
     for (const PlotBand& band : panel.bands) range.add(band.from), range.add(band.to);
     for (const PlotSpans& spans : panel.spans)
       for (const auto& [from, to] : spans.from_to) range.add(from), range.add(to);
     for (const PlotMarks& marks : panel.marks)
       for (const double at : marks.at) range.add(at);
-    for (const PlotShapes& shapes : panel.shapes)
-      for (const PlotShapes::Shape& shape : shapes.shapes)
-        for (const PlotPoint& p : shape.outline) range.add(p.first);
   }
   range.finish(0);
   return range;
@@ -130,13 +133,7 @@ void add_usual(const std::vector<PlotArea>& areas, PlotRange& range) {
 
 PlotRange y_range_of(const PlotPanel& panel, double margin) {
   PlotRange range(panel.logarithmic);
-  for (const PlotLine& line : panel.lines)
-    for (const PlotPoint& p : line.points) range.add(p.second);
-  for (const PlotColumns& columns : panel.columns)
-    for (const PlotColumns::Column& column : columns.columns) range.add(column.height);
-  for (const PlotShapes& shapes : panel.shapes)
-    for (const PlotShapes::Shape& shape : shapes.shapes)
-      for (const PlotPoint& p : shape.outline) range.add(p.second);
+  for_each_point(panel, [&](double, double y) { range.add(y); });
   add_usual(panel.areas, range);
   if (panel.goal) range.add(*panel.goal);
   if (panel.from_zero) range.add(0);
@@ -156,7 +153,7 @@ double column_of(const PlotRange& x, double value) {
 PlotJson thinned(const std::vector<PlotPoint>& points, const PlotRange& x, const PlotRange& y) {
   PlotJson out = PlotJson::array();
   const auto column = [&](std::size_t i) {
-    return y.can_show(points[i].second) ? column_of(x, points[i].first) : kNothing;
+    return y.can_show(points[i].second) ? column_of(x, points[i].first) : kPlotGap;
   };
   const auto write = [&](std::size_t i) {
     out.push_back(x.shown(points[i].first));

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -14,6 +15,7 @@ using PlotPoint = std::pair<double, double>;
 /// Distinct also with colour blindness (Okabe and Ito); the first is for the main curve.
 inline constexpr const char* kPlotColors[]{"#0072b2", "#d55e00", "#009e73",
                                            "#cc79a7", "#e69f00", "#56b4e9"};
+inline constexpr double kPlotGap = std::numeric_limits<double>::quiet_NaN();  ///< Breaks a line.
 inline constexpr const char* kPlotGray = "#777";
 inline constexpr const char* kPlotInk = "ink";  ///< That of the text, light on dark pages.
 

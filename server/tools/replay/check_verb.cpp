@@ -1,11 +1,15 @@
 #include <nlohmann/json.hpp>
 
-#include "pipeline/replay/recording_check.hpp"
 #include "tools/replay/replay_verbs.hpp"
 #include "tools/verb_options.hpp"
 
 namespace fiducap {
 namespace {
+
+struct CheckArguments {
+  std::vector<std::string> recordings;
+  bool json{false};
+};
 
 void print_stream(const Terminal& terminal, const RecordedStream& stream) {
   terminal.out << "  " << stream.file << ": " << stream.stamps << " lines";
@@ -20,15 +24,6 @@ void print_stream(const Terminal& terminal, const RecordedStream& stream) {
   terminal.out << "\n";
 }
 
-void print_report(const Terminal& terminal, const std::string& folder,
-                  const RecordingReport& checked) {
-  terminal.out << folder << "\n";
-  for (const RecordedStream& stream : checked.streams) print_stream(terminal, stream);
-  for (const RecordingFinding& finding : checked.findings)
-    terminal.out << (finding.unusable ? "  unusable: " : "  warning: ") << finding.text << "\n";
-  if (checked.findings.empty()) terminal.out << "  no findings\n";
-}
-
 nlohmann::ordered_json check_json(const std::string& folder, const RecordingReport& checked) {
   nlohmann::ordered_json streams = nlohmann::ordered_json::array();
   for (const RecordedStream& stream : checked.streams)
@@ -38,28 +33,17 @@ nlohmann::ordered_json check_json(const std::string& folder, const RecordingRepo
                        {"unreadable", stream.unreadable},
                        {"seconds", stream.stamps > 0 ? to_seconds(stream.last - stream.first) : 0},
                        {"step_s", to_seconds(stream.step)}});
-  nlohmann::ordered_json findings = nlohmann::ordered_json::array();
-  for (const RecordingFinding& finding : checked.findings)
-    findings.push_back({{"unusable", finding.unusable}, {"text", finding.text}});
   return {{"recording", folder},
           {"usable", checked.is_usable()},
           {"streams", streams},
-          {"findings", findings}};
+          {"findings", findings_json(checked.findings)}};
 }
-
-Expected<RecordingReport> check(const std::string& folder) {
-  const auto info = read_recording_info(folder);
-  if (!info) return tl::unexpected(info.error());
-  return check_recording(*info);
-}
-
-}  // namespace
 
 int run_check(const CheckArguments& arguments, const Terminal& terminal) {
   int exit_code = kExitOk;
   nlohmann::ordered_json recordings = nlohmann::ordered_json::array();
   for (const std::string& folder : arguments.recordings) {
-    const auto checked = check(folder);
+    const auto checked = read_recording_info(folder).and_then(check_recording);
     if (!checked || !checked->is_usable()) exit_code = kExitFailed;
     if (!checked) {
       report(terminal, checked.error());
@@ -68,13 +52,17 @@ int run_check(const CheckArguments& arguments, const Terminal& terminal) {
     } else if (arguments.json) {
       recordings.push_back(check_json(folder, *checked));
     } else {
-      print_report(terminal, folder, *checked);
+      terminal.out << folder << "\n";
+      for (const RecordedStream& stream : checked->streams) print_stream(terminal, stream);
+      print_findings(terminal, checked->findings);
+      if (checked->findings.empty()) terminal.out << "  no findings\n";
     }
   }
-  if (arguments.json)
-    terminal.out << nlohmann::ordered_json{{"recordings", recordings}}.dump(2) << "\n";
+  if (arguments.json) print_json(terminal, {{"recordings", recordings}});
   return exit_code;
 }
+
+}  // namespace
 
 void add_check(CLI::App& app, ChosenVerb& chosen) {
   auto* verb = app.add_subcommand(

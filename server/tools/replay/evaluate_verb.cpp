@@ -6,13 +6,18 @@
 
 #include "base/numeric.hpp"
 #include "base/whole_file.hpp"
-#include "tools/replay/replay_verbs.hpp"
 #include "tools/replay/run_plots.hpp"
-#include "tools/replay/trajectory_files.hpp"
 #include "tools/verb_options.hpp"
 
 namespace fiducap {
 namespace {
+
+struct EvaluateArguments {
+  std::string tum;
+  std::string recording;
+  std::string plot;  ///< Page with plots, .html; empty: none.
+  bool json{false};
+};
 
 std::string line(const char* label, const std::optional<PoseErrors>& errors, const char* what) {
   if (!errors) return {};
@@ -66,18 +71,12 @@ std::string heading(const Evaluation& e) {
   return text + "\n";
 }
 
-bool has_poses(const Evaluation& e) {
-  return e.reprojection.frames_with_tags_and_pose > 0 || (e.pose && e.pose->samples > 0);
-}
-
 Expected<std::vector<StampedCovariance>> covariances_beside(const std::string& tum) {
-  const std::filesystem::path path =
-      std::filesystem::path(tum).replace_extension(".covariance.csv");
+  const std::string path = std::filesystem::path(tum).replace_extension(".covariance.csv").string();
   std::error_code ignored;
   if (!std::filesystem::exists(path, ignored)) return std::vector<StampedCovariance>{};
-  const auto text = read_whole_file(path.string());
-  if (!text) return tl::unexpected(text.error());
-  return covariances_from_csv(*text, path.string());
+  return read_whole_file(path).and_then(
+      [&](const std::string& text) { return covariances_from_csv(text, path); });
 }
 
 Expected<void> write_plots(const EvaluateArguments& arguments, const RunResults& run,
@@ -91,8 +90,6 @@ Expected<void> write_plots(const EvaluateArguments& arguments, const RunResults&
   if (!arguments.json) terminal.out << "  plots in       " << arguments.plot << "\n";
   return {};
 }
-
-}  // namespace
 
 std::string evaluation_text(const Evaluation& e) {
   const ReprojectionSummary& r = e.reprojection;
@@ -111,11 +108,10 @@ std::string evaluation_text(const Evaluation& e) {
     text +=
         fmt::format("; {:.2f} % with {} that are not connected to the rest, in axes of their own",
                     100 * r.coverage_with_parts(), r.frames_with_tags_in_parts);
-  text += "\n";
-  return text;
+  return text + "\n";
 }
 
-std::string evaluation_json(const Evaluation& e) {
+nlohmann::ordered_json evaluation_json(const Evaluation& e) {
   const ReprojectionSummary& r = e.reprojection;
   nlohmann::ordered_json json{{"against", name_of(e.against)},
                               {"reference_tag", nullptr},
@@ -135,7 +131,7 @@ std::string evaluation_json(const Evaluation& e) {
                       {"frames_with_tags_in_parts", r.frames_with_tags_in_parts},
                       {"share", r.coverage()},
                       {"share_with_parts", r.coverage_with_parts()}};
-  return json.dump(2) + "\n";
+  return json;
 }
 
 int run_evaluate(const EvaluateArguments& arguments, const Terminal& terminal) {
@@ -153,12 +149,16 @@ int run_evaluate(const EvaluateArguments& arguments, const Terminal& terminal) {
     });
   }();
   if (!evaluation) return report(terminal, evaluation.error());
-  if (!has_poses(*evaluation))
+  if (evaluation->reprojection.frames_with_tags_and_pose == 0 &&
+      (!evaluation->pose || evaluation->pose->samples == 0))
     return report(terminal, {ErrorCode::kInvalid,
                              "no pose in it belongs to an image of this recording; is it empty, or "
                              "the run of another recording?",
                              arguments.tum});
-  terminal.out << (arguments.json ? evaluation_json(*evaluation) : evaluation_text(*evaluation));
+  if (arguments.json)
+    print_json(terminal, evaluation_json(*evaluation));
+  else
+    terminal.out << evaluation_text(*evaluation);
   if (!arguments.plot.empty())
     if (auto drawn = write_plots(arguments, *run, *evaluation, terminal); !drawn)
       return report(terminal, drawn.error());
@@ -166,6 +166,8 @@ int run_evaluate(const EvaluateArguments& arguments, const Terminal& terminal) {
     return report(terminal, {ErrorCode::kInvalid, *mismatch, arguments.recording});
   return kExitOk;
 }
+
+}  // namespace
 
 void add_evaluate(CLI::App& app, ChosenVerb& chosen) {
   auto* verb = app.add_subcommand("evaluate",

@@ -8,7 +8,6 @@
 #include "daemon/system.hpp"
 #include "detection/tag_detector.hpp"
 #include "tools/replay/run_files.hpp"
-#include "tools/replay/trajectory_files.hpp"
 #include "tools/tags/map_files.hpp"
 
 namespace fiducap {
@@ -178,11 +177,9 @@ Expected<void> reproject(RecordingInfo info, const RunResults& run, const Refere
   return {};
 }
 
-std::vector<TagPlace> places_of(const TagMap& map) {
-  std::vector<TagPlace> places;
-  for (const MapTag& entry : map.tags)
-    places.push_back({entry.tag.tag_id, entry.tag.edge_m, entry.tag.X_WT});
-  return places;
+Expected<std::vector<StampedPose>> read_tum(const std::string& path) {
+  return read_whole_file(path).and_then(
+      [&](const std::string& text) { return tum_from(text, path); });
 }
 
 Expected<std::vector<RunPart>> read_parts(const std::filesystem::path& folder,
@@ -192,13 +189,11 @@ Expected<std::vector<RunPart>> read_parts(const std::filesystem::path& folder,
     const std::string path = (folder / part_name(body, parts.size())).string();
     std::error_code ignored;
     if (!std::filesystem::exists(path + ".tum", ignored)) return parts;
-    const auto text = read_whole_file(path + ".tum");
-    if (!text) return tl::unexpected(text.error());
-    auto trajectory = tum_from(*text, path + ".tum");
+    auto trajectory = read_tum(path + ".tum");
     if (!trajectory) return tl::unexpected(trajectory.error());
     const auto map = read_map_file(path + ".csv");
     if (!map) return tl::unexpected(map.error());
-    parts.push_back({std::move(*trajectory), places_of(*map)});
+    parts.push_back({std::move(*trajectory), places_in(*map)});
   }
 }
 
@@ -207,28 +202,25 @@ Expected<std::vector<RunPart>> read_parts(const std::filesystem::path& folder,
 Expected<RunResults> read_run(const std::string& tum, std::size_t cameras) {
   if (auto same = check_same_run(tum); !same) return tl::unexpected(same.error());
   const std::filesystem::path folder = std::filesystem::path(tum).parent_path();
-  const auto text = read_whole_file(tum);
-  if (!text) return tl::unexpected(text.error());
-  auto trajectory = tum_from(*text, tum);
+  const std::string body = std::filesystem::path(tum).stem().string();
+  auto trajectory = read_tum(tum);
   if (!trajectory) return tl::unexpected(trajectory.error());
   const auto map = read_map_file((folder / "map.csv").string());
   if (!map) return tl::unexpected(map.error());
-  const std::string own =
-      (folder / (std::filesystem::path(tum).stem().string() + ".extrinsics.yaml")).string();
-  const std::string extrinsics_path =
+  const std::string own = (folder / (body + ".extrinsics.yaml")).string();
+  const std::string beside =
       std::filesystem::exists(own) ? own : (folder / "extrinsics.yaml").string();
-  const auto extrinsics_text = read_whole_file(extrinsics_path);
-  if (!extrinsics_text) return tl::unexpected(extrinsics_text.error());
-  auto extrinsics = extrinsics_from_yaml(*extrinsics_text, cameras, extrinsics_path);
+  const auto extrinsics = read_whole_file(beside).and_then(
+      [&](const std::string& text) { return extrinsics_from_yaml(text, cameras, beside); });
   if (!extrinsics) return tl::unexpected(extrinsics.error());
-  auto parts = read_parts(folder, std::filesystem::path(tum).stem().string());
+  auto parts = read_parts(folder, body);
   if (!parts) return tl::unexpected(parts.error());
   RunResults run{std::move(*trajectory), {}, {}, {}, std::move(*parts)};
   for (const RunCamera& camera : *extrinsics) {
     run.X_BV.push_back(camera.X_BV);
     run.lenses.push_back(camera.lens);
   }
-  run.map = places_of(*map);
+  run.map = places_in(*map);
   return run;
 }
 

@@ -7,7 +7,6 @@
 
 #include "base/expected.hpp"
 #include "base/time.hpp"
-#include "capture/lens/camera_model.hpp"
 #include "capture/recording/recording.hpp"
 #include "tools/replay/run_errors.hpp"
 

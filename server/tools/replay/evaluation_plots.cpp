@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "base/numeric.hpp"
 #include "base/text.hpp"
@@ -12,13 +11,10 @@ namespace {
 
 constexpr double kMm = 1e3;
 constexpr double kBandSigmas = 3;
-constexpr double kBroken = std::numeric_limits<double>::quiet_NaN();
 constexpr const char* kTimeLabel = "time since the first image, s";
 
 const StampedCovariance* covariance_at(std::span<const StampedCovariance> covariances, Instant at) {
-  const auto found =
-      std::lower_bound(covariances.begin(), covariances.end(), at,
-                       [](const StampedCovariance& c, Instant t) { return c.at < t; });
+  const auto found = std::ranges::lower_bound(covariances, at, {}, &StampedCovariance::at);
   return found != covariances.end() && found->at == at ? &*found : nullptr;
 }
 
@@ -65,8 +61,8 @@ class ErrorPanels final {
 
   void break_curves() {
     for (PlotPanel& panel : panels_) {
-      panel.lines.front().points.emplace_back(kBroken, kBroken);
-      for (PlotArea& area : panel.areas) area.slices.push_back({kBroken, kBroken, kBroken});
+      panel.lines.front().points.emplace_back(kPlotGap, kPlotGap);
+      for (PlotArea& area : panel.areas) area.slices.push_back({kPlotGap, kPlotGap, kPlotGap});
     }
   }
 
@@ -96,10 +92,6 @@ class ErrorPanels final {
   int within_{0};
 };
 
-std::string against_text(const Evaluation& e) {
-  return e.against == Evaluation::Against::kTruth ? "against truth" : "against another program";
-}
-
 /// Where poses are missing, and what is left out of the numbers.
 void shade(const Evaluation& e, const PlotSpans& missing, LinePlot& plot) {
   const EvaluationTraces& traces = e.traces;
@@ -122,8 +114,9 @@ LinePlot error_plot(const Evaluation& e, const RunResults& run,
     return is_position ? fixed(kMm * m, 2) + " mm" : fixed(kDegreesPerRadian * rad, 3) + "°";
   };
   LinePlot plot;
-  plot.title = std::string(is_position ? "Position" : "Attitude") + " error " + against_text(e) +
-               ": " + number(errors.position_rmse_m, errors.rotation_rmse_rad) + " RMSE, worst " +
+  plot.title = std::string(is_position ? "Position" : "Attitude") + " error against " +
+               (e.against == Evaluation::Against::kTruth ? "truth" : "another program") + ": " +
+               number(errors.position_rmse_m, errors.rotation_rmse_rad) + " RMSE, worst " +
                number(errors.position_max_m, errors.rotation_max_rad);
   plot.x_label = kTimeLabel;
   plot.panel_height = 120;
@@ -142,9 +135,8 @@ LinePlot sigma_plot(const Evaluation& e, const RunResults& run,
   plot.subtitle = "1 sigma over all directions, as estimated by the filter.";
   const Duration longest = longest_step(run.trajectory);
   for (const PoseHalf half : {PoseHalf::kPosition, PoseHalf::kRotation}) {
-    plot.panels.push_back(sigma_panel(half));
-    plot.panels.back().lines = {
-        sigma_line("", kPlotColors[0], covariances, half, e.traces.first_image, longest)};
+    plot.panels.push_back(
+        sigma_panel(half, kPlotColors[0], covariances, e.traces.first_image, longest));
     plot.panels.back().spans = {missing};
   }
   plot.panels.back().spans.front().name.clear();

@@ -8,6 +8,7 @@
 #include "base/numeric.hpp"
 #include "base/text.hpp"
 #include "tools/replay/replay_verbs.hpp"
+#include "tools/tags/map_files.hpp"
 
 namespace fiducap {
 namespace {
@@ -31,8 +32,7 @@ std::string tags_text(const std::vector<int>& ids) {
          listed(ids, [](int id) { return std::to_string(id); });
 }
 
-/// Largest 1-sigma along an axis of every tag that was placed; surveyed ones are as they were
-/// given.
+/// Of all tags that were placed; surveyed ones are as they were given.
 struct Sigmas {
   std::vector<double> place_m;
   std::vector<double> attitude_rad;
@@ -46,9 +46,7 @@ Sigmas sigmas_of(const TagMap& map) {
   double worst_turned = 0;
   for (const MapTag& entry : map.tags) {
     if (entry.state == TagState::kSurveyed) continue;
-    const auto variances = entry.tag.covariance.diagonal();
-    const double place = std::sqrt(variances.head<3>().maxCoeff());
-    const double attitude = std::sqrt(variances.tail<3>().maxCoeff());
+    const auto [place, attitude] = largest_sigmas(entry.tag);
     sigmas.place_m.push_back(place);
     sigmas.attitude_rad.push_back(attitude);
     if (place >= worst) sigmas.worst_tag = entry.tag.tag_id;
@@ -176,7 +174,7 @@ std::vector<std::string> MapBuildText::left_out() const {
   return sentences;
 }
 
-std::string MapBuildText::json() const {
+nlohmann::ordered_json MapBuildText::json() const {
   const Sigmas sigmas = sigmas_of(build.map);
   nlohmann::ordered_json json{{"tags", build.map.tags.size()},
                               {"tags_placed", tags_placed(build.map)},
@@ -214,7 +212,7 @@ std::string MapBuildText::json() const {
                              {"also_in_map", part.also_in_map},
                              {"segments", part.segments}});
   }
-  return json.dump(2) + "\n";
+  return json;
 }
 
 }  // namespace fiducap

@@ -1,29 +1,26 @@
 #include <algorithm>
 #include <filesystem>
-#include <memory>
 
-#include "daemon/config/config_file.hpp"
+#include <nlohmann/json.hpp>
+
 #include "daemon/system.hpp"
-#include "pipeline/replay/map_build.hpp"
-#include "tools/replay/replay_inputs.hpp"
 #include "tools/replay/replay_verbs.hpp"
 #include "tools/tags/map_files.hpp"
-#include "tools/verb_inputs.hpp"
 #include "tools/verb_options.hpp"
 
 namespace fiducap {
 namespace {
 
-struct Input {
-  RecordingInfo info;
-  OfflineSetup setup;
-  std::unique_ptr<SensorSource> source;
-  Instant first{};
-  Instant last{};
+struct MapBuildArguments : SetupArguments {
+  std::vector<std::string> recordings;
+  std::string out;    ///< A file: .yaml, .csv; empty: none.
+  std::string store;  ///< A map store; empty: none.
+  std::string comment;
+  bool json{false};
 };
 
 /// One map has one family, one reference tag, and one size for each tag.
-Expected<void> check_same_tags(const Input& first, const Input& other) {
+Expected<void> check_same_tags(const ReplayInput& first, const ReplayInput& other) {
   const TagSetConfig& a = first.setup.tags;
   const TagSetConfig& b = other.setup.tags;
   const auto differs = [&](const std::string& what, const std::string& its, const std::string& was,
@@ -54,39 +51,26 @@ Expected<void> check_same_tags(const Input& first, const Input& other) {
   return {};
 }
 
-Expected<Input> read_input(const MapBuildArguments& arguments, const std::string& folder,
-                           const Terminal& terminal) {
-  static const SystemClock clock;
+Expected<ReplayInput> read_input(const MapBuildArguments& arguments, const std::string& folder,
+                                 const Terminal& terminal) {
   auto info = read_recording_info(folder);
   if (!info) return tl::unexpected(info.error());
   const auto checked = require_usable(*info, terminal);
   if (!checked) return tl::unexpected(checked.error());
-  ReplayArguments replay;
-  replay.config = arguments.config;
-  replay.sets = arguments.sets;
-  replay.map = arguments.map;
-  replay.filter = arguments.filter;
-  auto setup = replay_setup(replay, *info);
+  auto setup = replay_setup(arguments, *info);
   if (!setup) return tl::unexpected(setup.error());
-  auto source = open_recording(*info, {}, clock);
-  if (!source) return tl::unexpected(source.error());
-  Input input{std::move(*info), std::move(*setup), std::move(*source), Instant::max(),
-              Instant::min()};
-  for (const RecordedStream& stream : checked->streams) {
-    if (stream.stamps == 0) continue;
-    input.first = std::min(input.first, stream.first);
-    input.last = std::max(input.last, stream.last);
-  }
+  auto input = open_input(std::move(*info), std::move(*setup));
+  if (input) input->take_span(*checked);
   return input;
 }
 
-Expected<std::vector<Input>> read_inputs(const MapBuildArguments& arguments,
-                                         const Terminal& terminal) {
-  std::vector<Input> inputs;
+Expected<std::vector<ReplayInput>> read_inputs(const MapBuildArguments& arguments,
+                                               const Terminal& terminal) {
+  std::vector<ReplayInput> inputs;
   for (const std::string& folder : arguments.recordings) {
     auto input = read_input(arguments, folder, terminal);
     if (!input) return tl::unexpected(input.error());
-    for (const Input& other : inputs) {
+    for (const ReplayInput& other : inputs) {
       std::error_code ignored;
       if (std::filesystem::equivalent(other.info.folder, folder, ignored))
         return fail(ErrorCode::kInvalid,
@@ -99,23 +83,23 @@ Expected<std::vector<Input>> read_inputs(const MapBuildArguments& arguments,
   }
   // Recordings without a reference tag use that of the others.
   const auto named = std::ranges::find_if(
-      inputs, [](const Input& input) { return input.setup.gauge.reference_tag.has_value(); });
-  for (Input& input : inputs)
+      inputs, [](const ReplayInput& input) { return input.setup.gauge.reference_tag.has_value(); });
+  for (ReplayInput& input : inputs)
     if (named != inputs.end() && !input.setup.gauge.reference_tag)
       input.setup.gauge = named->setup.gauge;
   return inputs;
 }
 
-Expected<OfflineMap> map_setup(const MapBuildArguments& arguments, const Input& first) {
-  const auto config = load_config(arguments.config, arguments.sets);
-  if (!config) return fail(ErrorCode::kInvalid, config.error().front().text(), "configuration");
+Expected<OfflineMap> map_setup(const MapBuildArguments& arguments, const ReplayInput& first) {
+  const auto config = config_of(arguments);
+  if (!config) return tl::unexpected(config.error());
   OfflineMap map;
   map.config = config->map.builder;
   map.config.mode = MapMode::kMapping;
   if (map.config.refine_period_s == 0) map.config.refine_period_s = kRefinePeriod_s;
   map.start.family = first.setup.tags.family;
   // Offline all placed tags are published, with their sigmas.
-  if (is_mentioned(arguments.config, arguments.sets, "map", "publish_sightings"))
+  if (is_mentioned(arguments, "map", "publish_sightings"))
     map.least_sightings = map.config.publish_sightings;
   return map;
 }
@@ -140,9 +124,7 @@ Expected<void> write(const MapBuildArguments& arguments, const TagMap& map,
   if (arguments.store.empty()) return {};
   const auto stored = store_next_version(arguments.store, map, map.comment, terminal);
   if (!stored) return tl::unexpected(stored.error());
-  if (!arguments.json)
-    terminal.out << arguments.store << ": version " << stored->version << ", "
-                 << stored->tags.size() << " tags, hash " << stored->hash << "\n";
+  if (!arguments.json) print_stored(arguments.store, *stored, terminal);
   return {};
 }
 
@@ -155,8 +137,6 @@ Expected<void> check_target(const MapBuildArguments& arguments) {
   return format ? Expected<void>{} : tl::unexpected(format.error());
 }
 
-}  // namespace
-
 int run_map_build(const MapBuildArguments& arguments, const Terminal& terminal) {
   if (auto target = check_target(arguments); !target) return report(terminal, target.error());
   const auto inputs = read_inputs(arguments, terminal);
@@ -164,7 +144,7 @@ int run_map_build(const MapBuildArguments& arguments, const Terminal& terminal) 
   const auto map = map_setup(arguments, inputs->front());
   if (!map) return report(terminal, map.error());
   std::vector<MapBuildBody> bodies;
-  for (const Input& input : *inputs)
+  for (const ReplayInput& input : *inputs)
     bodies.push_back(
         {{static_cast<int>(bodies.size()) + 1, input.info.folder, input.setup, input.source.get()},
          input.first,
@@ -190,9 +170,12 @@ int run_map_build(const MapBuildArguments& arguments, const Terminal& terminal) 
                            : arguments.comment;
   if (auto written = write(arguments, build->map, terminal); !written)
     return report(terminal, written.error());
-  terminal.out << (arguments.json ? text.json() : text.summary());
+  if (arguments.json) return print_json(terminal, text.json());
+  terminal.out << text.summary();
   return kExitOk;
 }
+
+}  // namespace
 
 void add_map_build(CLI::App& map, ChosenVerb& chosen) {
   auto* verb = map.add_subcommand(

@@ -1,43 +1,26 @@
-#include "tools/replay/replay_inputs.hpp"
-
 #include <algorithm>
 #include <filesystem>
 
 #include <yaml-cpp/yaml.h>
+#include <nlohmann/json.hpp>
 
 #include "capture/recording/recording_layout.hpp"
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/system.hpp"
 #include "mapping/store/map_store.hpp"
+#include "tools/replay/replay_verbs.hpp"
 #include "tools/tags/map_files.hpp"
-#include "tools/verb_inputs.hpp"
 
 namespace fiducap {
 namespace {
 
-/// The keys that the configuration file and --set contain; the recording has the others.
-class Mentioned final {
- public:
-  Mentioned(const std::string& file, const std::vector<std::string>& sets) : sets_(sets) {
-    if (!file.empty()) root_ = YAML::LoadFile(file);
-  }
-  [[nodiscard]] bool operator()(const std::string& section, const std::string& key) const {
-    const std::string path = section + "." + key;
-    for (const std::string& set : sets_)
-      if (set.starts_with(path) && set.size() > path.size() &&
-          (set[path.size()] == '=' || set[path.size()] == '.'))
-        return true;
-    // The node of a missing key throws in every call but IsDefined.
-    if (!root_.IsMap() || !root_[section].IsDefined() || !root_[section].IsMap()) return false;
-    return root_[section][key].IsDefined();
-  }
+/// A server's session: its configuration and what the live server wrote around the recordings.
+bool is_session(const std::string& folder) {
+  const std::filesystem::path path(folder);
+  return is_file(path / "config.yaml") && is_file(path / "map.yaml") && is_file(path / "turns.csv");
+}
 
- private:
-  const std::vector<std::string>& sets_;
-  YAML::Node root_;
-};
-
-Expected<void> apply_config(const ReplayArguments& arguments, OfflineSetup& setup) {
+Expected<void> apply_config(const SetupArguments& arguments, OfflineSetup& setup) {
   const auto config = load_config(arguments.config, arguments.sets);
   if (!config) {
     std::string faults;
@@ -46,7 +29,9 @@ Expected<void> apply_config(const ReplayArguments& arguments, OfflineSetup& setu
     return fail(ErrorCode::kInvalid, faults,
                 config.error().size() > 1 ? "several faults\n  " : "configuration");
   }
-  const Mentioned mentioned(arguments.config, arguments.sets);
+  const auto mentioned = [&](const char* section, const char* key) {
+    return is_mentioned(arguments, section, key);
+  };
   setup.estimator = config->estimator;
   setup.detector = config->detector;
   if (const auto gravity = config->site.configured_gravity())
@@ -74,21 +59,21 @@ Expected<void> apply_map(const std::string& path, OfflineSetup& setup) {
 }
 
 /// The pipeline of the live server.
-Expected<OfflineSetup> session_setup(const ReplayArguments& arguments, const SessionFolder& session,
-                                     std::size_t body, const RecordingInfo& info) {
-  const BodyConfig& config = session.config.bodies[body];
+OfflineSetup session_setup(const ReplayArguments& arguments, const ServerConfig& session,
+                           std::size_t body, const RecordingInfo& info) {
+  const BodyConfig& config = session.bodies[body];
   OfflineSetup setup = offline_setup(info);
-  auto live = read_body_setup(config, session.config.simulation, session.config.site);
+  auto live = read_body_setup(config, session.simulation, session.site);
   static_cast<PipelineSetup&>(setup) =
-      pipeline_setup(session.config, config, live ? *live : BodySetup{setup.sensors, {}, {}});
+      pipeline_setup(session, config, live ? *live : BodySetup{setup.sensors, {}, {}});
   setup.known.clear();  // the session's map has them
   if (!arguments.filter.empty()) setup.filter = arguments.filter;
   return setup;
 }
 
+/// @param session  its configuration; nullptr: none
 Expected<void> add_body(const ReplayArguments& arguments, const std::string& folder,
-                        const SessionFolder* session, ReplayInputs& inputs) {
-  static const SystemClock clock;
+                        const ServerConfig* session, ReplayInputs& inputs) {
   auto info = read_recording_info(folder);
   if (!info) return tl::unexpected(info.error());
   for (const ReplayInput& other : inputs.bodies) {
@@ -104,9 +89,9 @@ Expected<void> add_body(const ReplayArguments& arguments, const std::string& fol
   auto setup = session == nullptr ? replay_setup(arguments, *info)
                                   : session_setup(arguments, *session, inputs.bodies.size(), *info);
   if (!setup) return tl::unexpected(setup.error());
-  auto source = open_recording(*info, {}, clock);
-  if (!source) return tl::unexpected(source.error());
-  inputs.bodies.push_back({std::move(*info), std::move(*setup), std::move(*source)});
+  auto input = open_input(std::move(*info), std::move(*setup));
+  if (!input) return tl::unexpected(input.error());
+  inputs.bodies.push_back(std::move(*input));
   return {};
 }
 
@@ -117,14 +102,25 @@ Expected<void> add_session(const ReplayArguments& arguments, const std::string& 
                 "a session starts from its own map and configuration: leave --map and --config out "
                 "(--set changes single keys)",
                 folder);
-  auto session = read_session(folder, arguments.sets);
-  if (!session) return tl::unexpected(session.error());
-  for (const std::string& body : session->bodies)
-    if (auto added = add_body(arguments, body, &*session, inputs); !added) return added;
-  inputs.map.config = session->config.map.builder;
-  inputs.map.start = std::move(session->map);
-  inputs.map.turns = std::move(session->turns);
-  inputs.map.refinements = std::move(session->refinements);
+  const std::filesystem::path path(folder);
+  const std::string file = (path / "config.yaml").string();
+  const auto config = load_config(file, arguments.sets);
+  if (!config) return fail(ErrorCode::kInvalid, config.error().front().text(), file);
+  auto map = read_map_file((path / "map.yaml").string());
+  if (!map) return tl::unexpected(map.error());
+  auto turns = read_map_turns(path / "turns.csv");
+  if (!turns) return tl::unexpected(turns.error());
+  if (is_file(path / "refinements.csv")) {
+    auto refinements = read_refinement_turns(path / "refinements.csv");
+    if (!refinements) return tl::unexpected(refinements.error());
+    inputs.map.refinements = std::move(*refinements);
+  }
+  for (const BodyConfig& body : config->bodies)
+    if (auto added = add_body(arguments, (path / body.name).string(), &*config, inputs); !added)
+      return added;
+  inputs.map.config = config->map.builder;
+  inputs.map.start = std::move(*map);
+  inputs.map.turns = std::move(*turns);
   inputs.is_session = true;
   return {};
 }
@@ -133,9 +129,9 @@ Expected<void> add_session(const ReplayArguments& arguments, const std::string& 
 Expected<void> apply_refinement(const ReplayArguments& arguments, ReplayInputs& inputs) {
   double& period_s = inputs.map.config.refine_period_s;
   period_s = refine_period_for(inputs.bodies.size());
-  if (!is_mentioned(arguments.config, arguments.sets, "map", "refine_period_s")) return {};
-  const auto config = load_config(arguments.config, arguments.sets);
-  if (!config) return fail(ErrorCode::kInvalid, config.error().front().text(), "configuration");
+  if (!is_mentioned(arguments, "map", "refine_period_s")) return {};
+  const auto config = config_of(arguments);
+  if (!config) return tl::unexpected(config.error());
   period_s = config->map.builder.refine_period_s;
   return {};
 }
@@ -176,26 +172,68 @@ Expected<void> check_arguments(const ReplayArguments& arguments) {
   return {};
 }
 
-/// Seconds from the first to the last sample of all streams.
-double length_of(const RecordingReport& recording) {
-  Instant first = Instant::max();
-  Instant last = Instant::min();
-  for (const RecordedStream& stream : recording.streams) {
+}  // namespace
+
+void print_findings(const Terminal& terminal, const std::vector<RecordingFinding>& findings) {
+  for (const RecordingFinding& finding : findings)
+    terminal.out << (finding.unusable ? "  unusable: " : "  warning: ") << finding.text << "\n";
+}
+
+nlohmann::ordered_json findings_json(const std::vector<RecordingFinding>& findings) {
+  nlohmann::ordered_json all = nlohmann::ordered_json::array();
+  for (const RecordingFinding& finding : findings)
+    all.push_back({{"unusable", finding.unusable}, {"text", finding.text}});
+  return all;
+}
+
+Expected<RecordingReport> require_usable(const RecordingInfo& info, const Terminal& terminal) {
+  auto checked = check_recording(info);
+  if (!checked) return tl::unexpected(checked.error());
+  for (std::size_t i = checked->is_usable() ? 0 : 1; i < checked->findings.size(); ++i) {
+    const RecordingFinding& finding = checked->findings[i];
+    terminal.err << "fiducap: " << (finding.unusable ? "" : "warning: ") << info.folder << ": "
+                 << finding.text << "\n";
+  }
+  if (checked->is_usable()) return std::move(*checked);
+  return fail(ErrorCode::kInvalid, checked->findings.front().text, info.folder);
+}
+
+void ReplayInput::take_span(const RecordingReport& report) {
+  for (const RecordedStream& stream : report.streams) {
     if (stream.stamps == 0) continue;
     first = std::min(first, stream.first);
     last = std::max(last, stream.last);
   }
-  return first < last ? to_seconds(last - first) : 0;
 }
 
-}  // namespace
-
-bool is_mentioned(const std::string& file, const std::vector<std::string>& sets,
-                  const std::string& section, const std::string& key) {
-  return Mentioned(file, sets)(section, key);
+Expected<ReplayInput> open_input(RecordingInfo info, OfflineSetup setup) {
+  static const SystemClock clock;
+  auto source = open_recording(info, {}, clock);
+  if (!source) return tl::unexpected(source.error());
+  return ReplayInput{std::move(info), std::move(setup), std::move(*source)};
 }
 
-Expected<OfflineSetup> replay_setup(const ReplayArguments& arguments, const RecordingInfo& info) {
+bool is_mentioned(const SetupArguments& arguments, const std::string& section,
+                  const std::string& key) {
+  const std::string path = section + "." + key;
+  for (const std::string& set : arguments.sets)
+    if (set.starts_with(path) && set.size() > path.size() &&
+        (set[path.size()] == '=' || set[path.size()] == '.'))
+      return true;
+  const YAML::Node root =
+      arguments.config.empty() ? YAML::Node{} : YAML::LoadFile(arguments.config);
+  // The node of a missing key throws in every call but IsDefined.
+  if (!root.IsMap() || !root[section].IsDefined() || !root[section].IsMap()) return false;
+  return root[section][key].IsDefined();
+}
+
+Expected<ServerConfig> config_of(const SetupArguments& arguments) {
+  auto config = load_config(arguments.config, arguments.sets);
+  if (!config) return fail(ErrorCode::kInvalid, config.error().front().text(), "configuration");
+  return std::move(*config);
+}
+
+Expected<OfflineSetup> replay_setup(const SetupArguments& arguments, const RecordingInfo& info) {
   OfflineSetup setup = offline_setup(info);
   if (auto applied = apply_config(arguments, setup); !applied)
     return tl::unexpected(applied.error());
@@ -236,8 +274,10 @@ Expected<ReplayInputs> read_replay_inputs(const ReplayArguments& arguments) {
   }
   // One robot out of a session starts from the map that it had then.
   if (!inputs.is_session && arguments.store.empty() && arguments.recordings.size() == 1) {
-    if (const auto session = session_of(arguments.recordings.front())) {
-      auto map = read_map_file(*session + "/map.yaml");
+    std::error_code ignored;
+    const auto whole = std::filesystem::canonical(arguments.recordings.front(), ignored);
+    if (const std::string session = whole.parent_path().string(); is_session(session)) {
+      auto map = read_map_file(session + "/map.yaml");
       if (!map) return tl::unexpected(map.error());
       inputs.map.start = std::move(*map);
     }
@@ -251,7 +291,7 @@ Expected<void> check_replay_inputs(const ReplayArguments& arguments, ReplayInput
   for (ReplayInput& input : inputs.bodies) {
     const auto usable = require_usable(input.info, terminal);
     if (usable) {
-      input.length_s = length_of(*usable);
+      input.take_span(*usable);
       continue;
     }
     if (!arguments.anyway && !inputs.is_session)
@@ -260,44 +300,6 @@ Expected<void> check_replay_inputs(const ReplayArguments& arguments, ReplayInput
     terminal.err << "fiducap: warning: " << usable.error().text() << "\n";
   }
   return {};
-}
-
-bool is_session(const std::string& folder) {
-  const std::filesystem::path path(folder);
-  return is_file(path / "config.yaml") && is_file(path / "map.yaml") && is_file(path / "turns.csv");
-}
-
-Expected<SessionFolder> read_session(const std::string& folder,
-                                     const std::vector<std::string>& sets) {
-  const std::filesystem::path path(folder);
-  SessionFolder session;
-  session.folder = folder;
-  auto config = load_config((path / "config.yaml").string(), sets);
-  if (!config)
-    return fail(ErrorCode::kInvalid, config.error().front().text(),
-                (path / "config.yaml").string());
-  session.config = std::move(*config);
-  auto map = read_map_file((path / "map.yaml").string());
-  if (!map) return tl::unexpected(map.error());
-  session.map = std::move(*map);
-  auto turns = read_map_turns(path / "turns.csv");
-  if (!turns) return tl::unexpected(turns.error());
-  session.turns = std::move(*turns);
-  if (is_file(path / "refinements.csv")) {
-    auto refinements = read_refinement_turns(path / "refinements.csv");
-    if (!refinements) return tl::unexpected(refinements.error());
-    session.refinements = std::move(*refinements);
-  }
-  for (const BodyConfig& body : session.config.bodies)
-    session.bodies.push_back((path / body.name).string());
-  return session;
-}
-
-std::optional<std::string> session_of(const std::string& recording) {
-  std::error_code ignored;
-  const std::filesystem::path whole = std::filesystem::canonical(recording, ignored);
-  const std::string parent = whole.parent_path().string();
-  return is_session(parent) ? std::optional(parent) : std::nullopt;
 }
 
 }  // namespace fiducap

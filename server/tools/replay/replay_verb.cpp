@@ -3,9 +3,7 @@
 
 #include <fmt/format.h>
 
-#include "tools/replay/replay_inputs.hpp"
 #include "tools/replay/replay_verbs.hpp"
-#include "tools/replay/run_files.hpp"
 #include "tools/replay/run_plots.hpp"
 #include "tools/verb_options.hpp"
 
@@ -15,7 +13,9 @@ namespace {
 /// Progress, of the longest recording.
 std::string replay_progress(const ReplayInputs& inputs, double data_s) {
   double length_s = 0;
-  for (const ReplayInput& input : inputs.bodies) length_s = std::max(length_s, input.length_s);
+  for (const ReplayInput& input : inputs.bodies)
+    if (input.first < input.last)
+      length_s = std::max(length_s, to_seconds(input.last - input.first));
   std::string text = "replaying " + inputs.bodies.front().info.name + ": " + fixed(data_s, 1);
   if (length_s > 0) text += " of " + fixed(std::max(length_s, data_s), 1);
   return text + " s of data";
@@ -81,20 +81,6 @@ void print_summary(const Terminal& terminal, const ReplayArguments& arguments,
                << " " << first.info.folder << "\n";
 }
 
-/// Disagreements of sensors and configuration; print_body has those of tags.
-void print_warnings(const Terminal& terminal, const std::string& name,
-                    const OfflineResult& result) {
-  for (const BodyEvent& event : result.events)
-    if (!event.text.empty() && event.kind != BodyEvent::Kind::kDoubt)
-      terminal.err << "fiducap: warning: " << name << ": " << event.text << "\n";
-}
-
-bool imu_is_unusable(const OfflineResult& result) {
-  return std::ranges::any_of(result.events, [](const BodyEvent& event) {
-    return event.kind == BodyEvent::Kind::kImuUnusable;
-  });
-}
-
 /// Most sightings are rejected, as with a wrong clock, lens or IMU; real recordings with a poor
 /// calibration reach a third.
 bool contradicts_itself(const OfflineStatistics& s) {
@@ -110,9 +96,16 @@ int judge(const Terminal& terminal, const ReplayInputs& inputs, const OfflineSes
   for (std::size_t i = 0; i < inputs.bodies.size(); ++i) {
     const OfflineStatistics& s = session.bodies[i].statistics;
     const std::string& folder = inputs.bodies[i].info.folder;
-    print_warnings(terminal, inputs.bodies[i].info.name, session.bodies[i]);
     const bool must_be_sound = !inputs.is_session && !anyway;
-    if (must_be_sound && imu_is_unusable(session.bodies[i])) exit_code = kExitFailed;
+    const auto& events = session.bodies[i].events;
+    // Disagreements of sensors and configuration; print_body has those of tags.
+    for (const BodyEvent& event : events)
+      if (!event.text.empty() && event.kind != BodyEvent::Kind::kDoubt)
+        terminal.err << "fiducap: warning: " << inputs.bodies[i].info.name << ": " << event.text
+                     << "\n";
+    const bool has_bad_imu =
+        std::ranges::find(events, BodyEvent::Kind::kImuUnusable, &BodyEvent::kind) != events.end();
+    if (must_be_sound && has_bad_imu) exit_code = kExitFailed;
     if (must_be_sound && contradicts_itself(s))
       exit_code = report(terminal, {ErrorCode::kInvalid,
                                     "most sightings of tags contradict the rest: clocks, lens, "
@@ -155,11 +148,10 @@ int run_replay(const ReplayArguments& arguments, const Terminal& terminal) {
   const std::string plots = arguments.plots ? to_html(run_plots(written, *session)) : "";
   if (auto done = write_run_files(arguments.out, written, *session, plots); !done)
     return report(terminal, done.error());
-  if (arguments.json) {
+  if (arguments.json)
     terminal.out << run_report(written, *session);
-  } else {
+  else
     print_summary(terminal, arguments, *inputs, *session);
-  }
   return judge(terminal, *inputs, *session, arguments.anyway);
 }
 

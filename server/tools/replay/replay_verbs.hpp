@@ -1,24 +1,28 @@
 #pragma once
 
-#include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
-#include "base/gravity.hpp"
+#include "daemon/config/config_file.hpp"
 #include "pipeline/replay/map_build.hpp"
-#include "tools/replay/evaluation.hpp"
+#include "pipeline/replay/recording_check.hpp"
 #include "tools/terminal.hpp"
 
 namespace fiducap {
 
-struct ReplayArguments {
+/// What a run takes from elsewhere than its recordings.
+struct SetupArguments {
+  std::string config{};
+  std::string map{};     ///< Tags whose places are known.
+  std::string filter{};  ///< Empty: the default of OfflineSetup.
+  std::vector<std::string> sets{};
+};
+
+struct ReplayArguments : SetupArguments {
   std::vector<std::string> recordings;
   std::string out;
-  std::string config;
-  std::string map;
-  std::string store;   ///< Of a map: its newest version is the map at the start.
-  std::string filter;  ///< Empty: the default of OfflineSetup.
-  std::vector<std::string> sets;
+  std::string store;     ///< Of a map: its newest version is the map at the start.
   bool together{false};  ///< Several robots over one live map.
   bool resolve{false};   ///< Everything is solved for together after the last image.
   bool anyway{false};    ///< Also what the check calls unusable.
@@ -29,60 +33,61 @@ struct ReplayArguments {
 /// `fiducap replay`. @return exit code
 [[nodiscard]] int run_replay(const ReplayArguments& arguments, const Terminal& terminal);
 
-struct CheckArguments {
-  std::vector<std::string> recordings;
-  bool json{false};
+// ---- Inputs of runs.
+
+void print_findings(const Terminal& terminal, const std::vector<RecordingFinding>& findings);
+[[nodiscard]] nlohmann::ordered_json findings_json(const std::vector<RecordingFinding>& findings);
+
+/// Writes the findings of check_recording() to `terminal.err`.
+/// @return the report; Error with the likeliest cause when the recording is unusable
+[[nodiscard]] Expected<RecordingReport> require_usable(const RecordingInfo& info,
+                                                       const Terminal& terminal);
+
+/// Setup for a replay of `info`: the recording's own sizes and tags, over them the keys that
+/// --config and --set contain, and the tags of --map as inputs.
+[[nodiscard]] Expected<OfflineSetup> replay_setup(const SetupArguments& arguments,
+                                                  const RecordingInfo& info);
+
+/// Whether --config or --set contain `section.key`; the recording or the verb has the values of
+/// keys that they do not contain. @pre the file can be read
+[[nodiscard]] bool is_mentioned(const SetupArguments& arguments, const std::string& section,
+                                const std::string& key);
+
+/// --config and --set. @return Error with the first fault
+[[nodiscard]] Expected<ServerConfig> config_of(const SetupArguments& arguments);
+
+/// One robot of a replay.
+struct ReplayInput {
+  RecordingInfo info;
+  OfflineSetup setup;
+  std::unique_ptr<SensorSource> source;
+  Instant first{Instant::max()};  ///< Of all its streams; after `last`: not known.
+  Instant last{Instant::min()};
+
+  void take_span(const RecordingReport& report);
 };
 
-/// `fiducap check`: streams and faults of recordings. @return exit code
-[[nodiscard]] int run_check(const CheckArguments& arguments, const Terminal& terminal);
+/// Opens the samples of a recording.
+[[nodiscard]] Expected<ReplayInput> open_input(RecordingInfo info, OfflineSetup setup);
 
-struct EvaluateArguments {
-  std::string tum;
-  std::string recording;
-  std::string plot;  ///< Page with plots, .html; empty: none.
-  bool json{false};
+/// All robots of a replay and what they share.
+struct ReplayInputs {
+  std::vector<ReplayInput> bodies;
+  OfflineMap map;
+  bool is_session{false};
 };
 
-/// `fiducap evaluate`. @return exit code
-[[nodiscard]] int run_evaluate(const EvaluateArguments& arguments, const Terminal& terminal);
+/// Opens the recordings, or the session of a live server (SessionRecorder), that the arguments
+/// name.
+[[nodiscard]] Expected<ReplayInputs> read_replay_inputs(const ReplayArguments& arguments);
 
-[[nodiscard]] std::string evaluation_text(const Evaluation& evaluation);
-[[nodiscard]] std::string evaluation_json(const Evaluation& evaluation);
+/// Reports the faults of the recordings and sets their spans. Recordings of a session are replayed
+/// with their faults.
+/// @return Error when one cannot be used
+[[nodiscard]] Expected<void> check_replay_inputs(const ReplayArguments& arguments,
+                                                 ReplayInputs& inputs, const Terminal& terminal);
 
-struct SimulateArguments {
-  std::string out;
-  std::string room{"hall"};
-  double seconds{60};
-  std::uint64_t seed{1};
-  bool images{false};   ///< Render images …
-  bool corners{false};  ///< … or write corners only; so also when neither is set.
-  bool imu{true};
-  double speed{1.0};
-  double corner_noise_px{0.4};
-  double gravity_m_s2{kUsualGravity_m_s2};  ///< The true one; it is not part of the recording.
-  bool json{false};
-};
-
-/// `fiducap simulate`: a recording with truth. Its calibration is off by 5 mm and 0.5 degrees, in a
-/// direction drawn by the seed; the true one is in truth/. @return exit code
-[[nodiscard]] int run_simulate(const SimulateArguments& arguments, const Terminal& terminal);
-
-struct MapBuildArguments {
-  std::vector<std::string> recordings;
-  std::string out;    ///< A file: .yaml, .csv; empty: none.
-  std::string store;  ///< A map store; empty: none.
-  std::string config;
-  std::string map;  ///< Tags whose places are known.
-  std::string filter;
-  std::string comment;
-  std::vector<std::string> sets;
-  bool json{false};
-};
-
-/// `fiducap map build`: one map of several recordings. @return exit code; fails when no recording
-/// has added a tag to the map
-[[nodiscard]] int run_map_build(const MapBuildArguments& arguments, const Terminal& terminal);
+// ---- Of `fiducap map build`.
 
 /// The report on a map that was made of recordings.
 struct MapBuildText {
@@ -94,7 +99,7 @@ struct MapBuildText {
   [[nodiscard]] std::string summary() const;
   /// What did not become part of the map, why, and its remedy: a sentence each.
   [[nodiscard]] std::vector<std::string> left_out() const;
-  [[nodiscard]] std::string json() const;
+  [[nodiscard]] nlohmann::ordered_json json() const;
 };
 
 /// Tags of the map that recordings have placed, not a survey.

@@ -80,8 +80,7 @@ const TagPlace* find_tag(std::span<const TagPlace> tags, int tag_id) {
 }
 
 std::optional<Pose> truth_at(std::span<const TruthSample> truth, Instant at) {
-  const auto after = std::lower_bound(truth.begin(), truth.end(), at,
-                                      [](const TruthSample& s, Instant t) { return s.at < t; });
+  const auto after = std::ranges::lower_bound(truth, at, {}, &TruthSample::at);
   if (after == truth.end()) return std::nullopt;
   if (after->at == at) return after->X_WB;
   if (after == truth.begin()) return std::nullopt;
@@ -200,8 +199,7 @@ void ReprojectionMeter::add(const CornerFrame& frame) {
 
 const StampedPose* ReprojectionMeter::pose_near(std::span<const StampedPose> poses,
                                                 Instant at) const {
-  const auto after = std::lower_bound(poses.begin(), poses.end(), at,
-                                      [](const StampedPose& p, Instant t) { return p.at < t; });
+  const auto after = std::ranges::lower_bound(poses, at, {}, &StampedPose::at);
   auto nearest = after;
   if (after == poses.end() || (after != poses.begin() && at - (after - 1)->at < after->at - at)) {
     if (after == poses.begin()) return nullptr;

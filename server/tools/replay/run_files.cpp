@@ -5,18 +5,15 @@
 #include <filesystem>
 #include <tuple>
 
-#include <yaml-cpp/yaml.h>
-
 #include <Eigen/Dense>
 #include <nlohmann/json.hpp>
 
 #include "base/numeric.hpp"
 #include "base/text.hpp"
 #include "base/whole_file.hpp"
-#include "base/yaml.hpp"
+#include "base/yaml_section.hpp"
 #include "capture/recording/recording.hpp"
 #include "mapping/formats/map_format.hpp"
-#include "tools/replay/trajectory_files.hpp"
 
 namespace fiducap {
 namespace {
@@ -70,20 +67,18 @@ std::string event_line(Instant at, const std::string& body, std::string_view eve
          shortest(turn_deg) + "," + text + "\n";
 }
 
-bool is_about_a_tag(MapEvent::Kind kind) {
-  return kind != MapEvent::Kind::kPublished && kind != MapEvent::Kind::kWorkspace;
-}
-
 std::string events_csv(std::span<const RunBody> bodies, const OfflineSession& session) {
   std::vector<std::pair<Instant, std::string>> lines;
   for (const RunBody& body : bodies)
     for (const BodyEvent& event : body.result->events)
       lines.emplace_back(event.at, event_line(event.at, body.name, name_of(event.kind),
                                               event.tag_id, event.shift, event.text));
-  for (const auto& [at, event] : session.map_events)
-    lines.emplace_back(
-        at, event_line(at, "", name_of(event.kind), is_about_a_tag(event.kind) ? event.tag_id : -1,
-                       {}, event.text));
+  for (const auto& [at, event] : session.map_events) {
+    const bool is_about_a_tag =
+        event.kind != MapEvent::Kind::kPublished && event.kind != MapEvent::Kind::kWorkspace;
+    lines.emplace_back(at, event_line(at, "", name_of(event.kind),
+                                      is_about_a_tag ? event.tag_id : -1, {}, event.text));
+  }
   std::ranges::stable_sort(lines, [](const auto& a, const auto& b) { return a.first < b.first; });
   std::string text = "#t_ns,body,event,tag_id,shift_m,shift_deg,text\n";
   for (const auto& [at, line] : lines) text += line;
@@ -213,24 +208,6 @@ nlohmann::ordered_json report_of(std::span<const RunBody> bodies, const OfflineS
   return report;
 }
 
-// How far T_BS may be from a rotation: files carry nine decimals.
-constexpr double kRotationTolerance = 1e-5;
-
-Expected<Pose> pose_from_matrix(const std::vector<double>& m, const std::string& name,
-                                const std::string& context) {
-  if (m.size() != 16)
-    return fail(ErrorCode::kInvalid,
-                name + ".T_BS.data must have 16 numbers, has " + std::to_string(m.size()), context);
-  Eigen::Matrix3d R;
-  R << m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10];
-  const bool rigid = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <
-                         kRotationTolerance &&
-                     R.determinant() > 0;
-  if (!rigid)
-    return fail(ErrorCode::kInvalid, name + ".T_BS is no rotation with a translation", context);
-  return Pose{Eigen::Quaterniond(R).normalized(), {m[3], m[7], m[11]}};
-}
-
 }  // namespace
 
 std::string part_name(const std::string& body, std::size_t part) {
@@ -262,6 +239,14 @@ TagMap run_map(std::span<const RunBody> bodies) {
   };
   map.tags.erase(std::unique(map.tags.begin(), map.tags.end(), same_id), map.tags.end());
   return map;
+}
+
+std::vector<TagPlace> places_in(const TagMap& map,
+                                const std::function<bool(const MapTag&)>& is_wanted) {
+  std::vector<TagPlace> places;
+  for (const MapTag& entry : map.tags)
+    if (is_wanted(entry)) places.push_back({entry.tag.tag_id, entry.tag.edge_m, entry.tag.X_WT});
+  return places;
 }
 
 std::string no_pose_text(const OfflineResult& result) {
@@ -354,33 +339,20 @@ std::string to_extrinsics_yaml(const std::vector<RunCamera>& cameras) {
 
 Expected<std::vector<RunCamera>> extrinsics_from_yaml(const std::string& text, std::size_t cameras,
                                                       const std::string& context) {
-  std::vector<RunCamera> out;
   const auto root = load_yaml(text);
   if (!root) return fail(ErrorCode::kInvalid, root.error().text(), context);
-  try {
-    for (std::size_t k = 0; k < cameras; ++k) {
-      const std::string name = "cam" + std::to_string(k);
-      YAML::Node data = YAML::Clone(*root);
-      for (const char* key : {name.c_str(), "T_BS", "data"})
-        data.reset(data.IsMap() ? data[key] : YAML::Node());
-      if (!data.IsDefined() || !data.IsSequence())
-        return fail(ErrorCode::kInvalid, "needs " + name + ": T_BS: data: [16 numbers]", context);
-      const auto pose = pose_from_matrix(data.as<std::vector<double>>(), name, context);
-      if (!pose) return tl::unexpected(pose.error());
-      out.push_back({*pose, {}});
-      const YAML::Node camera = (*root)[name];
-      const YAML::Node lens = camera["lens"];
-      if (!lens.IsDefined()) continue;
-      const auto centre = lens["centre_px"].as<std::vector<double>>();
-      if (centre.size() != 2)
-        return fail(ErrorCode::kInvalid, name + ".lens.centre_px must have 2 numbers", context);
-      out.back().lens = {
-          lens["focal"].as<double>(), {centre[0], centre[1]}, lens["k1"].as<double>()};
-    }
-  } catch (const YAML::Exception& problem) {
-    return fail(ErrorCode::kInvalid, std::string("is no YAML: ") + problem.what(), context);
+  const YamlSection file(*root, "", std::make_shared<YamlReading>(YamlReading{context}));
+  std::vector<RunCamera> out;
+  for (std::size_t k = 0; k < cameras; ++k) {
+    const YamlSection camera = file.section("cam" + std::to_string(k));
+    out.push_back({camera.required_pose("T_BS"), {}});
+    if (!camera.has("lens")) continue;
+    const YamlSection lens = camera.section("lens");
+    const auto centre_px = lens.required_numbers("centre_px", 2);
+    out.back().lens = {
+        lens.required_number("focal"), {centre_px[0], centre_px[1]}, lens.required_number("k1")};
   }
-  return out;
+  return file.check().map([&] { return std::move(out); });
 }
 
 }  // namespace fiducap

@@ -1,11 +1,12 @@
 #pragma once
 
+#include <functional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/expected.hpp"
-#include "capture/lens/camera_model.hpp"
 #include "mapping/tag_map.hpp"
 #include "pipeline/replay/offline_run.hpp"
 #include "tools/replay/run_errors.hpp"
@@ -49,6 +50,11 @@ struct RunBody {
 /// one.
 [[nodiscard]] TagMap run_map(std::span<const RunBody> bodies);
 
+/// Of the tags for which `is_wanted` holds.
+[[nodiscard]] std::vector<TagPlace> places_in(
+    const TagMap& map,
+    const std::function<bool(const MapTag&)>& is_wanted = [](const MapTag&) { return true; });
+
 /// Why a run has no pose, with what to do about it.
 [[nodiscard]] std::string no_pose_text(const OfflineResult& result);
 
@@ -66,5 +72,21 @@ struct RunCamera {
 [[nodiscard]] Expected<std::vector<RunCamera>> extrinsics_from_yaml(const std::string& text,
                                                                     std::size_t cameras,
                                                                     const std::string& context);
+
+/// `<body>.tum`, one line per pose: `t tx ty tz qx qy qz qw`, t in seconds with nine decimals, made
+/// from the integer nanoseconds without rounding. Numbers read back as the same doubles.
+[[nodiscard]] std::string to_tum(std::span<const StampedPose> poses);
+/// `<body>.covariance.csv`, one line per pose: nanoseconds, then the upper triangle row by row
+/// (position and rotation vector, both in W axes). Numbers read back as the same doubles.
+[[nodiscard]] std::string to_covariance_csv(std::span<const StampedCovariance> covariances);
+
+/// Comments (`#`) and empty lines are skipped; attitudes are normalised.
+/// @return in the file's order; Error with the line number for anything else, also for time that
+/// does not increase.
+[[nodiscard]] Expected<std::vector<StampedPose>> tum_from(std::string_view text,
+                                                          const std::string& context);
+/// The same; also an Error for negative variances.
+[[nodiscard]] Expected<std::vector<StampedCovariance>> covariances_from_csv(
+    std::string_view text, const std::string& context);
 
 }  // namespace fiducap

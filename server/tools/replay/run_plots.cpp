@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
+#include <functional>
 
 #include "base/numeric.hpp"
 #include "base/text.hpp"
@@ -12,7 +12,6 @@
 namespace fiducap {
 namespace {
 
-constexpr double kNowhere = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMmPerMetre = 1e3;
 
 constexpr std::size_t kMostMessages = 200;
@@ -44,7 +43,7 @@ std::vector<PlotMarks> marks_of(const std::vector<BodyEvent>& events, Instant ze
   for (const EventGroup& one : event_groups()) {
     PlotMarks group_marks{one.name, one.color, {}};
     for (const BodyEvent& event : events)
-      if (std::find(one.kinds.begin(), one.kinds.end(), event.kind) != one.kinds.end())
+      if (std::ranges::find(one.kinds, event.kind) != one.kinds.end())
         group_marks.at.push_back(to_seconds(event.at - zero));
     marks.push_back(std::move(group_marks));
   }
@@ -55,14 +54,6 @@ std::vector<PlotMarks> marks_of(const std::vector<BodyEvent>& events, Instant ze
 const char* color_of_body(std::size_t body) {
   constexpr std::array<std::size_t, 5> kOrder{0, 2, 3, 5, 4};
   return kPlotColors[kOrder[body % kOrder.size()]];
-}
-
-std::vector<TagPlace> places_in(const TagMap& map, bool surveyed) {
-  std::vector<TagPlace> places;
-  for (const MapTag& entry : map.tags)
-    if ((entry.state == TagState::kSurveyed) == surveyed)
-      places.push_back({entry.tag.tag_id, entry.tag.edge_m, entry.tag.X_WT});
-  return places;
 }
 
 std::string percent(int part, int whole) {
@@ -76,8 +67,10 @@ LinePlot map_plot_of(std::span<const RunBody> bodies) {
   for (std::size_t i = 0; i < bodies.size(); ++i)
     panel.lines.push_back(
         path_of("path of " + bodies[i].name, color_of_body(i), bodies[i].result->trajectory));
-  panel.shapes = {tags_from_above("known tags", kPlotInk, places_in(map, true), true),
-                  tags_from_above("estimated tags", kPlotColors[1], places_in(map, false), true)};
+  const auto is_surveyed = [](const MapTag& tag) { return tag.state == TagState::kSurveyed; };
+  panel.shapes = {tags_from_above("known tags", kPlotInk, places_in(map, is_surveyed), true),
+                  tags_from_above("estimated tags", kPlotColors[1],
+                                  places_in(map, std::not_fn(is_surveyed)), true)};
   return plot;
 }
 
@@ -100,10 +93,8 @@ LinePlot body_plot(const RunBody& body, std::size_t index, Instant zero) {
                   " of those with tags. Sigmas are those of the filter itself, over all "
                   "directions.";
   plot.panel_height = 150;
-  for (const PoseHalf half : {PoseHalf::kPosition, PoseHalf::kRotation}) {
-    plot.panels.push_back(sigma_panel(half));
-    plot.panels.back().lines = {sigma_line("", color, result.covariances, half, zero, longest)};
-  }
+  for (const PoseHalf half : {PoseHalf::kPosition, PoseHalf::kRotation})
+    plot.panels.push_back(sigma_panel(half, color, result.covariances, zero, longest));
   plot.panels.push_back({"tags in the image", {tags_seen(result, color, zero)}});
   plot.panels.back().from_zero = true;
   const auto marks = marks_of(result.events, zero);
@@ -162,13 +153,6 @@ PlotTable message_table(std::span<const RunBody> bodies, const OfflineSession& s
   return table;
 }
 
-Instant first_image_of(std::span<const RunBody> bodies) {
-  Instant first = Instant::max();
-  for (const RunBody& body : bodies)
-    if (!body.result->images.empty()) first = std::min(first, body.result->images.front().at);
-  return first == Instant::max() ? Instant{} : first;
-}
-
 }  // namespace
 
 Duration longest_step(std::span<const StampedPose> poses) {
@@ -201,7 +185,7 @@ PlotLine path_of(const std::string& name, const std::string& color,
   const Duration longest = longest_step(poses);
   for (std::size_t i = 0; i < poses.size(); ++i) {
     if (i > 0 && poses[i].at - poses[i - 1].at > longest)
-      line.points.emplace_back(kNowhere, kNowhere);
+      line.points.emplace_back(kPlotGap, kPlotGap);
     line.points.emplace_back(poses[i].X_WB.p.x(), poses[i].X_WB.p.y());
   }
   return line;
@@ -230,35 +214,31 @@ LinePlot map_from_above(std::size_t tags) {
   return plot;
 }
 
-PlotLine sigma_line(const std::string& name, const std::string& color,
-                    std::span<const StampedCovariance> covariances, PoseHalf half, Instant zero,
-                    Duration longest) {
-  PlotLine line{name, color, {}};
+PlotPanel sigma_panel(PoseHalf half, const std::string& color,
+                      std::span<const StampedCovariance> covariances, Instant zero,
+                      Duration longest) {
   const bool is_position = half == PoseHalf::kPosition;
+  PlotPanel panel{is_position ? "position σ, mm" : "attitude σ, °", {{"", color}}};
+  panel.logarithmic = true;
+  auto& points = panel.lines.front().points;
   for (std::size_t i = 0; i < covariances.size(); ++i) {
-    const StampedCovariance& at = covariances[i];
-    if (i > 0 && at.at - covariances[i - 1].at > longest)
-      line.points.emplace_back(kNowhere, kNowhere);
-    const Matrix6d& P = at.covariance;
+    const auto& [at, P] = covariances[i];
+    if (i > 0 && at - covariances[i - 1].at > longest) points.emplace_back(kPlotGap, kPlotGap);
     const double variance =
         is_position ? P.diagonal().head<3>().sum() : P.diagonal().tail<3>().sum();
-    line.points.emplace_back(to_seconds(at.at - zero),
-                             (is_position ? kMmPerMetre : kDegreesPerRadian) * std::sqrt(variance));
+    points.emplace_back(to_seconds(at - zero),
+                        (is_position ? kMmPerMetre : kDegreesPerRadian) * std::sqrt(variance));
   }
-  return line;
-}
-
-PlotPanel sigma_panel(PoseHalf half) {
-  PlotPanel panel{half == PoseHalf::kPosition ? "position σ, mm" : "attitude σ, °"};
-  panel.logarithmic = true;
   return panel;
 }
 
 PlotPage run_plots(std::span<const RunBody> bodies, const OfflineSession& session) {
   PlotPage page;
-  const Instant zero = first_image_of(bodies);
+  Instant zero = Instant::max();  // the first image
   for (const RunBody& body : bodies)
-    page.title += (page.title.empty() ? "Run of " : ", ") + body.name;
+    if (!body.result->images.empty()) zero = std::min(zero, body.result->images.front().at);
+  if (zero == Instant::max()) zero = {};
+  page.title = "Run of " + comma_list(bodies, [](const RunBody& body) { return body.name; });
   page.plots.push_back(map_plot_of(bodies));
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     page.plots.push_back(body_plot(bodies[i], i, zero));

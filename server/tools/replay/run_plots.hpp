@@ -3,7 +3,6 @@
 #include <span>
 #include <string>
 
-#include "pipeline/replay/offline_run.hpp"
 #include "tools/plot/plot_page.hpp"
 #include "tools/replay/evaluation.hpp"
 #include "tools/replay/run_files.hpp"
@@ -46,13 +45,10 @@ namespace fiducap {
 /// One half of a covariance.
 enum class PoseHalf { kPosition, kRotation };
 
-/// 1-sigma over all directions at each instant, millimetres or degrees; broken where poses are
-/// missing.
-[[nodiscard]] PlotLine sigma_line(const std::string& name, const std::string& color,
-                                  std::span<const StampedCovariance> covariances, PoseHalf half,
-                                  Instant zero, Duration longest);
-
-/// Panel for it, with logarithmic y.
-[[nodiscard]] PlotPanel sigma_panel(PoseHalf half);
+/// 1-sigma over all directions at each instant, millimetres or degrees, logarithmic; broken where
+/// poses are missing, i.e. steps are longer than `longest`.
+[[nodiscard]] PlotPanel sigma_panel(PoseHalf half, const std::string& color,
+                                    std::span<const StampedCovariance> covariances, Instant zero,
+                                    Duration longest);
 
 }  // namespace fiducap

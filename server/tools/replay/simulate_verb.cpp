@@ -5,15 +5,31 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/gravity.hpp"
 #include "base/pose.hpp"
 #include "capture/recording/recording_writer.hpp"
 #include "simulation/simulation.hpp"
-#include "tools/replay/replay_verbs.hpp"
 #include "tools/verb_options.hpp"
 
 namespace fiducap {
 namespace {
 
+struct SimulateArguments {
+  std::string out;
+  std::string room{"hall"};
+  double seconds{60};
+  std::uint64_t seed{1};
+  bool images{false};   ///< Render images …
+  bool corners{false};  ///< … or write corners only; so also when neither is set.
+  bool imu{true};
+  double speed{1.0};
+  double corner_noise_px{0.4};
+  double gravity_m_s2{kUsualGravity_m_s2};  ///< The true one; it is not part of the recording.
+  bool json{false};
+};
+
+// The calibration of the recording is off by these, in a direction drawn by the seed; the true one
+// is in truth/.
 constexpr double kNominalError_m = 0.005;
 constexpr double kNominalError_rad = 0.5 * std::numbers::pi / 180;
 constexpr Duration kTruthStep = std::chrono::milliseconds(5);
@@ -120,19 +136,17 @@ Expected<int> simulate(const SimulateArguments& arguments, const Terminal& termi
   return frames;
 }
 
-}  // namespace
-
 int run_simulate(const SimulateArguments& arguments, const Terminal& terminal) {
   const auto frames = simulate(arguments, terminal);
   if (!frames) return report(terminal, frames.error());
-  if (arguments.json) {
-    const nlohmann::ordered_json json{{"recording", arguments.out},   {"frames", *frames},
-                                      {"images", arguments.images},   {"imu", arguments.imu},
-                                      {"seconds", arguments.seconds}, {"room", arguments.room},
-                                      {"seed", arguments.seed}};
-    terminal.out << json.dump(2) << "\n";
-    return kExitOk;
-  }
+  if (arguments.json)
+    return print_json(terminal, {{"recording", arguments.out},
+                                 {"frames", *frames},
+                                 {"images", arguments.images},
+                                 {"imu", arguments.imu},
+                                 {"seconds", arguments.seconds},
+                                 {"room", arguments.room},
+                                 {"seed", arguments.seed}});
   terminal.out << arguments.out << ": " << *frames
                << (arguments.images ? " images" : " frames of corners") << " in "
                << fixed(arguments.seconds, 0) << " s, room '" << arguments.room << "', seed "
@@ -141,6 +155,8 @@ int run_simulate(const SimulateArguments& arguments, const Terminal& terminal) {
   return kExitOk;
 }
 
+}  // namespace
+
 void add_simulate(CLI::App& app, ChosenVerb& chosen) {
   auto* verb = app.add_subcommand("simulate", "Write a recording of a simulated robot, with truth");
   auto& a = arguments_of<SimulateArguments>(*verb, chosen, run_simulate);
@@ -148,19 +164,15 @@ void add_simulate(CLI::App& app, ChosenVerb& chosen) {
   verb->add_option("--room", a.room, "hall, table, sparse, loop or ceiling")
       ->check(CLI::IsMember({"hall", "table", "sparse", "loop", "ceiling"}))
       ->capture_default_str();
-  verb->add_option("--seconds", a.seconds, "Length")->check(kPositive)->capture_default_str();
+  add_positive(*verb, "--seconds", a.seconds, "Length");
   verb->add_option("--seed", a.seed, "Same seed, same recording")->capture_default_str();
-  verb->add_option("--speed", a.speed, "Scales the time of the motion")
-      ->check(kPositive)
-      ->capture_default_str();
+  add_positive(*verb, "--speed", a.speed, "Scales the time of the motion");
   verb->add_option("--corner-noise-px", a.corner_noise_px,
                    "With --corners: 1-sigma of each coordinate")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  verb->add_option("--gravity", a.gravity_m_s2,
-                   "Of the simulated place, m/s²; not part of the recording")
-      ->check(kPositive)
-      ->capture_default_str();
+  add_positive(*verb, "--gravity", a.gravity_m_s2,
+               "Of the simulated place, m/s²; not part of the recording");
   auto* images = verb->add_flag("--images", a.images, "Render images");
   verb->add_flag("--corners", a.corners, "Corners only (the default): a thousand times quicker")
       ->excludes(images);

@@ -1,13 +1,13 @@
-#include "tools/replay/trajectory_files.hpp"
-
 #include <array>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <optional>
 
+#include <fmt/format.h>
+
 #include "base/text.hpp"
+#include "tools/replay/run_files.hpp"
 
 namespace fiducap {
 namespace {
@@ -19,18 +19,8 @@ std::string seconds_text(Instant at) {
   const std::int64_t ns = to_ns(at);
   const std::uint64_t magnitude =
       ns < 0 ? 0 - static_cast<std::uint64_t>(ns) : static_cast<std::uint64_t>(ns);
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%s%llu.%09llu", ns < 0 ? "-" : "",
-                static_cast<unsigned long long>(magnitude / kNsPerSecond),
-                static_cast<unsigned long long>(magnitude % kNsPerSecond));
-  return text.data();
-}
-
-void append_number(std::string& out, double value) {
-  std::array<char, 40> text{};
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), value);
-  out += ' ';
-  out.append(text.data(), end.ptr);
+  return fmt::format("{}{}.{:09}", ns < 0 ? "-" : "", magnitude / kNsPerSecond,
+                     magnitude % kNsPerSecond);
 }
 
 /// Digits only, no double in between; digits beyond the nanosecond are cut.
@@ -93,13 +83,8 @@ Expected<std::vector<Stamped>> read_lines(std::string_view text, const std::stri
 std::optional<StampedPose> pose_of(std::string_view line) {
   const auto at = parse_seconds(next_word(line));
   std::array<double, 7> v{};
-  for (double& value : v) {
-    const std::string_view word = next_word(line);
-    const auto parsed = std::from_chars(word.data(), word.data() + word.size(), value);
-    if (parsed.ec != std::errc{} || parsed.ptr != word.data() + word.size() ||
-        !std::isfinite(value))
-      return std::nullopt;
-  }
+  for (double& value : v)
+    if (!parse_number(next_word(line), value) || !std::isfinite(value)) return std::nullopt;
   const Eigen::Quaterniond q(v[6], v[3], v[4], v[5]);
   const bool unit = std::abs(q.norm() - 1) < 1e-3;
   if (!at || !unit || !next_word(line).empty()) return std::nullopt;
@@ -140,7 +125,7 @@ std::string to_tum(std::span<const StampedPose> poses) {
     text += seconds_text(at);
     for (const double value :
          {X_WB.p.x(), X_WB.p.y(), X_WB.p.z(), X_WB.q.x(), X_WB.q.y(), X_WB.q.z(), X_WB.q.w()})
-      append_number(text, value);
+      text += ' ' + shortest(value);
     text += '\n';
   }
   return text;

@@ -8,29 +8,22 @@
 #include "base/numeric.hpp"
 #include "base/pose.hpp"
 #include "base/text.hpp"
-#include "mapping/map_edit.hpp"
 #include "tools/tags/map_files.hpp"
 #include "tools/tags/tag_verbs.hpp"
-#include "tools/verb_inputs.hpp"
 #include "tools/verb_options.hpp"
 
 namespace fiducap {
 namespace {
 
-int stored(const MapEditArguments& arguments, const Expected<TagMap>& map,
-           const Terminal& terminal) {
+int stored(const MapArguments& arguments, const Expected<TagMap>& map, const Terminal& terminal) {
   if (!map) return report(terminal, map.error());
-  const std::string& store = arguments.store;
-  if (arguments.json) {
-    terminal.out << version_json(store, *map);
-    return kExitOk;
-  }
-  terminal.out << store << ": version " << map->version << ", " << map->tags.size()
+  if (arguments.json) return print_json(terminal, version_json(arguments.store, *map));
+  terminal.out << arguments.store << ": version " << map->version << ", " << map->tags.size()
                << " tags, parent " << map->parent << ", \"" << map->comment << "\"\n";
   return kExitOk;
 }
 
-int run_distance(const MapEditArguments& arguments, const Terminal& terminal) {
+int run_distance(const MapArguments& arguments, const Terminal& terminal) {
   const auto first = static_cast<int>(arguments.distance[0]);
   const auto second = static_cast<int>(arguments.distance[1]);
   const double tape_m = arguments.distance[2];
@@ -43,15 +36,12 @@ int run_distance(const MapEditArguments& arguments, const Terminal& terminal) {
   const auto between = distance_between(*map, first, second);
   if (!between) return report(terminal, between.error());
   const double off_m = tape_m - between->distance_m;
-  if (arguments.json) {
-    const nlohmann::ordered_json json{{"tags", {first, second}},
-                                      {"tape_m", tape_m},
-                                      {"map_m", between->distance_m},
-                                      {"sigma_m", between->sigma_m},
-                                      {"tape_less_map_m", off_m}};
-    terminal.out << json.dump(2) << "\n";
-    return kExitOk;
-  }
+  if (arguments.json)
+    return print_json(terminal, {{"tags", {first, second}},
+                                 {"tape_m", tape_m},
+                                 {"map_m", between->distance_m},
+                                 {"sigma_m", between->sigma_m},
+                                 {"tape_less_map_m", off_m}});
   terminal.out << fmt::format(
                       "tags {} and {}: tape {:.4f} m, map {:.4f} m with sigma {:.1f} mm{}; tape "
                       "less map {:+.1f} mm, {:+.2f} per mille\n",
@@ -64,7 +54,7 @@ int run_distance(const MapEditArguments& arguments, const Terminal& terminal) {
 }
 
 /// Id, place, and the attitude when it is given.
-Expected<SurveyedTag> survey_of(const MapEditArguments& arguments) {
+Expected<SurveyedTag> survey_of(const MapArguments& arguments) {
   const auto& numbers = arguments.survey;
   if (numbers.size() != 4 && numbers.size() != 8)
     return fail(ErrorCode::kInvalid,
@@ -78,7 +68,7 @@ Expected<SurveyedTag> survey_of(const MapEditArguments& arguments) {
   tag.p_WT = {numbers[1], numbers[2], numbers[3]};
   if (numbers.size() == 8) tag.q_WT = {numbers[4], numbers[5], numbers[6], numbers[7]};
   tag.sigma_m = arguments.sigma_m;
-  tag.edge_m = arguments.tag_size_m;
+  tag.edge_m = arguments.tag_size_m.value_or(0);
   return tag;
 }
 
@@ -95,9 +85,9 @@ void print_alignment(const MapAlignment& aligned, const Terminal& terminal) {
       p.y(), p.z(), kDegreesPerRadian * log_so3(q).z());
 }
 
-std::string alignment_json(const MapAlignment& aligned, const std::string& store,
-                           const TagMap& map) {
-  auto json = nlohmann::ordered_json::parse(version_json(store, map));
+nlohmann::ordered_json alignment_json(const MapAlignment& aligned, const std::string& store,
+                                      const TagMap& map) {
+  auto json = version_json(store, map);
   json["residuals"] = nlohmann::ordered_json::array();
   for (const MapAlignment::Residual& one : aligned.residuals)
     json["residuals"].push_back(
@@ -105,98 +95,79 @@ std::string alignment_json(const MapAlignment& aligned, const std::string& store
   const auto& [q, p] = aligned.X_RW;
   json["workspace_in_room"] = {{"position_m", {p.x(), p.y(), p.z()}},
                                {"heading_deg", kDegreesPerRadian * log_so3(q).z()}};
-  return json.dump(2) + "\n";
-}
-
-MapEditArguments& add_edit_verb(CLI::App& map, ChosenVerb& chosen, const char* name,
-                                const char* what, const std::string& example,
-                                int (*run)(const MapEditArguments&, const Terminal&)) {
-  auto& verb = *map.add_subcommand(name, what);
-  auto& a = arguments_of<MapEditArguments>(verb, chosen, run);
-  verb.add_option("--store", a.store,
-                  "The map store; no server may have it open (fiducap control does it there)")
-      ->required();
-  verb.add_flag("--json", a.json, "One JSON object for scripts");
-  verb.footer("Earlier versions stay in the store.\nExample:\n  fiducap map " + example);
-  return a;
+  return json;
 }
 
 void add_align(CLI::App& map, ChosenVerb& chosen) {
-  auto& a =
-      add_edit_verb(map, chosen, "align",
-                    "Align the workspace with the room by measured tags: yaw and shift, least "
-                    "squares",
-                    "align --store hall.map --to measured.csv\n"
-                    "  fiducap map align --store hall.map --distance 3 17 4.52",
-                    run_map_align);
-  auto* verb = map.get_subcommand("align");
-  auto* to = verb->add_option("--to", a.measured,
-                              "Centres of three tags or more as measured in the room: CSV with the "
-                              "header id,x,y,z, metres, z up");
-  verb->add_option("--tolerance", a.most_off_m,
-                   "Largest plausible error of a measured place, metres: beyond it contradicts the "
-                   "others")
-      ->check(kPositive)
-      ->capture_default_str();
-  verb->add_option("--distance", a.distance,
-                   "Two tags and the metres between their centres by a tape: compared with the "
-                   "map, which is not scaled")
+  const auto& [verb, a] = add_map_verb(
+      map, chosen, "align",
+      "Align the workspace with the room by measured tags: yaw and shift, least squares", true,
+      "align --store hall.map --to measured.csv\n"
+      "  fiducap map align --store hall.map --distance 3 17 4.52",
+      run_map_align);
+  auto* to = verb.add_option("--to", a.measured,
+                             "Centres of three tags or more as measured in the room: CSV with the "
+                             "header id,x,y,z, metres, z up");
+  add_positive(verb, "--tolerance", a.most_off_m,
+               "Largest plausible error of a measured place, metres: beyond it contradicts the "
+               "others");
+  verb.add_option("--distance", a.distance,
+                  "Two tags and the metres between their centres by a tape: compared with the "
+                  "map, which is not scaled")
       ->expected(3)
       ->excludes(to);
-  verb->add_option("--comment", a.comment, "Comment in the history");
+  verb.add_option("--comment", a.comment, "Comment in the history");
 }
 
 void add_edit(CLI::App& map, ChosenVerb& chosen) {
-  auto& a = add_edit_verb(map, chosen, "edit", "Forget, quarantine or survey tags",
-                          "edit --store hall.map --forget 7\n"
-                          "  fiducap map edit --store hall.map --survey 3 1.25 4 1.6 --sigma 0.002",
-                          run_map_edit);
-  auto* verb = map.get_subcommand("edit");
-  verb->add_option("--forget", a.forget, "Ids of tags to remove: seen again, they are new ones");
-  verb->add_option("--quarantine", a.quarantine, "Ids of tags that are kept and not used");
-  verb->add_option("--survey", a.survey,
-                   "Id, measured place x y z of its centre in the workspace (metres), and, if the "
-                   "map is to use it, the attitude w x y z")
+  const auto& [verb, a] =
+      add_map_verb(map, chosen, "edit", "Forget, quarantine or survey tags", true,
+                   "edit --store hall.map --forget 7\n"
+                   "  fiducap map edit --store hall.map --survey 3 1.25 4 1.6 --sigma 0.002",
+                   run_map_edit);
+  verb.add_option("--forget", a.forget, "Ids of tags to remove: seen again, they are new ones");
+  verb.add_option("--quarantine", a.quarantine, "Ids of tags that are kept and not used");
+  verb.add_option("--survey", a.survey,
+                  "Id, measured place x y z of its centre in the workspace (metres), and, if the "
+                  "map is to use it, the attitude w x y z")
       ->expected(4, 8);
-  verb->add_option("--sigma", a.sigma_m, "1-sigma of each coordinate of the survey, metres")
+  add_positive(verb, "--sigma", a.sigma_m, "1-sigma of each coordinate of the survey, metres");
+  verb.add_option("--tag-size", a.tag_size_m, "Edge of a surveyed tag that is new, metres")
       ->check(kPositive);
-  verb->add_option("--tag-size", a.tag_size_m, "Edge of a surveyed tag that is new, metres")
-      ->check(kPositive);
-  verb->add_option("--comment", a.comment, "Comment in the history");
+  verb.add_option("--comment", a.comment, "Comment in the history");
 }
 
 }  // namespace
 
-int run_map_rollback(const MapEditArguments& arguments, const Terminal& terminal) {
-  auto map = stored_version(arguments.store, arguments.version, terminal);
+int run_map_rollback(const MapArguments& arguments, const Terminal& terminal) {
+  const std::int64_t version = arguments.version.value_or(0);
+  auto map = stored_version(arguments.store, version, terminal);
   if (!map) return report(terminal, map.error());
   return stored(arguments,
                 store_next_version(arguments.store, std::move(*map),
-                                   "rolled back to version " + std::to_string(arguments.version),
-                                   terminal, MapOrigin::kStore),
+                                   "rolled back to version " + std::to_string(version), terminal,
+                                   MapOrigin::kStore),
                 terminal);
 }
 
-int run_map_name(const MapEditArguments& arguments, const Terminal& terminal) {
-  const auto there = stored_version(arguments.store, arguments.version, terminal);
+int run_map_name(const MapArguments& arguments, const Terminal& terminal) {
+  const std::int64_t version = arguments.version.value_or(0);  // the command line has one
+  const auto there = stored_version(arguments.store, version, terminal);
   if (!there) return report(terminal, there.error());
   auto store = MapStore::open(arguments.store);
   if (!store) return report(terminal, store.error());
   if (const auto claimed = store->claim(); !claimed) return report(terminal, claimed.error());
-  if (const auto named = store->name_version(arguments.version, arguments.name); !named)
+  if (const auto named = store->name_version(version, arguments.name); !named)
     return report(terminal, named.error());
-  if (arguments.json) {
-    const nlohmann::ordered_json json{
-        {"file", arguments.store}, {"version", arguments.version}, {"comment", arguments.name}};
-    terminal.out << json.dump(2) << "\n";
-    return kExitOk;
-  }
-  terminal.out << arguments.store << ": version " << arguments.version << " is called \""
-               << arguments.name << "\"\n";
+  if (arguments.json)
+    return print_json(
+        terminal, {{"file", arguments.store}, {"version", version}, {"comment", arguments.name}});
+  terminal.out << arguments.store << ": version " << version << " is called \"" << arguments.name
+               << "\"\n";
   return kExitOk;
 }
 
-int run_map_align(const MapEditArguments& arguments, const Terminal& terminal) {
+int run_map_align(const MapArguments& arguments, const Terminal& terminal) {
   if (arguments.measured.empty() == arguments.distance.empty())
     return report(terminal,
                   Error{ErrorCode::kInvalid,
@@ -220,11 +191,10 @@ int run_map_align(const MapEditArguments& arguments, const Terminal& terminal) {
   const auto next =
       store_next_version(arguments.store, std::move(*map), comment, terminal, MapOrigin::kStore);
   if (!next || !arguments.json) return stored(arguments, next, terminal);
-  terminal.out << alignment_json(*aligned, arguments.store, *next);
-  return kExitOk;
+  return print_json(terminal, alignment_json(*aligned, arguments.store, *next));
 }
 
-int run_map_edit(const MapEditArguments& arguments, const Terminal& terminal) {
+int run_map_edit(const MapArguments& arguments, const Terminal& terminal) {
   MapEdit edit{arguments.forget, arguments.quarantine, {}};
   if (!arguments.survey.empty()) {
     auto survey = survey_of(arguments);
@@ -244,18 +214,15 @@ int run_map_edit(const MapEditArguments& arguments, const Terminal& terminal) {
 }
 
 void add_map_edits(CLI::App& map, ChosenVerb& chosen) {
-  auto& back =
-      add_edit_verb(map, chosen, "rollback", "Store an older version again, as the newest one",
-                    "rollback --store hall.map 12", run_map_rollback);
-  map.get_subcommand("rollback")
-      ->add_option("VERSION", back.version, "Its number, as in the log")
-      ->required();
-  auto& named = add_edit_verb(map, chosen, "name", "Name a version: named versions are kept",
-                              "name --store hall.map 12 \"before the move\"", run_map_name);
-  auto* name = map.get_subcommand("name");
-  name->add_option("VERSION", named.version, "Its number, as in the log")->required();
-  name->add_option("NAME", named.name, "1 to 200 characters; the log shows it as comment")
-      ->required();
+  const auto& [back, a] =
+      add_map_verb(map, chosen, "rollback", "Store an older version again, as the newest one", true,
+                   "rollback --store hall.map 12", run_map_rollback);
+  back.add_option("VERSION", a.version, "Its number, as in the log")->required();
+  const auto& [name, b] =
+      add_map_verb(map, chosen, "name", "Name a version: named versions are kept", true,
+                   "name --store hall.map 12 \"before the move\"", run_map_name);
+  name.add_option("VERSION", b.version, "Its number, as in the log")->required();
+  name.add_option("NAME", b.name, "1 to 200 characters; the log shows it as comment")->required();
   add_align(map, chosen);
   add_edit(map, chosen);
 }

@@ -1,6 +1,9 @@
 #include "tools/tags/map_files.hpp"
 
+#include <cmath>
 #include <filesystem>
+#include <sstream>
+#include <string_view>
 #include <utility>
 
 #include <nlohmann/json.hpp>
@@ -18,6 +21,27 @@ Expected<TagMap> newest_of(const MapStore& store, const Terminal& terminal) {
   for (const DamagedVersion& one : sound->damaged)
     terminal.err << "fiducap: passed over version " << one.version << ", it " << one.fault << "\n";
   return std::move(sound->map);
+}
+
+std::string_view trimmed(std::string_view text) {
+  const auto first = text.find_first_not_of(" \t\r");
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
+}
+
+std::optional<MeasuredPlace> place_from(std::string_view line) {
+  MeasuredPlace place;
+  for (int column = 0; column < 4; ++column) {
+    const auto comma = line.find(',');
+    if ((comma == std::string_view::npos) != (column == 3)) return std::nullopt;
+    const std::string_view field = trimmed(line.substr(0, comma));
+    if (column == 0 ? !parse_number(field, place.tag_id)
+                    : !parse_number(field, place.p_RT[column - 1]))
+      return std::nullopt;
+    line.remove_prefix(column == 3 ? line.size() : comma + 1);
+  }
+  if (place.tag_id < 0 || !place.p_RT.allFinite()) return std::nullopt;
+  return place;
 }
 
 }  // namespace
@@ -78,9 +102,8 @@ Expected<TagMap> version_of(const MapStore& store, std::optional<std::int64_t> v
 
 Expected<TagMap> stored_version(const std::string& path, std::optional<std::int64_t> version,
                                 const Terminal& terminal) {
-  const auto store = open_existing_store(path);
-  if (!store) return tl::unexpected(store.error());
-  return version_of(*store, version, terminal);
+  return open_existing_store(path).and_then(
+      [&](const MapStore& store) { return version_of(store, version, terminal); });
 }
 
 Expected<TagMap> store_next_version(const std::string& path, TagMap map, const std::string& comment,
@@ -95,11 +118,53 @@ Expected<TagMap> store_next_version(const std::string& path, TagMap map, const s
   return store->commit(map, comment);
 }
 
-std::string version_json(const std::string& file, const TagMap& map) {
-  const nlohmann::ordered_json json{{"file", file},         {"version", map.version},
-                                    {"parent", map.parent}, {"tags", map.tags.size()},
-                                    {"hash", map.hash},     {"comment", map.comment}};
-  return json.dump(2) + "\n";
+std::pair<double, double> largest_sigmas(const KnownTag& tag) {
+  const auto variances = tag.covariance.diagonal();
+  return {std::sqrt(variances.head<3>().maxCoeff()), std::sqrt(variances.tail<3>().maxCoeff())};
+}
+
+Expected<std::vector<MeasuredPlace>> read_measured_places(const std::string& file) {
+  const auto text = read_whole_file(file);
+  if (!text) return tl::unexpected(text.error());
+  std::vector<MeasuredPlace> places;
+  std::istringstream lines(*text);
+  bool has_header = false;
+  int number = 0;
+  for (std::string whole; std::getline(lines, whole);) {
+    ++number;
+    const std::string_view line = trimmed(whole);
+    if (line.empty() || line.front() == '#') continue;
+    const std::string where = file + ":" + std::to_string(number);
+    if (!has_header) {
+      if (line != "id,x,y,z")
+        return fail(ErrorCode::kInvalid,
+                    "expected the header id,x,y,z, got '" + std::string(line) + "'", where);
+      has_header = true;
+      continue;
+    }
+    const auto place = place_from(line);
+    if (!place)
+      return fail(
+          ErrorCode::kInvalid,
+          "expected a tag's id and its place, three numbers in metres (7,1.25,-0.4,2), got '" +
+              std::string(line) + "'",
+          where);
+    places.push_back(*place);
+  }
+  if (!has_header)
+    return fail(ErrorCode::kInvalid, "expected the header id,x,y,z, got nothing", file);
+  return places;
+}
+
+void print_stored(const std::string& store, const TagMap& map, const Terminal& terminal) {
+  terminal.out << store << ": version " << map.version << ", " << map.tags.size() << " tags, hash "
+               << map.hash << "\n";
+}
+
+nlohmann::ordered_json version_json(const std::string& file, const TagMap& map) {
+  return {{"file", file},         {"version", map.version},
+          {"parent", map.parent}, {"tags", map.tags.size()},
+          {"hash", map.hash},     {"comment", map.comment}};
 }
 
 }  // namespace fiducap

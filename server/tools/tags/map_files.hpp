@@ -7,6 +7,7 @@
 
 #include "base/expected.hpp"
 #include "mapping/formats/map_format.hpp"
+#include "mapping/map_edit.hpp"
 #include "mapping/store/map_store.hpp"
 #include "mapping/tag_map.hpp"
 #include "tools/terminal.hpp"
@@ -54,7 +55,17 @@ enum class MapOrigin {
                                                   const Terminal& terminal,
                                                   MapOrigin origin = MapOrigin::kFile);
 
+/// Reads places of tags that were measured in the room: CSV with the header `id,x,y,z`, metres, one
+/// tag a line; empty lines and those that begin with # are skipped.
+/// @return Error with file, line, what was expected and what was found
+[[nodiscard]] Expected<std::vector<MeasuredPlace>> read_measured_places(const std::string& file);
+
+/// Largest 1-sigma along an axis, position in metres and attitude in radians.
+[[nodiscard]] std::pair<double, double> largest_sigmas(const KnownTag& tag);
+
+/// For people: `hall.map: version 7, 12 tags, hash …`
+void print_stored(const std::string& store, const TagMap& map, const Terminal& terminal);
 /// Number, parent, tags, hash and comment of a version that was stored or written, for scripts.
-[[nodiscard]] std::string version_json(const std::string& file, const TagMap& map);
+[[nodiscard]] nlohmann::ordered_json version_json(const std::string& file, const TagMap& map);
 
 }  // namespace fiducap

@@ -1,9 +1,7 @@
-#include <array>
-#include <cmath>
-#include <ctime>
 #include <filesystem>
 #include <optional>
 
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -11,7 +9,6 @@
 #include "daemon/system.hpp"
 #include "detection/tag_family.hpp"
 #include "mapping/store/map_repair.hpp"
-#include "mapping/store/map_store.hpp"
 #include "tools/tags/map_files.hpp"
 #include "tools/tags/tag_verbs.hpp"
 #include "tools/verb_options.hpp"
@@ -20,12 +17,7 @@ namespace fiducap {
 namespace {
 
 std::string utc_text(std::int64_t utc_ns) {
-  const std::time_t seconds = utc_ns / 1'000'000'000;
-  std::tm parts{};
-  std::array<char, 32> text{};
-  if (::gmtime_r(&seconds, &parts) == nullptr) return "?";
-  std::strftime(text.data(), text.size(), "%Y-%m-%d %H:%M:%SZ", &parts);
-  return text.data();
+  return fmt::format("{:%Y-%m-%d %H:%M:%SZ}", fmt::gmtime(utc_ns / 1'000'000'000));
 }
 
 /// nullopt: not given. The command line took no other name.
@@ -38,19 +30,13 @@ void print_remarks(const Terminal& terminal, const std::string& file,
   for (const std::string& one : remarks) terminal.err << file << ": " << one << "\n";
 }
 
-/// Largest 1-sigma along an axis, position in metres and attitude in radians.
-std::pair<double, double> sigmas(const KnownTag& tag) {
-  const auto variances = tag.covariance.diagonal();
-  return {std::sqrt(variances.head<3>().maxCoeff()), std::sqrt(variances.tail<3>().maxCoeff())};
-}
-
-std::string map_json(const TagMap& map) {
+nlohmann::ordered_json map_json(const TagMap& map) {
   nlohmann::ordered_json json{{"version", map.version}, {"parent", map.parent},
                               {"hash", map.hash},       {"family", map.family},
                               {"comment", map.comment}, {"tags", nlohmann::ordered_json::array()}};
   for (const MapTag& entry : map.tags) {
     const auto& [q, p] = entry.tag.X_WT;
-    const auto [position, rotation] = sigmas(entry.tag);
+    const auto [position, rotation] = largest_sigmas(entry.tag);
     json["tags"].push_back({{"id", entry.tag.tag_id},
                             {"edge_m", entry.tag.edge_m},
                             {"position_m", {p.x(), p.y(), p.z()}},
@@ -60,7 +46,7 @@ std::string map_json(const TagMap& map) {
                             {"state", name_of(entry.state)},
                             {"sightings", entry.sightings}});
   }
-  return json.dump(2) + "\n";
+  return json;
 }
 
 nlohmann::ordered_json health_json(const std::string& store, const MapStoreHealth& health) {
@@ -77,7 +63,7 @@ void print_map(std::ostream& out, const TagMap& map) {
          "state       sightings\n";
   for (const MapTag& entry : map.tags) {
     const auto& [q, p] = entry.tag.X_WT;
-    const auto [position, rotation] = sigmas(entry.tag);
+    const auto [position, rotation] = largest_sigmas(entry.tag);
     out << fmt::format(
         "{:5} {:7.4f} {:8.4f} {:8.4f} {:8.4f} {:7.4f} {:7.4f} {:7.4f} {:7.4f} {:6.2f} {:6.3f} "
         "{:<11} {:9}\n",
@@ -97,104 +83,96 @@ Expected<std::pair<TagMap, TagMap>> two_versions(const MapStore& store,
   return std::pair{std::move(*before), std::move(*after)};
 }
 
-/// Adds the verbs of `fiducap map` that read stores, or store maps of other programs.
-class MapVerbs final {
- public:
-  MapVerbs(CLI::App& map, ChosenVerb& chosen) : map_(map), chosen_(chosen) {}
+void add_version(const MapVerb& to) {
+  to.verb.add_option("--version", to.arguments.version, "Which version; the newest when not given");
+}
 
-  void add_export() {
-    CLI::App& verb =
-        add("export", "Write one version to a file: ours (.yaml, complete), or another program's",
-            "export --store hall.map hall.yaml\n"
-            "  fiducap map export --store hall.map tagslam.yaml --format tagslam\n"
-            "  fiducap map export --store hall.map field.json --field 16.54 8.21",
-            run_map_export);
-    verb.add_option("FILE", arguments_->file, "Where to")->required();
-    add_format(verb,
-               "What to write; when not given, by the end of the name: .yaml and .csv are ours, "
-               ".json WPILib's");
-    verb.add_option("--field", arguments_->field_m,
-                    "Length and width of the playing field in metres, for WPILib; as far as the "
-                    "tags reach when not given")
-        ->expected(2)
-        ->check(kPositive);
-    add_version(verb);
-  }
+void add_format(const MapVerb& to, const std::string& what) {
+  to.verb.add_option("--format", to.arguments.format, what + "; one of " + map_format_names())
+      ->check(CLI::Validator(
+          [](std::string& name) {
+            return map_format_from(name) ? std::string() : "must be one of " + map_format_names();
+          },
+          "NAME"));
+}
 
-  void add_import() {
-    CLI::App& verb = add("import", "Store a file as the next version: ours, or another program's",
-                         "import --store hall.map field.json --tag-size 0.1651\n"
-                         "  fiducap map import --store hall.map poses.yaml\n"
-                         "  fiducap map import --store hall.map tags.yaml --format apriltag_ros\n"
-                         "  fiducap map import --store hall.map default.yaml --tag-size 0.16",
-                         run_map_import);
-    verb.add_option("FILE", arguments_->file, "Where from")->required();
-    add_format(verb, "What the file is; when not given, by its content");
-    verb.add_option("--tag-size", arguments_->tag_size_m,
-                    "Edge of the tags in metres, where the file does not have it: WPILib, RCARS, "
-                    "ArUco in pixels")
-        ->check(kPositive);
-    verb.add_option("--family", arguments_->family,
-                    "Family of the tags, where the file does not have it; tag36h11 when not given")
-        ->check(CLI::Validator(
-            [](std::string& name) {
-              if (!is_tag_family(name)) return tag_family_rule(name);
-              name = listed_tag_family(name);
-              return std::string();
-            },
-            "NAME"));
-    verb.add_option("--comment", arguments_->comment, "Comment in the history");
-  }
+void add_export(CLI::App& map, ChosenVerb& chosen) {
+  const MapVerb added = add_map_verb(
+      map, chosen, "export",
+      "Write one version to a file: ours (.yaml, complete), or another program's", false,
+      "export --store hall.map hall.yaml\n"
+      "  fiducap map export --store hall.map tagslam.yaml --format tagslam\n"
+      "  fiducap map export --store hall.map field.json --field 16.54 8.21",
+      run_map_export);
+  auto& [verb, a] = added;
+  verb.add_option("FILE", a.file, "Where to")->required();
+  add_format(added,
+             "What to write; when not given, by the end of the name: .yaml and .csv are ours, "
+             ".json WPILib's");
+  verb.add_option("--field", a.field_m,
+                  "Length and width of the playing field in metres, for WPILib; as far as the tags "
+                  "reach when not given")
+      ->expected(2)
+      ->check(kPositive);
+  add_version(added);
+}
 
-  void add_reading() {
-    add("log", "All versions, newest first", "log --store hall.map --json", run_map_log);
-    CLI::App& diff = add("diff", "How far tags moved between two versions, in mm and degrees",
-                         "diff --store hall.map --from 3 --to 7", run_map_diff);
-    diff.add_option("--from", arguments_->before,
-                    "The older version; the parent of --to when not given");
-    diff.add_option("--to", arguments_->after, "The newer version; the newest when not given");
-    add_version(
-        add("show", "The tags of one version", "show --store hall.map --version 3", run_map_show));
-  }
+void add_map_import(CLI::App& map, ChosenVerb& chosen) {
+  const MapVerb added = add_map_verb(
+      map, chosen, "import", "Store a file as the next version: ours, or another program's", false,
+      "import --store hall.map field.json --tag-size 0.1651\n"
+      "  fiducap map import --store hall.map poses.yaml\n"
+      "  fiducap map import --store hall.map tags.yaml --format apriltag_ros\n"
+      "  fiducap map import --store hall.map default.yaml --tag-size 0.16",
+      run_map_import);
+  auto& [verb, a] = added;
+  verb.add_option("FILE", a.file, "Where from")->required();
+  add_format(added, "What the file is; when not given, by its content");
+  verb.add_option("--tag-size", a.tag_size_m,
+                  "Edge of the tags in metres, where the file does not have it: WPILib, RCARS, "
+                  "ArUco in pixels")
+      ->check(kPositive);
+  verb.add_option("--family", a.family,
+                  "Family of the tags, where the file does not have it; tag36h11 when not given")
+      ->check(CLI::Validator(
+          [](std::string& name) {
+            if (!is_tag_family(name)) return tag_family_rule(name);
+            name = listed_tag_family(name);
+            return std::string();
+          },
+          "NAME"));
+  verb.add_option("--comment", a.comment, "Comment in the history");
+}
 
-  void add_health() {
-    add("check", "Is every version as it was stored? Changes nothing", "check --store hall.map",
-        run_map_check);
-    add("repair", "Make a store of the undamaged versions; the damaged store is kept beside it",
-        "repair --store hall.map", run_map_repair);
-  }
-
- private:
-  using Run = int (*)(const MapArguments&, const Terminal&);
-
-  CLI::App& add(const char* name, const char* what, const std::string& example, Run run) {
-    CLI::App& verb = *map_.add_subcommand(name, what);
-    arguments_ = &arguments_of<MapArguments>(verb, chosen_, run);
-    verb.add_option("--store", arguments_->store,
-                    "The map store: map.store of the server's configuration")
-        ->required();
-    verb.add_flag("--json", arguments_->json, "One JSON object for scripts");
-    verb.footer("Example:\n  fiducap map " + example);
-    return verb;
-  }
-  void add_version(CLI::App& verb) {
-    verb.add_option("--version", arguments_->version, "Which version; the newest when not given");
-  }
-  void add_format(CLI::App& verb, const std::string& what) {
-    verb.add_option("--format", arguments_->format, what + "; one of " + map_format_names())
-        ->check(CLI::Validator(
-            [](std::string& name) {
-              return map_format_from(name) ? std::string() : "must be one of " + map_format_names();
-            },
-            "NAME"));
-  }
-
-  CLI::App& map_;
-  ChosenVerb& chosen_;
-  MapArguments* arguments_{nullptr};  ///< Of the verb added last.
-};
+void add_reading(CLI::App& map, ChosenVerb& chosen) {
+  add_map_verb(map, chosen, "log", "All versions, newest first", false,
+               "log --store hall.map --json", run_map_log);
+  const auto& [diff, a] = add_map_verb(
+      map, chosen, "diff", "How far tags moved between two versions, in mm and degrees", false,
+      "diff --store hall.map --from 3 --to 7", run_map_diff);
+  diff.add_option("--from", a.before, "The older version; the parent of --to when not given");
+  diff.add_option("--to", a.after, "The newer version; the newest when not given");
+  add_version(add_map_verb(map, chosen, "show", "The tags of one version", false,
+                           "show --store hall.map --version 3", run_map_show));
+}
 
 }  // namespace
+
+MapVerb add_map_verb(CLI::App& map, ChosenVerb& chosen, const char* name, const char* what,
+                     bool changes, const std::string& example,
+                     int (*run)(const MapArguments&, const Terminal&)) {
+  CLI::App& verb = *map.add_subcommand(name, what);
+  auto& a = arguments_of<MapArguments>(verb, chosen, run);
+  verb.add_option("--store", a.store,
+                  changes ? "The map store; no server may have it open (fiducap control does it "
+                            "there)"
+                          : "The map store: map.store of the server's configuration")
+      ->required();
+  verb.add_flag("--json", a.json, "One JSON object for scripts");
+  verb.footer((changes ? "Earlier versions stay in the store.\n" : "") +
+              ("Example:\n  fiducap map " + example));
+  return {verb, a};
+}
 
 int run_map_export(const MapArguments& arguments, const Terminal& terminal) {
   const auto map = stored_version(arguments.store, arguments.version, terminal);
@@ -204,11 +182,9 @@ int run_map_export(const MapArguments& arguments, const Terminal& terminal) {
   const auto remarks = write_map_file(arguments.file, *map, format_of(arguments), field);
   if (!remarks) return report(terminal, remarks.error());
   print_remarks(terminal, arguments.file, *remarks);
-  if (arguments.json)
-    terminal.out << version_json(arguments.file, *map);
-  else
-    terminal.out << arguments.file << ": version " << map->version << ", " << map->tags.size()
-                 << " tags\n";
+  if (arguments.json) return print_json(terminal, version_json(arguments.file, *map));
+  terminal.out << arguments.file << ": version " << map->version << ", " << map->tags.size()
+               << " tags\n";
   return kExitOk;
 }
 
@@ -224,11 +200,8 @@ int run_map_import(const MapArguments& arguments, const Terminal& terminal) {
   const auto stored =
       store_next_version(arguments.store, std::move(imported->map), comment, terminal);
   if (!stored) return report(terminal, stored.error());
-  if (arguments.json)
-    terminal.out << version_json(arguments.store, *stored);
-  else
-    terminal.out << arguments.store << ": version " << stored->version << ", "
-                 << stored->tags.size() << " tags, hash " << stored->hash << "\n";
+  if (arguments.json) return print_json(terminal, version_json(arguments.store, *stored));
+  print_stored(arguments.store, *stored, terminal);
   return kExitOk;
 }
 
@@ -246,8 +219,7 @@ int run_map_log(const MapArguments& arguments, const Terminal& terminal) {
                       {"tags", v.tags},
                       {"hash", v.hash},
                       {"comment", v.comment}});
-    terminal.out << json.dump(2) << "\n";
-    return kExitOk;
+    return print_json(terminal, json);
   }
   terminal.out << "version parent tags created              hash         comment\n";
   for (const MapVersionInfo& v : *log)
@@ -271,8 +243,7 @@ int run_map_diff(const MapArguments& arguments, const Terminal& terminal) {
                                  {"kind", name_of(c.kind)},
                                  {"distance_mm", c.distance_mm},
                                  {"angle_deg", c.angle_deg}});
-    terminal.out << json.dump(2) << "\n";
-    return kExitOk;
+    return print_json(terminal, json);
   }
   terminal.out << "version " << versions->first.version << " -> " << versions->second.version
                << ": "
@@ -290,10 +261,8 @@ int run_map_diff(const MapArguments& arguments, const Terminal& terminal) {
 int run_map_show(const MapArguments& arguments, const Terminal& terminal) {
   const auto map = stored_version(arguments.store, arguments.version, terminal);
   if (!map) return report(terminal, map.error());
-  if (arguments.json)
-    terminal.out << map_json(*map);
-  else
-    print_map(terminal.out, *map);
+  if (arguments.json) return print_json(terminal, map_json(*map));
+  print_map(terminal.out, *map);
   return kExitOk;
 }
 
@@ -301,7 +270,7 @@ int run_map_check(const MapArguments& arguments, const Terminal& terminal) {
   const auto health = check_map_store(arguments.store);
   if (!health) return report(terminal, health.error());
   if (arguments.json) {
-    terminal.out << health_json(arguments.store, *health).dump(2) << "\n";
+    print_json(terminal, health_json(arguments.store, *health));
     return health->is_sound() ? kExitOk : kExitFailed;
   }
   terminal.out << arguments.store << ": " << health->sound.size()
@@ -321,8 +290,7 @@ int run_map_repair(const MapArguments& arguments, const Terminal& terminal) {
   if (arguments.json) {
     auto json = health_json(arguments.store, repair->found);
     json["kept_as"] = repair->kept_as;
-    terminal.out << json.dump(2) << "\n";
-    return kExitOk;
+    return print_json(terminal, json);
   }
   if (repair->kept_as.empty() && repair->found.is_sound()) {
     terminal.out << arguments.store << ": is sound, nothing was changed\n";
@@ -342,13 +310,16 @@ void add_map(CLI::App& app, ChosenVerb& chosen) {
       app.add_subcommand("map", "Build tag maps; read, change, import and export those of a store");
   map->require_subcommand(1);
   map->footer("Example:\n  fiducap map log --store hall.map");
-  MapVerbs verbs(*map, chosen);
   add_map_build(*map, chosen);
-  verbs.add_export();
-  verbs.add_import();
-  verbs.add_reading();
+  add_export(*map, chosen);
+  add_map_import(*map, chosen);
+  add_reading(*map, chosen);
   add_map_edits(*map, chosen);
-  verbs.add_health();
+  add_map_verb(*map, chosen, "check", "Is every version as it was stored? Changes nothing", false,
+               "check --store hall.map", run_map_check);
+  add_map_verb(*map, chosen, "repair",
+               "Make a store of the undamaged versions; the damaged store is kept beside it", false,
+               "repair --store hall.map", run_map_repair);
 }
 
 }  // namespace fiducap

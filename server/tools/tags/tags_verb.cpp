@@ -5,7 +5,6 @@
 #include "base/whole_file.hpp"
 #include "detection/sheet/tag_sheet.hpp"
 #include "detection/tag_family.hpp"
-#include "tools/tags/tag_verbs.hpp"
 #include "tools/verb_options.hpp"
 
 namespace fiducap {
@@ -26,7 +25,14 @@ Expected<void> may_write(const std::string& out, const std::string& stub) {
       stub);
 }
 
-}  // namespace
+struct TagSheetArguments {
+  std::string ids{"0-11"};
+  std::string family{"tag36h11"};
+  std::string paper{"a4"};
+  std::string out{"tags.pdf"};
+  double size_mm{160};
+  bool json{false};
+};
 
 int run_tag_sheet(const TagSheetArguments& arguments, const Terminal& terminal) {
   const auto ids = parse_id_list(arguments.ids);
@@ -48,13 +54,13 @@ int run_tag_sheet(const TagSheetArguments& arguments, const Terminal& terminal) 
     return report(terminal, written.error());
   if (auto written = write_whole_file(stub, tag_sheet_yaml(order)); !written)
     return report(terminal, written.error());
-  if (arguments.json) {
-    const nlohmann::ordered_json json{{"pdf", arguments.out},     {"yaml", stub},
-                                      {"family", order.family},   {"ids", *ids},
-                                      {"size_mm", order.size_mm}, {"paper", paper->name}};
-    terminal.out << json.dump(2) << "\n";
-    return kExitOk;
-  }
+  if (arguments.json)
+    return print_json(terminal, {{"pdf", arguments.out},
+                                 {"yaml", stub},
+                                 {"family", order.family},
+                                 {"ids", *ids},
+                                 {"size_mm", order.size_mm},
+                                 {"paper", paper->name}});
   terminal.out << arguments.out << ": " << ids->size() << " tags " << order.family << ", "
                << order.size_mm << " mm, " << paper->name << "\n"
                << stub << ": family and sizes for the server's configuration\n"
@@ -63,6 +69,8 @@ int run_tag_sheet(const TagSheetArguments& arguments, const Terminal& terminal) 
     terminal.err << warning << "\n";
   return kExitOk;
 }
+
+}  // namespace
 
 void add_tags(CLI::App& app, ChosenVerb& chosen) {
   auto* tags = app.add_subcommand("tags", "Tags to print");
@@ -73,9 +81,7 @@ void add_tags(CLI::App& app, ChosenVerb& chosen) {
       "A PDF with tags of exact size, cut marks and a ruler, and their sizes as YAML beside it");
   auto& a = arguments_of<TagSheetArguments>(*verb, chosen, run_tag_sheet);
   verb->add_option("--ids", a.ids, "Ids and ranges, e.g. 0-3,7")->capture_default_str();
-  verb->add_option("--size-mm", a.size_mm, "Edge between black and white border")
-      ->check(kPositive)
-      ->capture_default_str();
+  add_positive(*verb, "--size-mm", a.size_mm, "Edge between black and white border");
   verb->add_option("--paper", a.paper, "a4, a3 or letter")
       ->check(CLI::IsMember({"a4", "a3", "letter"}))
       ->capture_default_str();

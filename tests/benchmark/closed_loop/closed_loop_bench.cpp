@@ -5,13 +5,14 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <deque>
 #include <memory>
+#include <optional>
 #include <thread>
 #include <vector>
 
 #include "base/log.hpp"
 #include "bench.hpp"
-#include "closed_loop/feeds.hpp"
 #include "closed_loop/plant.hpp"
 #include "daemon/server.hpp"
 #include "daemon/system.hpp"
@@ -28,7 +29,6 @@ constexpr double kSettle_s = 8.0;  // after the first pose: the loop reaches its
 constexpr double kOtherDelay_s = 0.05;
 constexpr double kRoom_m = 4.0;  // from the middle to the nearest wall
 constexpr std::uint16_t kPort = 42618;
-constexpr std::uint16_t kNatNetPort = 42619;
 
 struct Gains {
   double position_1_s;
@@ -73,15 +73,10 @@ constexpr const char* kBody = R"(
         rate_hz: 20
 )";
 
-enum class Feed { kSdk, kNatNet, kOther };
-
-constexpr const char* kFeedNames[] = {"our stream, 200 Hz, SDK", "our stream, 200 Hz, NatNet 4.1",
-                                      "50 ms late, velocity differenced"};
-
 struct Robot {
   const char* name;
   bool flies;
-  Feed feed;
+  bool late;  ///< Its controller gets a stream as of other systems.
   bool stiff;
   Eigen::Vector3d target;
   Plant* plant{};  ///< Lives in the server's simulator.
@@ -92,13 +87,12 @@ struct Robot {
 };
 
 std::vector<Robot> robots() {
-  return {{"treadmill", false, Feed::kSdk, true, {0, 0, 0}},
-          {"treadmill-other", false, Feed::kOther, true, {0, 0, 0}},
-          {"quadrotor", true, Feed::kSdk, false, {0, 0, 1.4}},
-          {"quadrotor-natnet", true, Feed::kNatNet, false, {0, 0, 1.4}},
-          {"quadrotor-other", true, Feed::kOther, false, {0, 0, 1.4}},
-          {"quadrotor-stiff", true, Feed::kSdk, true, {0, 0, 1.4}},
-          {"quadrotor-stiff-other", true, Feed::kOther, true, {0, 0, 1.4}}};
+  return {{"treadmill", false, false, true, {0, 0, 0}},
+          {"treadmill-other", false, true, true, {0, 0, 0}},
+          {"quadrotor", true, false, false, {0, 0, 1.4}},
+          {"quadrotor-other", true, true, false, {0, 0, 1.4}},
+          {"quadrotor-stiff", true, false, true, {0, 0, 1.4}},
+          {"quadrotor-stiff-other", true, true, true, {0, 0, 1.4}}};
 }
 
 /// A surveyed, frozen map, as control loops need.
@@ -107,9 +101,7 @@ std::string config_text(const std::vector<Robot>& all, const std::string& map_fi
       "tags: {size_m: 0.4}\nsimulation: {preset: hall}\nmap: {mode: frozen, file: " + map_file +
       "}\nstreaming: {rate_hz: 200, vrpn: {enabled: false}, web: {enabled: false}, native: "
       "{port: " +
-      std::to_string(kPort) +
-      "}, natnet: {enabled: true, up: z, multicast: false, port: " + std::to_string(kNatNetPort) +
-      ", data_port: 0}}\nbodies:\n";
+      std::to_string(kPort) + "}}\nbodies:\n";
   for (const Robot& robot : all) text += std::string("  - name: ") + robot.name + kBody;
   return text;
 }
@@ -127,6 +119,40 @@ std::string survey() {
   }
   return map_to_yaml(map);
 }
+
+/// Input of a controller.
+struct Sensed {
+  double at_s{};  ///< On the client's clock of the stream.
+  Eigen::Vector3d p;
+  Eigen::Vector3d v;
+};
+
+/// The stream of other systems: late by `delay_s`, with the velocity as difference of two
+/// positions.
+class LateAndDifferenced final {
+ public:
+  explicit LateAndDifferenced(double delay_s) : delay_s_(delay_s) {}
+
+  /// @return nullopt until something is old enough
+  [[nodiscard]] std::optional<Sensed> pass(const Sensed& now) {
+    waiting_.push_back(now);
+    bool fresh = false;
+    while (!waiting_.empty() && waiting_.front().at_s <= now.at_s - delay_s_) {
+      Sensed next = waiting_.front();
+      waiting_.pop_front();
+      if (last_ && next.at_s > last_->at_s)
+        next.v = (next.p - last_->p) / (next.at_s - last_->at_s);
+      last_ = next;
+      fresh = true;
+    }
+    return fresh ? last_ : std::nullopt;
+  }
+
+ private:
+  double delay_s_;
+  std::deque<Sensed> waiting_;
+  std::optional<Sensed> last_;
+};
 
 /// One robot by the SDK.
 class SdkFeed final {
@@ -163,17 +189,16 @@ void score(Robot& robot, const Sensed& sensed, double now_s, double start_s) {
 }
 
 /// One controller.
-template <typename AnyFeed>
-void control(Robot& robot, AnyFeed feed, Instant start, const Clock& clock, std::stop_token stop) {
+void control(Robot& robot, SdkFeed feed, Instant start, const Clock& clock, std::stop_token stop) {
   Cascade cascade(robot.stiff ? kStiff : kSoft, robot.target);
   LateAndDifferenced other(kOtherDelay_s);
   double last_s = -1;
   while (!stop.stop_requested()) {
-    auto sensed = feed->next();
+    auto sensed = feed.next();
     if (!sensed) continue;
     score(robot, *sensed, to_seconds(clock.now() - start),
           1e-9 * static_cast<double>(to_ns(start)));
-    if (robot.feed == Feed::kOther) sensed = other.pass(*sensed);
+    if (robot.late) sensed = other.pass(*sensed);
     if (!sensed) continue;
     const double dt = last_s < 0 ? 0.0 : sensed->at_s - last_s;
     last_s = sensed->at_s;
@@ -190,7 +215,8 @@ void print(const std::vector<Robot>& all) {
               "worst [mm]", "estimate RMS [mm]");
   for (const Robot& robot : all) {
     std::printf("%-12s %-8s %-34s ", robot.flies ? "quadrotor" : "treadmill",
-                robot.stiff ? "stiff" : "soft", kFeedNames[static_cast<int>(robot.feed)]);
+                robot.stiff ? "stiff" : "soft",
+                robot.late ? "50 ms late, velocity differenced" : "our stream, 200 Hz");
     if (robot.worst_m > kRoom_m) {
       std::printf("%16s\n", "unstable: left the room");
       continue;
@@ -232,16 +258,9 @@ int run(double seconds) {
   {
     const Client client(to_server);
     std::vector<std::jthread> loops;
-    int id = 0;
     for (Robot& robot : all) {
-      ++id;
-      loops.emplace_back([&, id](std::stop_token stop) {
-        const Instant start = (*server)->simulation_start();
-        if (robot.feed == Feed::kNatNet) {
-          control(robot, std::make_unique<NatNetFeed>(kNatNetPort, id), start, clock, stop);
-        } else {
-          control(robot, std::make_unique<SdkFeed>(client, robot.name), start, clock, stop);
-        }
+      loops.emplace_back([&](std::stop_token stop) {
+        control(robot, SdkFeed(client, robot.name), (*server)->simulation_start(), clock, stop);
       });
     }
     std::this_thread::sleep_for(std::chrono::duration<double>(seconds));

@@ -7,27 +7,6 @@
 
 namespace fiducap::bench {
 
-void LiveScore::add(const FilterRun& run) {
-  position.add(run.position_rmse_m());
-  const double own = run.mean([](const auto& at) { return at.nees.pose; }) / 6;
-  if (!std::isnan(own)) {
-    pose_nees += own;
-    worst_nees = std::max(worst_nees, own);
-    ++known;
-  }
-  with_pose += run.frames_with_pose;
-  with_tags += run.frames_with_tags;
-  resets += run.resets;
-}
-
-void LiveScore::add(const TogetherRun& run) {
-  for (const FilterRun& body : run.bodies) add(body);
-  if (run.map.tags.empty()) return;
-  map.add(run.map_position_m);
-  map_nees += run.map_nees;
-  ++maps;
-}
-
 std::vector<SeedRuns> run_seeds(const EstimationOptions& options, char letter,
                                 const std::function<EstimationData(std::uint64_t)>& data_of,
                                 const std::function<EstimationData(std::uint64_t)>& bound_data_of) {

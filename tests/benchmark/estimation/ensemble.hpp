@@ -20,28 +20,6 @@ struct MeanSquare {
   [[nodiscard]] double rms() const { return count == 0 ? Nees::kNone : std::sqrt(square / count); }
 };
 
-/// Poses, in level axes, and maps of several live runs.
-struct LiveScore {
-  MeanSquare position, map;
-  double pose_nees{}, worst_nees{},
-      map_nees{};  ///< Sums per degree of freedom; the worst of a body.
-  double with_pose{}, with_tags{};
-  int known{}, maps{}, resets{};
-
-  void add(const FilterRun& run);
-  /// All bodies and the map.
-  void add(const TogetherRun& run);
-  [[nodiscard]] Figure position_mm() const { return {kMm * position.rms(), 2}; }
-  [[nodiscard]] Figure nees() const { return {pose_nees / std::max(1, known), 2}; }
-  [[nodiscard]] Figure pose_percent() const {
-    return {100 * with_pose / std::max(1.0, with_tags), 1};
-  }
-  [[nodiscard]] Figure map_mm() const { return {kMm * map.rms(), 2}; }
-  [[nodiscard]] Figure nees_of_maps() const {
-    return {maps == 0 ? Nees::kNone : map_nees / maps, 2};
-  }
-};
-
 /// One seed: the bound and one run per filter over the same data.
 struct SeedRuns {
   std::uint64_t seed{};

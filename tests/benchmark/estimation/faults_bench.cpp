@@ -38,7 +38,7 @@ std::vector<Fault> faults() {
       {"extrinsics 5 deg, 5 cm off",
        [](auto& s, const auto&) {
          s.extrinsics_sigma_m = 0.05 / std::sqrt(3.0);
-         s.extrinsics_sigma_rad = 5 / kDegrees / std::sqrt(3.0);
+         s.extrinsics_sigma_rad = 5 / kDegreesPerRadian / std::sqrt(3.0);
        }},
       {"IMU saturated for 3 s", [](auto& s, const auto&) {
          s.faults.saturation_at_s = 0.5 * s.seconds;
@@ -79,7 +79,7 @@ std::vector<Cell> figures(const std::vector<SeedRuns>& seeds, std::size_t f, dou
   return cells(Figure{kMm * position, 2}, Figure{kMm * without, 2}, Figure{position / without, 2},
                Figure{position / ensemble_rms(seeds, &bound::BoundAt::level_position_m), 2},
                Figure{kMm * median_position(seeds, f), 2},
-               Figure{kDegrees * ensemble_rms(seeds, f, &At::level_rotation_rad), 3},
+               Figure{kDegreesPerRadian * ensemble_rms(seeds, f, &At::level_rotation_rad), 3},
                Figure{kMm * ensemble_rms(seeds, f, &At::velocity_m_s), 1}, Figure{all.nees, 2},
                Figure{100 * all.with_pose / all.with_tags, 1},
                Figure{100 * all.rejected / (all.used + all.rejected), 2},

@@ -21,22 +21,10 @@ struct Verb {
 };
 
 constexpr Verb kVerbs[] = {
-    {"classes", "whether the simulator's classes are like the open recordings", "table|sparse|loop",
-     "ABCD", 5, bench_classes},
     {"recordings", "the open recordings against bound and authors' code", "table|sparse|loop|big",
      "ABCD", 1, bench_recordings},
     {"seeds", "simulated seeds: RMSE over bound, NEES, NIS, divergence", "table|sparse|loop", "A",
      10, bench_seeds},
-    {"refined",
-     "map and poses online and solved for as a whole, against the causal and the smoothing bound",
-     "table|sparse|loop|big", "A", 10, bench_refined},
-    {"live", "the live path: a growing map that is returned to the filters, one body and three",
-     "table|sparse|loop|hall", "A", 10, bench_live},
-    {"live-branches",
-     "real recordings without IMU: live poses against the settled ones (--class: which)", "", "A",
-     1, bench_live_branches},
-    {"branches", "simulated bodies without IMU with small tags: poses of a wrong planar branch",
-     "single|rig", "A", 20, bench_branches},
     {"cpu", "CPU per second of data by local and by mapped tags", "", "A", 1, bench_cpu},
     {"outages", "1, 2 and 5 s without tags", "table|hall", "A", 10, bench_outages},
     {"faults", "wrong ids, occlusion, moved tags, wrong stamps, lost samples, …", "table|hall", "A",
@@ -47,18 +35,8 @@ constexpr Verb kVerbs[] = {
      "table|sparse|loop", "A", 20, bench_mismatch},
     {"starloc", "real stereo runs with Vicon: clocks, and tag centres as measurements", "", "A", 1,
      bench_starloc},
-    {"landmarks", "followed image points: gaps of 1, 2, 5 and 10 s, CPU", "hall|loop", "A", 5,
-     bench_landmarks},
-    {"lens",
-     "a calibrated lens, off by hundredths of a pixel, with and without this error configured "
-     "(--class: WORLD or WORLD-ROBOTS)",
-     "table|hall|hall-3", "A", 10, bench_lens},
-    {"sizes",
-     "wrong tag sizes: whether and when they are reported, of which tags, and false reports",
-     "table|sparse|loop|hall", "A", 10, bench_sizes},
     {"ring", "one map of several robots, each of which walks a part of a ring", "1|3", "A", 10,
      bench_ring},
-    {"growth", "costs of a map graph that grows by tags and hours", "3|8|16", "A", 1, bench_growth},
     {"restart",
      "starts in a room that the map knows: time to the first pose, and changes of the map",
      "table|hall", "A", 60, bench_restart},
@@ -67,9 +45,7 @@ constexpr Verb kVerbs[] = {
      "map: verdicts, and false ones (--class: WHAT[-WORLD][-frozen])",
      "0.14|0.3|duplicate|duplicate-near|door|size|clean|0.14-frozen|0.3-frozen|duplicate-frozen|"
      "duplicate-near-frozen|door-frozen|size-frozen",
-     "A", 5, bench_moved},
-    {"first-day", "config/one_robot.yaml on rendered images of a lens that is 8 % off",
-     "table|ceiling", "A", 1, bench_first_day}};
+     "A", 5, bench_moved}};
 
 void add_options(CLI::App& app, const Verb& verb, EstimationOptions& options) {
   options.classes = split(verb.classes);
@@ -82,9 +58,6 @@ void add_options(CLI::App& app, const Verb& verb, EstimationOptions& options) {
       ->delimiter(',');
   app.add_option("--cases", options.cases,
                  "of A B C D: unknown or true map, prior or true extrinsics");
-  app.add_option("--texture", options.textures,
-                 "of the walls, for rendered images: sharp clutter plain")
-      ->delimiter(',');
   app.add_option("--seeds", options.seeds, "seeds per class")->check(CLI::Range(1, 10'000));
   app.add_option("--first-seed", options.first_seed, "the first of them");
   app.add_option("--seconds", options.seconds, "of data per run");
@@ -95,8 +68,7 @@ void add_options(CLI::App& app, const Verb& verb, EstimationOptions& options) {
                "all configured values are exact");
   app.add_flag("--graph", options.graph, "mismatch: one body as well has its map refined");
   app.add_flag("--refine", options.estimator.refine_intrinsics, "lenses are refined");
-  app.add_option("--only", options.only,
-                 "rows of mismatch or first-day that begin like this: \"prints;door\"")
+  app.add_option("--only", options.only, "rows of mismatch that begin like this: \"prints;door\"")
       ->delimiter(';');
   app.add_option("--threads", options.threads, "at once")->check(CLI::Range(1, 64));
 }
@@ -106,11 +78,10 @@ std::vector<Table> run_quick(const EstimationOptions& base) {
   std::vector<Table> tables;
   for (const Verb& verb : kVerbs) {
     // Take a minute by themselves.
-    if (verb.run == bench_starloc || verb.run == bench_live_branches) continue;
-    if (verb.run == bench_ring || verb.run == bench_moved) continue;
+    if (verb.run == bench_starloc || verb.run == bench_ring || verb.run == bench_moved) continue;
     EstimationOptions options = base;
     options.quick = true;
-    options.classes = split(*verb.classes == 0 ? "" : "table");
+    options.classes = {"table"};
     options.cases = "A";
     options.seeds = 2;
     for (Table& table : verb.run(options)) tables.push_back(std::move(table));

@@ -1,17 +1,16 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <functional>
-#include <numbers>
-#include <optional>
 #include <string>
+#include <thread>
 #include <type_traits>
 #include <vector>
 
-#include "estimation/parallel.hpp"
+#include "base/numeric.hpp"
 #include "estimation/table.hpp"
-#include "pipeline/body_tracker.hpp"
 #include "simulation/filter_run.hpp"
 
 namespace fiducap::bench {
@@ -21,7 +20,6 @@ struct EstimationOptions {
   std::vector<std::string> filters;
   std::vector<std::string> classes;  ///< Simulated: table sparse loop … Recordings: sim_table …
   std::string cases{"A"};
-  std::vector<std::string> textures{"sharp"};  ///< Of the walls, where images are rendered.
   int seeds{10};
   std::uint64_t first_seed{1};
   double seconds{0};  ///< Of data per run; 0: as the class has it.
@@ -46,7 +44,6 @@ struct EstimationOptions {
 
 inline constexpr double kSettled_s = 5.0;  ///< Figures start here.
 inline constexpr double kMm = 1e3;
-inline constexpr double kDegrees = 180 / std::numbers::pi;
 
 /// Seconds of data of a class.
 [[nodiscard]] inline double seconds_of(const EstimationOptions& options, const std::string& world) {
@@ -75,6 +72,18 @@ inline constexpr double kDegrees = 180 / std::numbers::pi;
     ++count;
   }
   return count == 0 ? Nees::kNone : std::sqrt(sum / count);
+}
+
+/// Calls work(0) … work(count − 1), each once, on several threads. Calls must not write to the same
+/// data.
+inline void in_parallel(int count, int threads, const std::function<void(int)>& work) {
+  std::atomic<int> next{0};
+  const auto take = [&] {
+    for (int i = next++; i < count; i = next++) work(i);
+  };
+  std::vector<std::jthread> others;
+  for (int i = 1; i < threads; ++i) others.emplace_back(take);
+  take();
 }
 
 /// Calls run(seed) for every seed, some at once. @return the results, by seed
@@ -118,34 +127,16 @@ template <typename Run>
   return most;
 }
 
-/// As BodyTracker decides it. @param P  of position and rotation first
-template <typename Covariance>
-[[nodiscard]] bool may_be_shown(const Covariance& P, const BodyLimits& limits = {}) {
-  const Vector6d sigmas = P.diagonal().template head<6>().cwiseSqrt();
-  return sigmas.head<3>().maxCoeff() <= limits.max_position_sigma_m &&
-         sigmas.tail<3>().maxCoeff() <= limits.max_rotation_sigma_rad;
-}
-
 // One file each.
-[[nodiscard]] std::vector<Table> bench_classes(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_recordings(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_seeds(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_cpu(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_outages(const EstimationOptions& options);
-[[nodiscard]] std::vector<Table> bench_live(const EstimationOptions& options);
-[[nodiscard]] std::vector<Table> bench_branches(const EstimationOptions& options);
-[[nodiscard]] std::vector<Table> bench_live_branches(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_faults(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_starloc(const EstimationOptions& options);
-[[nodiscard]] std::vector<Table> bench_landmarks(const EstimationOptions& options);
-[[nodiscard]] std::vector<Table> bench_lens(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_mismatch(const EstimationOptions& options);
-[[nodiscard]] std::vector<Table> bench_sizes(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_moved(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_restart(const EstimationOptions& options);
-[[nodiscard]] std::vector<Table> bench_growth(const EstimationOptions& options);
-[[nodiscard]] std::vector<Table> bench_refined(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_ring(const EstimationOptions& options);
-[[nodiscard]] std::vector<Table> bench_first_day(const EstimationOptions& options);
 
 }  // namespace fiducap::bench

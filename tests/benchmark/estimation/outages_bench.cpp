@@ -101,8 +101,9 @@ std::vector<Table> bench_outages(const EstimationOptions& options) {
               all.position.count, Figure{kMm * all.position.rms(), 1},
               Figure{kMm * all.bound.rms(), 1}, Figure{all.position.rms() / all.bound.rms(), 2},
               Figure{kMm * all.sigma.rms(), 1}, Figure{100 * all.covered / ends, 1},
-              Figure{kDegrees * all.rotation.rms(), 3}, Figure{kMm * all.velocity.rms(), 1},
-              Figure{kMm * all.before.rms(), 2}, Figure{all.recovery_s(), 2}));
+              Figure{kDegreesPerRadian * all.rotation.rms(), 3},
+              Figure{kMm * all.velocity.rms(), 1}, Figure{kMm * all.before.rms(), 2},
+              Figure{all.recovery_s(), 2}));
         }
       }
     }

@@ -47,19 +47,20 @@ std::vector<Cell> row_of(const Job& job, const std::string& filter, const Filter
   const bool maps = job.letter < 'C';
   const bool closes = run.gap_path_m > 0 && job.bound.gap && maps;
   const auto known = [](bool is, double value) { return is ? value : Nees::kNone; };
-  return cells(
-      job.data->name, std::string(1, job.letter), filter, Figure{kMm * position, 2},
-      Figure{position / limit(&bound::BoundAt::position_m), 2}, Figure{kMm * level, 2},
-      Figure{level / limit(&bound::BoundAt::level_position_m), 2}, Figure{kDegrees * rotation, 3},
-      Figure{rotation / limit(&bound::BoundAt::rotation_rad), 2}, Figure{kMm * velocity, 2},
-      Figure{velocity / limit(&bound::BoundAt::velocity_m_s), 2},
-      Figure{1e3 * of(&FilterRun::At::rate_rad_s), 2},
-      Figure{known(maps, kMm * run.near_map_position_m), 3},
-      Figure{known(maps, run.near_map_position_m / job.bound.map.position_m), 2},
-      Figure{known(closes, kMm * run.gap_m), 1},
-      Figure{known(closes, 100 * run.gap_m / run.gap_path_m), 3},
-      Figure{run.mean([](const auto& at) { return at.nees.pose / 6; }), 2},
-      Figure{authors.position_mm, 1}, Figure{kMm * position / authors.position_mm, 3});
+  return cells(job.data->name, std::string(1, job.letter), filter, Figure{kMm * position, 2},
+               Figure{position / limit(&bound::BoundAt::position_m), 2}, Figure{kMm * level, 2},
+               Figure{level / limit(&bound::BoundAt::level_position_m), 2},
+               Figure{kDegreesPerRadian * rotation, 3},
+               Figure{rotation / limit(&bound::BoundAt::rotation_rad), 2},
+               Figure{kMm * velocity, 2},
+               Figure{velocity / limit(&bound::BoundAt::velocity_m_s), 2},
+               Figure{1e3 * of(&FilterRun::At::rate_rad_s), 2},
+               Figure{known(maps, kMm * run.near_map_position_m), 3},
+               Figure{known(maps, run.near_map_position_m / job.bound.map.position_m), 2},
+               Figure{known(closes, kMm * run.gap_m), 1},
+               Figure{known(closes, 100 * run.gap_m / run.gap_path_m), 3},
+               Figure{run.mean([](const auto& at) { return at.nees.pose / 6; }), 2},
+               Figure{authors.position_mm, 1}, Figure{kMm * position / authors.position_mm, 3});
 }
 
 }  // namespace

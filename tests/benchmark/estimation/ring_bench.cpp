@@ -228,7 +228,7 @@ void add_bound(const RingRun& run, double bound::MapFigures::*limit, double erro
 std::vector<Cell> row_of(const std::string& name, std::uint64_t seed, const RingRun& run) {
   std::vector<Cell> row = cells(
       name, seed, Figure{kMm * run.live.raw_m, 1}, Figure{kMm * run.live.level_m, 2},
-      Figure{kDegrees * run.live.level_rad, 3}, Figure{kMm * run.live.sigma_m, 2},
+      Figure{kDegreesPerRadian * run.live.level_rad, 3}, Figure{kMm * run.live.sigma_m, 2},
       Figure{run.live.nees, 2}, run.live.tags, list(run.position_m, kMm, 0),
       list(run.level_m, kMm, 1), list(run.nees, 1, 1), list(run.tracks_after_s, 1, 1),
       pair_of(run.ramped.position, run.at_once.position, 2),

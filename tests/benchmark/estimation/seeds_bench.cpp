@@ -31,7 +31,7 @@ std::vector<Cell> accuracy_row(const std::vector<SeedRuns>& seeds, std::size_t f
   std::vector<Cell> row;
   pair(&At::position_m, &bound::BoundAt::position_m, kMm, 2, row);
   pair(&At::level_position_m, &bound::BoundAt::level_position_m, kMm, 2, row);
-  pair(&At::rotation_rad, &bound::BoundAt::rotation_rad, kDegrees, 3, row);
+  pair(&At::rotation_rad, &bound::BoundAt::rotation_rad, kDegreesPerRadian, 3, row);
   pair(&At::velocity_m_s, &bound::BoundAt::velocity_m_s, kMm, 2, row);
   row.push_back(Figure{1e3 * ensemble_rms(seeds, f, &At::rate_rad_s), 2});
   const double map =

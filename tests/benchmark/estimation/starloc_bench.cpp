@@ -28,13 +28,14 @@ void add_tracking(const StarlocRun& run, const CameraClock& camera, const ImuClo
   const StarlocTracking t = track(run, camera, imu, choice);
   const bool inertial = imu != nullptr && choice.use_imu;
   const auto count = [](int n) { return Figure{static_cast<double>(n), 0}; };
-  table.rows.push_back(cells(
-      run.name, choice.filter, std::string(inertial ? "yes" : "no"),
-      std::string(choice.corrected_clocks ? "corrected" : "as recorded"), count(t.images),
-      count(t.with_pose), Figure{kMm * t.median_m, 0}, Figure{kMm * t.rmse_m, 0},
-      Figure{kMm * t.p95_m, 0}, Figure{kMm * t.worst_m, 0}, Figure{t.worst_at_s, 1},
-      Figure{kDegrees * t.rmse_rad, 2}, Figure{t.covered, 2}, count(t.starts), count(t.helped),
-      count(t.used), count(t.rejected), Figure{kMm * t.pnp_median_m, 0}, count(t.pnp_images)));
+  table.rows.push_back(cells(run.name, choice.filter, std::string(inertial ? "yes" : "no"),
+                             std::string(choice.corrected_clocks ? "corrected" : "as recorded"),
+                             count(t.images), count(t.with_pose), Figure{kMm * t.median_m, 0},
+                             Figure{kMm * t.rmse_m, 0}, Figure{kMm * t.p95_m, 0},
+                             Figure{kMm * t.worst_m, 0}, Figure{t.worst_at_s, 1},
+                             Figure{kDegreesPerRadian * t.rmse_rad, 2}, Figure{t.covered, 2},
+                             count(t.starts), count(t.helped), count(t.used), count(t.rejected),
+                             Figure{kMm * t.pnp_median_m, 0}, count(t.pnp_images)));
 }
 
 }  // namespace

@@ -25,10 +25,17 @@ std::uint32_t big(std::span<const std::byte> bytes, std::size_t at) {
   return ntohl(little<std::uint32_t>(bytes, at));
 }
 
-int with_buffer(int fd) {
+int with_large_buffer(int fd) {
   constexpr int kReceiveBuffer = 8 << 20;
   ::setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &kReceiveBuffer, sizeof kReceiveBuffer);
   return fd;
+}
+int open_stream(std::uint16_t port) { return with_large_buffer(connected_socket(port)); }
+
+/// @throws std::runtime_error when the bytes do not go at once
+void send_all(int fd, std::span<const std::byte> bytes) {
+  if (::send(fd, bytes.data(), bytes.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(bytes.size()))
+    throw std::runtime_error("the server does not read");
 }
 
 /// Counts pose reports of `body1`; names and types are learned from the descriptions.
@@ -86,7 +93,7 @@ class VrpnSink final : public Sink {
 class NatNetSink final : public Sink {
  public:
   NatNetSink(const Load& load, const Shared& shared)
-      : Sink(open_datagrams(), load, shared, "natnet", "4.1 unicast"),
+      : Sink(with_large_buffer(bound_socket(SOCK_DGRAM)), load, shared, "natnet", "4.1 unicast"),
         port_(shared.ports[Shared::kNatNet]) {
     send_datagram(fd(), natnet::connect({4, 1}, {4, 1}), port_);
     keep_alive();
@@ -193,14 +200,6 @@ class QualisysSink final : public Sink {
 
 }  // namespace
 
-int open_stream(std::uint16_t port) { return with_buffer(connected_socket(port)); }
-int open_datagrams() { return with_buffer(bound_socket(SOCK_DGRAM)); }
-
-void send_all(int fd, std::span<const std::byte> bytes) {
-  if (::send(fd, bytes.data(), bytes.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(bytes.size()))
-    throw std::runtime_error("the server does not read");
-}
-
 std::int64_t steady_ns() {
   return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
@@ -222,14 +221,7 @@ Sink::Sink(int fd, const Load& load, const Shared& shared, std::string protocol,
 
 Sink::~Sink() { ::close(fd_); }
 
-void Sink::stop_reading() {
-  constexpr int kLeastBuffer = 4096;  // full at once
-  ::setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &kLeastBuffer, sizeof kLeastBuffer);
-  reading_ = false;
-}
-
 void Sink::pump(std::int64_t now_ns) {
-  if (!reading_) return;
   std::array<std::byte, 65536> chunk{};
   for (;;) {
     const ssize_t n = ::recv(fd_, chunk.data(), chunk.size(), 0);

@@ -39,9 +39,6 @@ class Sink {
   void pump(std::int64_t now_ns);
   /// Once a second, for protocols whose clients must send.
   virtual void keep_alive() {}
-  /// From now on nothing is read from the socket, whose buffer is the smallest.
-  void stop_reading();
-  [[nodiscard]] bool reading() const { return reading_; }
 
   Tally tally;
 
@@ -60,24 +57,13 @@ class Sink {
   int fd_;
   Load load_;
   const Shared& shared_;
-  bool reading_{true};
   std::vector<std::byte> in_;
   std::optional<std::int64_t> count_start_;
 };
 
 /// One client of VRPN (TCP), NatNet, Vicon and Qualisys each.
 [[nodiscard]] std::vector<std::unique_ptr<Sink>> make_sinks(const Load& load, const Shared& shared);
-/// One more client of every protocol and transport: native UDP, NatNet UDP, VRPN by UDP and by TCP,
-/// Vicon, Qualisys, and a live page. They keep their subscriptions alive, read everything or
-/// nothing, and are not measured.
-[[nodiscard]] std::vector<std::unique_ptr<Sink>> make_bystanders(const Load& load,
-                                                                 const Shared& shared);
 
 [[nodiscard]] std::int64_t steady_ns();
-/// A socket with a large receive buffer. A stream is connected to the port.
-[[nodiscard]] int open_stream(std::uint16_t port);
-[[nodiscard]] int open_datagrams();
-/// @throws std::runtime_error when the bytes do not go at once
-void send_all(int fd, std::span<const std::byte> bytes);
 
 }  // namespace fiducap::fan_out

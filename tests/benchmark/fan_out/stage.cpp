@@ -1,10 +1,9 @@
 #include "fan_out/stage.hpp"
 
-#include <sys/resource.h>
-
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <cmath>
+#include <ctime>
 #include <fstream>
 #include <iostream>
 #include <memory>
@@ -19,19 +18,9 @@
 #include "streaming/streamer.hpp"
 #include "streaming/vicon/vicon.hpp"
 #include "streaming/vrpn/vrpn.hpp"
-#include "streaming/web/web.hpp"
 
 namespace fiducap::fan_out {
 namespace {
-
-std::int64_t cpu_ns() {
-  rusage use{};
-  ::getrusage(RUSAGE_SELF, &use);
-  const auto ns = [](const timeval& t) {
-    return std::int64_t{t.tv_sec} * 1'000'000'000 + std::int64_t{t.tv_usec} * 1000;
-  };
-  return ns(use.ru_utime) + ns(use.ru_stime);
-}
 
 std::int64_t resident_kB() {
   std::ifstream file("/proc/self/statm");
@@ -60,12 +49,12 @@ class Stage final {
     next_ = std::chrono::steady_clock::now() + std::chrono::milliseconds(20);
     shared_.first_at_ns = std::chrono::nanoseconds(next_.time_since_epoch()).count();
     const std::int64_t wall = shared_.first_at_ns;
-    const std::int64_t cpu = cpu_ns();
+    const std::clock_t cpu = std::clock();
     wait();
     io_.restart();
     io_.run();
-    shared_.cpu_share =
-        static_cast<double>(cpu_ns() - cpu) / static_cast<double>(to_ns(clock_.now()) - wall);
+    shared_.cpu_share = 1e9 * static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC /
+                        static_cast<double>(to_ns(clock_.now()) - wall);
     return 0;
   }
 
@@ -85,20 +74,14 @@ class Stage final {
     qualisys::QualisysConfig qualisys;
     qualisys.base_port = 0;
     qualisys.discovery_port = 0;
-    web::WebConfig web;
-    web.port = 0;
-    web::WebSources sources;
-    sources.clients = [this] { return hub_.clients(); };
     shared_.utc_offset_ns = utc_offset().count();
-    return serve(Shared::kVrpn, vrpn::start_vrpn_server(io_, vrpn, model_, clock_)) &&
-           serve(Shared::kNative,
-                 native::start_native_server(io_, native, model_, clock_, nullptr)) &&
-           serve(Shared::kNatNet, natnet::start_natnet_server(io_, natnet, model_, clock_, nullptr,
-                                                              load_.rate_hz)) &&
-           serve(Shared::kVicon, vicon::start_vicon_server(io_, vicon, clock_)) &&
-           serve(Shared::kQualisys,
-                 qualisys::start_qualisys_server(io_, qualisys, nullptr, model_, clock_)) &&
-           serve(Shared::kWeb, web::start_web_server(io_, web, std::move(sources), model_, clock_));
+    const ProtocolContext context{
+        .io = io_, .model = model_, .clock = clock_, .rate_hz = load_.rate_hz};
+    return serve(Shared::kVrpn, vrpn::serve(context, vrpn)) &&
+           serve(Shared::kNative, native::serve(context, native)) &&
+           serve(Shared::kNatNet, natnet::serve(context, natnet)) &&
+           serve(Shared::kVicon, vicon::serve(context, vicon)) &&
+           serve(Shared::kQualisys, qualisys::serve(context, qualisys));
   }
 
   template <typename Server>

@@ -14,7 +14,7 @@ struct Load {
 
 /// Shared by server and clients, two processes.
 struct Shared {
-  enum Protocol { kNative, kVrpn, kNatNet, kVicon, kQualisys, kWeb, kProtocols };
+  enum Protocol { kNative, kVrpn, kNatNet, kVicon, kQualisys, kProtocols };
   std::array<std::atomic<std::uint16_t>, kProtocols> ports{};
   std::atomic<bool> ready{false};
   std::atomic<bool> go{false};  ///< The clients are connected: frames may come.

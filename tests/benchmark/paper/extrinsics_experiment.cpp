@@ -4,7 +4,6 @@
 
 #include "base/pose.hpp"
 #include "calibration/extrinsics/camera_imu_calibration.hpp"
-#include "paper/experiments.hpp"
 #include "paper/motion_plots.hpp"
 
 namespace fiducap::bench {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "paper/experiments.hpp"
 #include "paper/motion_plots.hpp"
 #include "simulation/room_shape.hpp"
 

@@ -12,7 +12,7 @@
 #include "base/log.hpp"
 #include "base/whole_file.hpp"
 #include "estimation/table.hpp"
-#include "paper/experiments.hpp"
+#include "paper/paper_run.hpp"
 
 namespace fiducap::bench {
 namespace {

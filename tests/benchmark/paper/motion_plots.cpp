@@ -13,9 +13,9 @@ namespace {
 /// Roll, pitch and yaw (turns about x, y, z, the last one first), degrees.
 Eigen::Vector3d angles_of(const Eigen::Quaterniond& q) {
   const Eigen::Matrix3d R = q.toRotationMatrix();
-  return kDegrees * Eigen::Vector3d(std::atan2(R(2, 1), R(2, 2)),
-                                    std::asin(std::clamp(-R(2, 0), -1.0, 1.0)),
-                                    std::atan2(R(1, 0), R(0, 0)));
+  return kDegreesPerRadian * Eigen::Vector3d(std::atan2(R(2, 1), R(2, 2)),
+                                             std::asin(std::clamp(-R(2, 0), -1.0, 1.0)),
+                                             std::atan2(R(1, 0), R(0, 0)));
 }
 
 /// Breaks the line where an angle jumps from 180 to −180.
@@ -104,7 +104,7 @@ LinePlot orientation_plot(const std::string& title, const std::vector<PaperRun>&
       title, {"roll [°]", "pitch [°]", "yaw [°]"}, runs, filters,
       [](const Pose& X) { return angles_of(X.q); }, true);
   plot.panels.push_back(
-      error_panel("error [°]", runs, filters, &FilterRun::At::rotation_rad, kDegrees));
+      error_panel("error [°]", runs, filters, &FilterRun::At::rotation_rad, kDegreesPerRadian));
   return plot;
 }
 
@@ -118,7 +118,7 @@ void add_motion(PaperResult& result, const PaperRuns& runs,
                [=](const PaperRun& run) { return unit * worst(run, error); });
   };
   add(0, kMm, &FilterRun::At::position_m);
-  add(2, kDegrees, &FilterRun::At::rotation_rad);
+  add(2, kDegreesPerRadian, &FilterRun::At::rotation_rad);
 }
 
 }  // namespace fiducap::bench

@@ -2,7 +2,6 @@
 #include <cmath>
 
 #include "base/pose.hpp"
-#include "paper/experiments.hpp"
 #include "paper/motion_plots.hpp"
 
 namespace fiducap::bench {
@@ -64,7 +63,7 @@ LinePlot tag_plot(const std::vector<PaperRun>& runs, const PaperOptions& options
   add("distance 0–1 [mm]", 1, &PairError::distance_m, kMm, 0.5);
   add("distance 0–2 [mm]", 2, &PairError::distance_m, kMm, 0.5);
   add("displacement 0–1 [mm]", 1, &PairError::displacement_m, kMm, 0.5);
-  add("rotation 0–1 [°]", 1, &PairError::rotation_rad, kDegrees, 0.1);
+  add("rotation 0–1 [°]", 1, &PairError::rotation_rad, kDegreesPerRadian, 0.1);
   return plot;
 }
 
@@ -82,10 +81,12 @@ PaperResult table_experiment(const PaperOptions& options) {
              [](const PaperRun& r) { return kMm * at_end(r, &PairError::distance_m); });
   add_figure(result, {"tag displacement, end", "mm", "-", "1.2", {}, 3, 0.5}, runs,
              [](const PaperRun& r) { return kMm * at_end(r, &PairError::displacement_m); });
-  add_figure(result, {"tag rotation error, first", "°", "0.5", "-", {}, 3}, runs,
-             [](const PaperRun& r) { return kDegrees * at_first(r, &PairError::rotation_rad); });
-  add_figure(result, {"tag rotation error, end", "°", "0.2", "0.08", {}, 3, 0.1}, runs,
-             [](const PaperRun& r) { return kDegrees * at_end(r, &PairError::rotation_rad); });
+  add_figure(
+      result, {"tag rotation error, first", "°", "0.5", "-", {}, 3}, runs,
+      [](const PaperRun& r) { return kDegreesPerRadian * at_first(r, &PairError::rotation_rad); });
+  add_figure(
+      result, {"tag rotation error, end", "°", "0.2", "0.08", {}, 3, 0.1}, runs,
+      [](const PaperRun& r) { return kDegreesPerRadian * at_end(r, &PairError::rotation_rad); });
   add_motion(result, runs,
              {{{"position RMSE", "mm", "-", "18.0", {}, 2},
                {"position, largest", "mm", "a few cm", "45", {}, 1},

@@ -2,10 +2,13 @@
 // another host.
 #include <gmock/gmock.h>
 
+#include <boost/asio/io_context.hpp>
+
 #include <chrono>
 #include <optional>
 #include <thread>
 
+#include "middleware/participant.hpp"
 #include "peer_process.hpp"
 #include "streaming/dds/dds.hpp"
 #include "support/fake_clock.hpp"
@@ -28,8 +31,11 @@ class FastDdsClient : public testing::Test {
     auto participant = Participant::open(network);
     ASSERT_TRUE(participant) << participant.error().text();
     participant_ = *participant;
-    auto server = start_dds_server([this] { return participant_; }, config,
-                                   make_scene_frame(kBodies)->model, clock_);
+    auto server = serve({.io = io_,
+                         .model = make_scene_frame(kBodies)->model,
+                         .clock = clock_,
+                         .join_dds = [this] { return participant_; }},
+                        config);
     ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
   }
@@ -68,6 +74,7 @@ class FastDdsClient : public testing::Test {
     return map;
   }
 
+  boost::asio::io_context io_;
   FakeClock clock_;
   std::shared_ptr<const TagMap> map_{make_map()};
   std::uint64_t number_{0};

@@ -1,15 +1,13 @@
 #pragma once
 
-#include <fcntl.h>
-#include <signal.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <cstdlib>
 #include <map>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
+
+#include "support/child_process.hpp"
 
 namespace fiducap::dds {
 
@@ -21,49 +19,17 @@ struct Heard {
   std::string last;    ///< The newest message.
 };
 
-/// `fast_dds_peer` as a child process in the network of the calling thread. Its output is read when
-/// it ends.
-class PeerProcess final {
+/// `fast_dds_peer` as a child process.
+class PeerProcess final : public ChildProcess {
  public:
-  explicit PeerProcess(std::vector<std::string> arguments) {
-    int ends[2];
-    if (::pipe2(ends, O_CLOEXEC) != 0) return;
-    std::string program = FAST_DDS_PEER;
-    std::vector<char*> argv{program.data()};
-    for (auto& argument : arguments) argv.push_back(argument.data());
-    argv.push_back(nullptr);
-    pid_ = ::fork();
-    if (pid_ == 0) {
-      ::dup2(ends[1], STDOUT_FILENO);
-      ::execv(argv[0], argv.data());
-      ::_exit(127);
-    }
-    ::close(ends[1]);
-    output_ = ends[0];
-  }
-  ~PeerProcess() {
-    if (pid_ > 0) {
-      ::kill(pid_, SIGKILL);
-      ::waitpid(pid_, nullptr, 0);
-    }
-    if (output_ >= 0) ::close(output_);
-  }
-  PeerProcess(const PeerProcess&) = delete;
-  PeerProcess& operator=(const PeerProcess&) = delete;
+  explicit PeerProcess(std::vector<std::string> arguments)
+      : ChildProcess(with_program(std::move(arguments))) {}
 
-  [[nodiscard]] bool is_running() {
-    siginfo_t info{};
-    return pid_ > 0 &&
-           ::waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT) == 0 &&
-           info.si_pid == 0;
-  }
   /// Waits for its end. By topic, as on the wire.
   [[nodiscard]] std::map<std::string, Heard> heard() {
-    std::ostringstream text;
-    char buffer[4096];
-    for (ssize_t n = 0; (n = ::read(output_, buffer, sizeof(buffer))) > 0;) text.write(buffer, n);
+    (void)exit_code();
     std::map<std::string, Heard> all;
-    std::istringstream lines(text.str());
+    std::istringstream lines(output());
     for (std::string line; std::getline(lines, line);) {
       const auto last = line.find("last: ");
       if (last == std::string::npos) continue;
@@ -78,8 +44,10 @@ class PeerProcess final {
   }
 
  private:
-  pid_t pid_{-1};
-  int output_{-1};
+  static std::vector<std::string> with_program(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), FAST_DDS_PEER);
+    return arguments;
+  }
 };
 
 }  // namespace fiducap::dds

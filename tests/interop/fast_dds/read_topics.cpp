@@ -1,4 +1,4 @@
-#include <algorithm>
+#include <array>
 #include <cstdio>
 #include <map>
 #include <memory>
@@ -20,8 +20,6 @@
 
 namespace fast_dds_peer {
 namespace {
-
-using Clock = std::chrono::system_clock;
 
 std::string text(const geometry_msgs::msg::dds_::Pose_& pose) {
   std::ostringstream out;
@@ -45,7 +43,7 @@ std::string text(const geometry_msgs::msg::dds_::Vector3_& v) {
   return list(std::array{v.x(), v.y(), v.z()});
 }
 
-// The printed values of each type, and their time.
+// The printed values of each type.
 std::string show(const geometry_msgs::msg::dds_::PoseStamped_& m) {
   return "frame=" + m.header().frame_id() + " " + text(m.pose());
 }
@@ -105,21 +103,6 @@ std::string show(const fiducap::dds::Tag& m) {
          " p=" + list(m.position());
 }
 
-template <typename T>
-double utc_s(const T& m) {
-  if constexpr (requires { m.header().stamp().sec(); }) {
-    return m.header().stamp().sec() + m.header().stamp().nanosec() * 1e-9;
-  } else if constexpr (requires { m.timestamp_sample(); }) {
-    return static_cast<double>(m.timestamp_sample()) * 1e-6;
-  } else if constexpr (requires { m.utc_ns(); }) {
-    return static_cast<double>(m.utc_ns()) * 1e-9;
-  } else if constexpr (requires { m.transforms(); }) {
-    return m.transforms().empty() ? 0 : utc_s(m.transforms().front());
-  } else {
-    return 0;
-  }
-}
-
 class AnyReader {
  public:
   virtual ~AnyReader() = default;
@@ -155,7 +138,6 @@ class TopicReader final : public AnyReader, public dds::DataReaderListener {
     dds::SampleInfo info;
     while (reader->take_next_sample(&message, &info) == ReturnCode_t::RETCODE_OK) {
       const std::lock_guard lock(mutex_);
-      if (info.instance_state == dds::NOT_ALIVE_DISPOSED_INSTANCE_STATE) ++disposed_;
       if (!info.valid_data) continue;
       ++count_;
       if (wanted_.has('l')) {  // live: a line for each message
@@ -164,8 +146,6 @@ class TopicReader final : public AnyReader, public dds::DataReaderListener {
       }
       if constexpr (requires { message.id(); }) ids_.insert(message.id());
       last_ = show(message);
-      const double now = std::chrono::duration<double>(Clock::now().time_since_epoch()).count();
-      ages_ms_.push_back((now - utc_s(message)) * 1000);
     }
   }
   void on_requested_incompatible_qos(dds::DataReader*,
@@ -176,15 +156,8 @@ class TopicReader final : public AnyReader, public dds::DataReaderListener {
 
   void report() override {
     const std::lock_guard lock(mutex_);
-    std::sort(ages_ms_.begin(), ages_ms_.end());
-    const auto at = [this](double share) {
-      return ages_ms_.empty() ? 0.0
-                              : ages_ms_[static_cast<std::size_t>(
-                                    share * static_cast<double>(ages_ms_.size() - 1))];
-    };
-    std::printf("%s count=%zu ids=%zu disposed=%d incompatible=%d age_ms=%.3f/%.3f/%.3f last: %s\n",
-                wanted_.name.c_str(), count_, ids_.size(), disposed_, incompatible_, at(0.5),
-                at(0.99), at(1.0), last_.c_str());
+    std::printf("%s count=%zu ids=%zu incompatible=%d last: %s\n", wanted_.name.c_str(), count_,
+                ids_.size(), incompatible_, last_.c_str());
   }
 
  private:
@@ -194,10 +167,8 @@ class TopicReader final : public AnyReader, public dds::DataReaderListener {
   std::mutex mutex_;
   std::size_t count_{0};
   std::set<long> ids_;
-  int disposed_{0};
   int incompatible_{0};
   std::string last_;
-  std::vector<double> ages_ms_;
 };
 
 using Maker = std::unique_ptr<AnyReader> (*)(dds::DomainParticipant&, dds::Subscriber&,

@@ -238,6 +238,15 @@ def links(source, name):
             yield f"{name}: a link to nothing: {target}"
 
 
+def configurations(source):
+    """Paths `config/…` in README and documents: of files that exist."""
+    for document in (source / "README.md", *sorted(source.glob("docs/**/*.md"))):
+        text = document.read_text(encoding="utf-8")
+        for path in re.findall(r"(?<![\w/.])(?:\.\./)*(config/[\w./-]*[\w/])", text):
+            if not (source / path).exists():
+                yield f"{document.relative_to(source)}: there is no {path}"
+
+
 def look_up_within_lines(walk, name):
     """Commands in a sentence; `fiducap map` alone is a verb."""
     text = (walk.source / name).read_text(encoding="utf-8")
@@ -289,7 +298,7 @@ def main():
         print(f"this test did not run: not installed: {', '.join(missing)}")
         return 77
     source, programs = options.source.resolve(), options.programs.resolve()
-    faults = [*quoted_words(source)]
+    faults = [*quoted_words(source), *configurations(source)]
     for name in [one for one in RUN + LOOKED_UP if options.only in (None, one)]:
         with tempfile.TemporaryDirectory(prefix="fiducap_guide_") as folder:
             walk = Walk(source, programs, pathlib.Path(folder))

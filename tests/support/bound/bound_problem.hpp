@@ -43,27 +43,21 @@ struct BoundProblem {
   std::optional<LastingErrors> lasting{};
 };
 
-/// Root of the trace of a covariance: the RMS of the three components' joint error.
-struct PoseBound {
+/// Roots of traces of covariances: the RMS of the three components' joint error.
+struct BoundAt {
   Instant at{};
   double position_m{};  ///< In the reference tag's axes.
   double rotation_rad{};
   double level_position_m{};  ///< In level axes at the reference tag: its place and heading only.
   double level_rotation_rad{};
-};
-
-struct BoundAt : PoseBound {
   double velocity_m_s{};  ///< Body axes.
   double camera_m{};      ///< The camera's place, in the reference tag's axes.
-  double extrinsics_m{};
-  double extrinsics_rad{};
 };
 
 /// RMS over the tags, in the reference tag's axes.
 struct MapBound {
   double position_m{};
   double rotation_rad{};
-  int tags{};  ///< Without the reference tag.
 };
 
 /// Joint covariance of tags: errors of place and rotation (6 numbers each, m and rad, axes of the

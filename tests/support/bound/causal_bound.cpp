@@ -38,41 +38,6 @@ Eigen::Matrix<double, 8, 21> body_rows(const CornerRows& rows) {
 
 }  // namespace
 
-MapBound map_bound(const TagsCovariance& covariance, std::span<const RecordedTag> tags,
-                   int reference_tag, std::span<const int> ids) {
-  MapBound out;
-  const auto row_of = [&](int id) -> int {
-    const auto found = std::lower_bound(covariance.ids.begin(), covariance.ids.end(), id);
-    const bool is_in = found != covariance.ids.end() && *found == id;
-    return is_in ? 6 * static_cast<int>(found - covariance.ids.begin()) : -1;
-  };
-  const auto pose_of = [&](int id) {
-    return std::ranges::find(tags, id, &RecordedTag::tag_id)->X_WT;
-  };
-  const int reference_at = row_of(reference_tag);
-  if (reference_at < 0) return out;
-  double position2 = 0;
-  double rotation2 = 0;
-  for (const int id : ids) {
-    const int tag_at = row_of(id);
-    if (tag_at < 0 || id == reference_tag) continue;
-    // The tag as the "body": rotation, position; then the reference.
-    std::vector<int> index;
-    for (const int at : {tag_at + 3, tag_at, reference_at, reference_at + 3})
-      index.insert(index.end(), {at, at + 1, at + 2});
-    const RelativeRows J = relative_to_tag(pose_of(id), pose_of(reference_tag));
-    const Matrix12 joint = covariance.P(index, index);
-    const Eigen::Matrix<double, 6, 6> near = J * joint * J.transpose();
-    position2 += near.topLeftCorner<3, 3>().trace();
-    rotation2 += near.bottomRightCorner<3, 3>().trace();
-    ++out.tags;
-  }
-  if (out.tags == 0) return out;
-  out.position_m = std::sqrt(position2 / out.tags);
-  out.rotation_rad = std::sqrt(rotation2 / out.tags);
-  return out;
-}
-
 CausalBound::CausalBound(BoundProblem problem) : problem_(std::move(problem)) {
   const int per_tag = (problem_.map_known ? 0 : 6) + (problem_.lasting ? 8 : 0);
   const auto capacity = kFirstTag + per_tag * static_cast<int>(problem_.tags.size());
@@ -244,25 +209,11 @@ void CausalBound::join(const Newcomer& one) {
   size_ += 6;
 }
 
-void CausalBound::keep_pose() {
-  FIDUCAP_ASSERT(truth_.has_value());
-  apply_motion();
-  P_.conservativeResize(P_.rows() + 6, P_.cols() + 6);  // later tags need the rest
-  int row = size_;
-  for (const int block : {kRotation, kPosition}) {
-    P_.block(row, 0, 3, row) = P_.block(block, 0, 3, row);
-    P_.block(0, row, row, 3) = P_.block(0, block, row, 3);
-    P_.block<3, 3>(row, row) = P_.block<3, 3>(block, block);
-    row += 3;
-  }
-  kept_.push_back({truth_->at, truth_->X_WB, size_});
-  size_ = row;
-}
-
-Matrix12 CausalBound::pose_and_tag(int rotation, int position, const Place& place) const {
+Matrix12 CausalBound::body_and_tag(int tag_id) const {
+  const Place& place = places_[index_of(tag_id)];
   FIDUCAP_ASSERT(!moved_ && (place.at >= 0 || problem_.map_known));
-  std::vector<int> index{rotation, rotation + 1, rotation + 2,
-                         position, position + 1, position + 2};
+  std::vector<int> index;
+  for (const int at : {kRotation, kPosition}) index.insert(index.end(), {at, at + 1, at + 2});
   Matrix12 out = Matrix12::Zero();
   if (problem_.map_known) {
     out.topLeftCorner<6, 6>() = P_(index, index);
@@ -273,53 +224,26 @@ Matrix12 CausalBound::pose_and_tag(int rotation, int position, const Place& plac
   return out;
 }
 
-Matrix12 CausalBound::body_and_tag(int tag_id) const {
-  return pose_and_tag(kRotation, kPosition, places_[index_of(tag_id)]);
-}
-
-Matrix12 CausalBound::kept_and_tag(std::size_t kept, int tag_id) const {
-  const int at = kept_.at(kept).at;
-  return pose_and_tag(at, at + 3, places_[index_of(tag_id)]);
-}
-
-PoseBound CausalBound::seen_from_reference(const Pose& X_WB, const Matrix12& joint) const {
-  const Pose& X_WT = places_[index_of(problem_.reference_tag)].tag->X_WT;
-  const auto covariance = [&](const RelativeRows& J) -> Eigen::Matrix<double, 6, 6> {
-    return J * joint * J.transpose();
-  };
-  const auto near = covariance(relative_to_tag(X_WB, X_WT));
-  const auto level = covariance(relative_to_level(X_WB, X_WT, heading_axis(X_WT.q)));
-  PoseBound out;
-  out.position_m = root_trace(near.topLeftCorner<3, 3>());
-  out.rotation_rad = root_trace(near.bottomRightCorner<3, 3>());
-  out.level_position_m = root_trace(level.topLeftCorner<3, 3>());
-  out.level_rotation_rad = root_trace(level.bottomRightCorner<3, 3>());
-  return out;
-}
-
-std::vector<PoseBound> CausalBound::kept() const {
-  std::vector<PoseBound> out;
-  const Place& reference = places_[index_of(problem_.reference_tag)];
-  if (reference.at < 0 && !problem_.map_known) return out;
-  for (const KeptPose& one : kept_) {
-    out.push_back(seen_from_reference(one.X_WB, pose_and_tag(one.at, one.at + 3, reference)));
-    out.back().at = one.when;
-  }
-  return out;
-}
-
 std::optional<BoundAt> CausalBound::now() const {
   const Place& reference = places_[index_of(problem_.reference_tag)];
   if (!truth_ || moved_ || (reference.at < 0 && !problem_.map_known)) return std::nullopt;
-  BoundAt out{seen_from_reference(truth_->X_WB, body_and_tag(problem_.reference_tag))};
-  out.at = truth_->at;
+  const Pose& X_WT = reference.tag->X_WT;
+  const Matrix12 joint = body_and_tag(problem_.reference_tag);
+  const auto covariance = [&](const RelativeRows& J) -> Eigen::Matrix<double, 6, 6> {
+    return J * joint * J.transpose();
+  };
+  const auto near = covariance(relative_to_tag(truth_->X_WB, X_WT));
+  const auto level = covariance(relative_to_level(truth_->X_WB, X_WT, heading_axis(X_WT.q)));
   Eigen::Matrix<double, 3, 6> by_motion;  // rotation, velocity → v_WB_B
   by_motion << skew(truth_->v_WB), Eigen::Matrix3d::Identity();
-  out.velocity_m_s = root_trace(by_motion * P_.topLeftCorner<6, 6>() * by_motion.transpose());
-  out.camera_m = camera_sigma(reference);
-  out.extrinsics_m = root_trace(P_.block<3, 3>(kExtrinsicsP, kExtrinsicsP));
-  out.extrinsics_rad = root_trace(P_.block<3, 3>(kExtrinsicsQ, kExtrinsicsQ));
-  return out;
+  return BoundAt{
+      .at = truth_->at,
+      .position_m = root_trace(near.topLeftCorner<3, 3>()),
+      .rotation_rad = root_trace(near.bottomRightCorner<3, 3>()),
+      .level_position_m = root_trace(level.topLeftCorner<3, 3>()),
+      .level_rotation_rad = root_trace(level.bottomRightCorner<3, 3>()),
+      .velocity_m_s = root_trace(by_motion * P_.topLeftCorner<6, 6>() * by_motion.transpose()),
+      .camera_m = camera_sigma(reference)};
 }
 
 /// p_WV by body rotation, position and p_BV; then seen from the tag.
@@ -339,9 +263,27 @@ double CausalBound::camera_sigma(const Place& reference) const {
 }
 
 MapBound CausalBound::map() const {
-  if (problem_.map_known) return {};
-  const TagsCovariance all = tags();
-  return map_bound(all, problem_.tags, problem_.reference_tag, all.ids);
+  MapBound out;
+  const Place& reference = places_[index_of(problem_.reference_tag)];
+  if (problem_.map_known || reference.at < 0) return out;
+  double position2 = 0;
+  double rotation2 = 0;
+  int others = 0;
+  for (const Place& place : places_) {
+    if (place.at < 0 || &place == &reference) continue;
+    // The tag as the "body": rotation, position; then the reference.
+    std::vector<int> index;
+    for (const int at : {place.at + 3, place.at, reference.at, reference.at + 3})
+      index.insert(index.end(), {at, at + 1, at + 2});
+    const RelativeRows J = relative_to_tag(place.tag->X_WT, reference.tag->X_WT);
+    const Matrix12 joint = P_(index, index);
+    const Eigen::Matrix<double, 6, 6> near = J * joint * J.transpose();
+    position2 += near.topLeftCorner<3, 3>().trace();
+    rotation2 += near.bottomRightCorner<3, 3>().trace();
+    ++others;
+  }
+  if (others > 0) out = {std::sqrt(position2 / others), std::sqrt(rotation2 / others)};
+  return out;
 }
 
 TagsCovariance CausalBound::tags() const {

@@ -11,11 +11,6 @@
 
 namespace fiducap::bound {
 
-/// Of some tags, those that were not seen left out. @param tags  true poses
-[[nodiscard]] MapBound map_bound(const TagsCovariance& covariance,
-                                 std::span<const RecordedTag> tags, int reference_tag,
-                                 std::span<const int> ids);
-
 /// The smallest error that any causal estimator can have on average: posterior Cramér–Rao bound.
 ///
 /// Covariance of an error-state filter linearised at the true motion and the true map (P.
@@ -25,9 +20,8 @@ namespace fiducap::bound {
 /// without any prior: their six most informative combinations of corners make them, the other two
 /// are a measurement of the rest. The two-fold planar pose counts as solved, the corners'
 /// covariance as known. Errors that last while a tag is in view are eight states more of it, which
-/// fade. The covariance of what does not move, tags and kept poses (stochastic cloning:
-/// S. Roumeliotis, J. Burdick, ICRA 2002), uses all data; at their end it is the smoothing bound,
-/// the limit of a joint solution.
+/// fade. The covariance of the tags, which do not move, uses all data; at their end it is the
+/// smoothing bound, the limit of a joint solution.
 class CausalBound final {
  public:
   explicit CausalBound(BoundProblem problem);
@@ -47,16 +41,9 @@ class CausalBound final {
   /// @pre !map_known
   [[nodiscard]] TagsCovariance tags() const;
 
-  /// The body's pose at the last move stays in the state.
-  void keep_pose();
-  /// The kept poses, in order, by all that was seen so far. Empty before the reference tag was.
-  [[nodiscard]] std::vector<PoseBound> kept() const;
-
   /// Rotation, position of the body (6), then position, rotation of the tag (6): joint covariance.
   /// @pre tag was seen
   [[nodiscard]] Matrix12 body_and_tag(int tag_id) const;
-  /// The same of a kept pose, counted from 0.
-  [[nodiscard]] Matrix12 kept_and_tag(std::size_t kept, int tag_id) const;
 
  private:
   struct Place {
@@ -68,11 +55,6 @@ class CausalBound final {
     int tag_id{};
     int at{};  ///< Row of its eight errors.
     Instant last_seen{};
-  };
-  struct KeptPose {
-    Instant when{};
-    Pose X_WB;
-    int at{};  ///< Row of its rotation error; that of its place follows.
   };
   void start(const TruthSample& truth);
   void apply_motion();
@@ -100,15 +82,11 @@ class CausalBound final {
   [[nodiscard]] Eigen::Block<const Eigen::MatrixXd> P() const {
     return P_.topLeftCorner(size_, size_);
   }
-  /// @param rotation, position  rows of a pose of the body
-  [[nodiscard]] Matrix12 pose_and_tag(int rotation, int position, const Place& place) const;
-  [[nodiscard]] PoseBound seen_from_reference(const Pose& X_WB, const Matrix12& joint) const;
   [[nodiscard]] double camera_sigma(const Place& reference) const;
 
   BoundProblem problem_;
   std::vector<Place> places_;
   std::vector<Visit> visits_;
-  std::vector<KeptPose> kept_;
   std::optional<TruthSample> truth_;
   Matrix15 Phi_;  ///< Since the covariance was last moved.
   Matrix15 Q_;

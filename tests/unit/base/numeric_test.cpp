@@ -65,17 +65,5 @@ TEST(So3, ExpRotatesByTheAngleAboutTheAxis) {
   EXPECT_LT((rotated - Eigen::Vector3d::UnitY()).norm(), kRounding);
 }
 
-TEST(So3, SkewIsTheCrossProduct) {
-  const Eigen::Vector3d a(1, -2, 3), b(0.5, 4, -1);
-  EXPECT_LT((skew(a) * b - a.cross(b)).norm(), kRounding);
-}
-
-TEST(Pose, InverseCancels) {
-  const Pose X{exp_so3({0.4, -1.0, 0.2}), {1, 2, 3}};
-  const Pose I = X * X.inverse();
-  EXPECT_LT(I.p.norm(), kRounding);
-  EXPECT_LT(angle_between(I.q, Eigen::Quaterniond::Identity()), 1e-9);
-}
-
 }  // namespace
 }  // namespace fiducap

@@ -1,11 +1,18 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
+// Guides through calibrations, the first rest in what was recorded, and the search for the time
+// shift.
+#include "calibration/guided/guides.hpp"
 
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <limits>
 #include <numbers>
 #include <random>
 
-#include "calibration/guided/guides.hpp"
+#include "calibration/extrinsics/camera_imu_calibration.hpp"
+#include "calibration/extrinsics/loaded_samples.hpp"
 #include "detection/tag_geometry.hpp"
+#include "support/results.hpp"
 
 namespace fiducap {
 namespace {
@@ -57,7 +64,7 @@ TEST_F(LensGuideTest, MeasuresTheSlantOfASquare) {
   EXPECT_NEAR(cosine(0, -30 * kDegree), std::cos(30 * kDegree), kPerspective);
 }
 
-TEST_F(LensGuideTest, KeepsOnlyNewViewsOfAStillSheet) {
+TEST_F(LensGuideTest, KeepsOnlySharpNewViewsOfAStillSheet) {
   EXPECT_THAT(guide_.progress().hint, HasSubstr("Move it to the upper left"));
   EXPECT_FALSE(guide_.look(seen(320, 240, 0.6))) << "it may be moving";
   EXPECT_TRUE(guide_.look(seen(320, 240, 0.6)));
@@ -67,13 +74,9 @@ TEST_F(LensGuideTest, KeepsOnlyNewViewsOfAStillSheet) {
   EXPECT_TRUE(guide_.look(seen(420, 240, 0.6)));
   EXPECT_FALSE(hold(CornerFrame{}));
   EXPECT_THAT(guide_.progress().hint, HasSubstr("Show the sheet"));
-  EXPECT_EQ(guide_.progress().views, 2u);
-}
-
-TEST_F(LensGuideTest, ReportsBlur) {
-  EXPECT_TRUE(hold(seen(320, 240, 0.6)));
-  EXPECT_FALSE(hold(seen(420, 240, 0.6, 0, 0, 0.2)));
+  EXPECT_FALSE(hold(seen(520, 240, 0.6, 0, 0, 0.2)));
   EXPECT_THAT(guide_.progress().hint, HasSubstr("blurred"));
+  EXPECT_EQ(guide_.progress().views, 2u);
 }
 
 TEST_F(LensGuideTest, IsEnoughOnlyWithCoverageAndSlants) {
@@ -177,6 +180,119 @@ TEST(WaveGuide, NeedsRotationAboutAllAxesShakingAndTags) {
   wave(1, 15, 5);
   EXPECT_TRUE(guide.progress().is_enough) << hint();
   EXPECT_GT(guide.samples().frames.size(), 500u);
+}
+
+constexpr std::int64_t kStep_ns = 5'000'000;  // 200 Hz
+
+/// A motion by hand, segment by segment; an image every tenth reading.
+class Story {
+ public:
+  Story& hold(double seconds, bool shows_tags) { return add(seconds, 0, 0.3, shows_tags); }
+  Story& swing(double seconds) { return add(seconds, 1.5, 4, true); }
+  Story& pause(double seconds) {
+    next_ns_ += static_cast<std::int64_t>(seconds * 1e9);
+    return *this;
+  }
+  [[nodiscard]] Instant now() const { return instant_from_ns(next_ns_); }
+  [[nodiscard]] const LoadedSamples& samples() const { return samples_; }
+
+ private:
+  Story& add(double seconds, double turned, double shaken, bool shows_tags) {
+    const auto end = next_ns_ + static_cast<std::int64_t>(seconds * 1e9);
+    for (; next_ns_ < end; next_ns_ += kStep_ns) {
+      const double phase = 2 * M_PI * 0.9 * static_cast<double>(next_ns_) * 1e-9;
+      ImuSample imu{now(), {0, turned * std::sin(phase), 0}, {0, 0, 9.81}};
+      imu.f_B.x() += shaken * std::cos(phase);
+      for (int k = 0; k < 3; ++k) {
+        imu.w_WB_B(k) += kGyro_rad_s * normal_(random_);
+        imu.f_B(k) += kAccel_m_s2 * normal_(random_);
+      }
+      samples_.imu.push_back(imu);
+      if (samples_.imu.size() % 10 != 0) continue;
+      samples_.frames.push_back({0, now(), {}});
+      if (shows_tags) samples_.frames.back().tags.push_back(TagSighting{1});
+    }
+    return *this;
+  }
+
+  static constexpr double kGyro_rad_s = 0.05, kAccel_m_s2 = 0.4;  // a noisy phone's
+  LoadedSamples samples_;
+  std::int64_t next_ns_{0};
+  std::mt19937_64 random_{7};
+  std::normal_distribution<double> normal_;
+};
+
+TEST(StillnessDetector, FindsTheFirstRestWithTagsInView) {
+  Story story;
+  story.swing(3).hold(2, false).swing(2);
+  const Instant before = story.now();
+  story.hold(2, true).swing(5);
+  const auto rest = value_of(first_rest(story.samples()));
+  EXPECT_GT(rest, before);
+  EXPECT_LT(rest, before + std::chrono::seconds(1));
+}
+
+TEST(StillnessDetector, FindsNoRestInContinuousMotionInShortPausesOrAcrossAGap) {
+  EXPECT_FALSE(first_rest(Story().swing(20).samples()));
+  EXPECT_FALSE(first_rest(Story().swing(3).hold(0.5, true).swing(3).samples()));
+  EXPECT_FALSE(first_rest(Story().hold(5, false).swing(3).samples())) << "no tag in view";
+  EXPECT_FALSE(first_rest({}));
+  EXPECT_FALSE(first_rest(Story().hold(0.5, true).pause(0.5).hold(0.5, true).swing(3).samples()));
+  EXPECT_TRUE(first_rest(Story().hold(0.5, true).pause(0.5).hold(0.9, true).samples()));
+}
+
+TEST(StillnessDetector, IgnoresInvalidReadings) {
+  LoadedSamples samples = Story().hold(2, true).samples();
+  samples.imu.front().f_B.setZero();  // first reading of some drivers
+  samples.imu[100].w_WB_B.x() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_TRUE(first_rest(samples));
+}
+
+constexpr double kSigma_s = 1e-4;
+
+/// A chi-square around `truth` with a ripple of a few units, as caused by gates of a filter.
+ShiftCost jagged(double truth_s) {
+  return [truth_s](double s) -> Expected<double> {
+    const double off = (s - truth_s) / kSigma_s;
+    return 1e4 + off * off + 3 * std::sin(s * 4e4);
+  };
+}
+
+TEST(TimeShiftSearch, FindsTheMinimumOfAJaggedCostWithItsSigma) {
+  for (const double truth : {-0.0437, -0.012, 0.0, 0.00021, 0.031}) {
+    const auto found = value_of(search_time_shift(jagged(truth), 0.05));
+    EXPECT_NEAR(found.shift_s, truth, kSigma_s) << truth;  // ripple of 3 on curvature 1/σ²
+    EXPECT_NEAR(found.sigma_s, kSigma_s, 0.1 * kSigma_s) << truth;
+    EXPECT_TRUE(found.determined);
+    EXPECT_FALSE(found.at_border);
+  }
+}
+
+TEST(TimeShiftSearch, AFlatCostIsNotDeterminedNorAMinimumOutsideOfTheRange) {
+  const auto found =
+      value_of(search_time_shift([](double s) -> Expected<double> { return 5 - 900 * s; }, 0.05));
+  EXPECT_FALSE(found.determined);
+  EXPECT_FALSE(found.at_border);
+  EXPECT_EQ(found.shift_s, 0);
+  EXPECT_TRUE(value_of(search_time_shift(jagged(0.09), 0.05)).at_border) << "out of range";
+  const auto concave = value_of(search_time_shift(
+      [](double s) -> Expected<double> { return -1e3 * std::exp(40 * s); }, 0.05));
+  EXPECT_TRUE(concave.at_border);
+  EXPECT_FALSE(concave.determined);
+  EXPECT_EQ(concave.shift_s, 0);
+}
+
+TEST(TimeShiftSearch, ReturnsTheErrorOfACostAndStops) {
+  int asked = 0;
+  const auto found = search_time_shift(
+      [&](double) -> Expected<double> {
+        ++asked;
+        return fail(ErrorCode::kInvalid, "no more");
+      },
+      0.05);
+  ASSERT_FALSE(found);
+  EXPECT_EQ(found.error().what, "no more");
+  EXPECT_EQ(asked, 1);
 }
 
 }  // namespace

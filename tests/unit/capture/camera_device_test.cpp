@@ -5,9 +5,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/videoio.hpp>
 
-#include "capture/lens/calibration_files.hpp"
 #include "support/fake_clock.hpp"
-#include "support/shared_data.hpp"
 #include "support/temporary_folder.hpp"
 #include "unit/capture/sample_stamps.hpp"
 
@@ -155,22 +153,6 @@ TEST_F(CameraDeviceTest, CheckNamesEveryBrokenRule) {
   EXPECT_THAT(paths_of(config.check("camera.")),
               ElementsAre("camera.open", "camera.height", "camera.rate_hz", "camera.latency_s"));
   EXPECT_TRUE(config_.check("").empty());
-}
-
-TEST_F(CameraDeviceTest, ReadsTheFieldVideoToItsEnd) {
-  const auto data = shared_data();
-  if (!data) GTEST_SKIP() << kNoSharedData;
-  config_.open = *data / "detector/wpical/fieldvideo_long.mp4";
-  config_.paced = false;
-  camera_ = value_of(read_camera_calibration(*data / "detector/wpical/calibration_derived.json"));
-  const auto source = open();
-  int frames = 0;
-  Instant last = instant_from_ns(-1);
-  while (const auto sample = value_of(source->next({}))) {
-    EXPECT_GT(time_of(*sample), std::exchange(last, time_of(*sample)));
-    ++frames;
-  }
-  EXPECT_EQ(frames, 159);
 }
 
 }  // namespace

@@ -131,16 +131,6 @@ class GrayFileTest : public testing::Test {
   GrayImage image_;
 };
 
-TEST_F(GrayFileTest, IsReadInItsOwnSizeOrInTheRequestedOne) {
-  const std::string file = png_claiming(8, 6);
-  ASSERT_TRUE(read_gray_file_of_any_size(file, scratch_, image_));
-  EXPECT_EQ(image_.width, 8);
-  EXPECT_EQ(image_.height, 6);
-  EXPECT_EQ(image_.pixels[47], 7);
-  image_.resize(8, 6);
-  EXPECT_TRUE(read_gray_file(file, scratch_, image_));
-}
-
 TEST_F(GrayFileTest, DecodesNoSmallFileThatClaimsGigabytes) {
   const std::string file = png_claiming(30'000, 30'000);
   EXPECT_THAT(error_of(read_gray_file_of_any_size(file, scratch_, image_)),

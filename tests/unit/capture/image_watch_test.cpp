@@ -16,12 +16,10 @@
 namespace fiducap {
 namespace {
 
-using testing::AllOf;
 using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
-using testing::Not;
 
 constexpr double kRate_hz = 30;
 
@@ -124,7 +122,8 @@ TEST_F(ImageWatchTest, ReportsFrozenAndDuplicatedImages) {
   run(3);
   run(3, [this](cv::Mat& image, int) { image = before_; });
   EXPECT_THAT(reported_, ElementsAre("+image_frozen"));
-  EXPECT_THAT(reported(6), AllOf(Contains("-image_frozen"), Not(Contains("-image_dark"))));
+  EXPECT_THAT(reported(6),
+              testing::AllOf(Contains("-image_frozen"), testing::Not(Contains("-image_dark"))));
   reset();
   run(6, [this](cv::Mat& image, int i) {
     if (i % 2 == 1) image = before_;
@@ -227,7 +226,13 @@ TEST_F(ImageWatchTest, ReportsNothingOfTheFieldVideo) {
   const FakeClock clock;
   const auto video = value_of(open_camera_device(config, CameraModel{}, clock));
   watch_ = ImageWatch({{1920, 1080}, 0});
-  while (const auto sample = value_of(video->next({}))) take(std::get<CameraFrame>(*sample));
+  int frames = 0;
+  Instant last = instant_from_ns(-1);
+  for (; const auto sample = value_of(video->next({})); ++frames) {
+    EXPECT_GT(time_of(*sample), std::exchange(last, time_of(*sample)));
+    take(std::get<CameraFrame>(*sample));
+  }
+  EXPECT_EQ(frames, 159);
   EXPECT_THAT(reported_, IsEmpty()) << texts_;
 }
 

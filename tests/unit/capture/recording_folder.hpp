@@ -72,11 +72,6 @@ class RecordingTest : public testing::Test {
   void write_truth(const std::string& rows) {
     folder_.write("mav0/state_groundtruth_estimate0/data.csv", rows);
   }
-  void write_truth_at(std::initializer_list<const char*> stamps) {
-    std::string rows;
-    for (const char* stamp : stamps) rows += stamp + std::string(",1,2,3,1,0,0,0\n");
-    write_truth(rows);
-  }
   void write_image(const std::string& name, int width = 40, int height = 30) {
     std::filesystem::create_directories(folder_.path() / "mav0/cam0/data");
     cv::Mat image(height, width, CV_8UC1);

@@ -10,9 +10,7 @@
 namespace fiducap::ros {
 namespace {
 
-using testing::Each;
 using testing::ElementsAre;
-using testing::HasSubstr;
 
 CameraModel camera(int width, int height) {
   return {width, height, 100, 100, width / 2.0, height / 2.0};
@@ -30,31 +28,24 @@ class RosImageTest : public testing::Test {
   GrayImage gray_;
 };
 
-TEST_F(RosImageTest, CopiesGrayWithoutThePaddingOfRows) {
-  ASSERT_TRUE(convert("mono8", 3, {1, 2, 99, 3, 4}));  // the last row needs no padding
-  EXPECT_THAT(gray_.pixels, ElementsAre(1, 2, 3, 4));
-}
-
-TEST_F(RosImageTest, UsesTheHighByteOfSixteenBits) {
-  ASSERT_TRUE(convert("mono16", 5, {1, 10, 2, 20, 0, 3, 30, 4, 40}));
-  EXPECT_THAT(gray_.pixels, ElementsAre(10, 20, 30, 40));
-  ASSERT_TRUE(convert("mono16", 4, {1, 10, 2, 20, 3, 30, 4, 40}, true));
-  EXPECT_THAT(gray_.pixels, ElementsAre(1, 2, 3, 4));
-}
-
-TEST_F(RosImageTest, WeighsColoursByLuminance) {
+TEST_F(RosImageTest, ReadsTheBrightnessOfEachEncoding) {
   const std::vector<std::uint8_t> first_is_255{255, 0, 0, 255, 0, 0, 255, 0, 0, 255, 0, 0};
-  ASSERT_TRUE(convert("rgb8", 6, first_is_255));
-  EXPECT_THAT(gray_.pixels, Each(76));  // 0.299 × 255
-  ASSERT_TRUE(convert("bgr8", 6, first_is_255));
-  EXPECT_THAT(gray_.pixels, Each(29));  // 0.114 × 255
-}
-
-TEST_F(RosImageTest, UsesTheBrightnessOfYuv) {
-  ASSERT_TRUE(convert("yuv422", 4, {128, 50, 128, 60, 128, 70, 128, 80}));  // U Y V Y
-  EXPECT_THAT(gray_.pixels, ElementsAre(50, 60, 70, 80));
-  ASSERT_TRUE(convert("yuv422_yuy2", 4, {50, 128, 60, 128, 70, 128, 80, 128}));
-  EXPECT_THAT(gray_.pixels, ElementsAre(50, 60, 70, 80));
+  const struct {
+    const char* encoding;
+    std::uint32_t step;
+    std::vector<std::uint8_t> data, grays;
+    bool big{false};
+  } kCases[] = {{"mono8", 3, {1, 2, 99, 3, 4}, {1, 2, 3, 4}},  // padding, but not of the last row
+                {"mono16", 5, {1, 10, 2, 20, 0, 3, 30, 4, 40}, {10, 20, 30, 40}},
+                {"mono16", 4, {1, 10, 2, 20, 3, 30, 4, 40}, {1, 2, 3, 4}, true},
+                {"rgb8", 6, first_is_255, {76, 76, 76, 76}},  // 0.299 × 255
+                {"bgr8", 6, first_is_255, {29, 29, 29, 29}},  // 0.114 × 255
+                {"yuv422", 4, {128, 50, 128, 60, 128, 70, 128, 80}, {50, 60, 70, 80}},
+                {"yuv422_yuy2", 4, {50, 128, 60, 128, 70, 128, 80, 128}, {50, 60, 70, 80}}};
+  for (const auto& [encoding, step, data, grays, big] : kCases) {
+    ASSERT_TRUE(convert(encoding, step, data, big)) << encoding;
+    EXPECT_EQ(gray_.pixels, grays) << encoding;
+  }
 }
 
 TEST_F(RosImageTest, ReadsBayerPatternsByTheirFirstColour) {
@@ -84,7 +75,7 @@ TEST_F(RosImageTest, RefusesSizesThatTheDataDoNotHave) {
   EXPECT_FALSE(convert("32FC1", 8, std::vector<std::uint8_t>(16)));
   const RawImage huge{kMost, kMost, "mono8", false, 4, {}};
   EXPECT_THAT(error_of(to_gray(huge, model_, gray_)),
-              HasSubstr("4294967295 x 4294967295, the calibration is for 2 x 2"));
+              testing::HasSubstr("4294967295 x 4294967295, the calibration is for 2 x 2"));
 }
 
 TEST_F(RosImageTest, DecodesCompressedImagesOfTheCalibratedSize) {
@@ -93,7 +84,7 @@ TEST_F(RosImageTest, DecodesCompressedImagesOfTheCalibratedSize) {
     std::vector<std::uint8_t> bytes;
     cv::imencode(ending, cv::Mat(48, 64, CV_8UC1, cv::Scalar(77)), bytes);
     ASSERT_TRUE(decode_gray(bytes, model_, gray_));
-    EXPECT_THAT(gray_.pixels, Each(testing::AllOf(testing::Ge(76), testing::Le(78))));
+    EXPECT_THAT(gray_.pixels, testing::Each(testing::AllOf(testing::Ge(76), testing::Le(78))));
     EXPECT_FALSE(decode_gray(bytes, camera(48, 64), gray_));
     if (ending == std::string_view(".png")) {
       auto huge = bytes;

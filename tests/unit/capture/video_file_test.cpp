@@ -8,9 +8,7 @@
 namespace fiducap::video {
 namespace {
 
-using testing::AllOf;
 using testing::HasSubstr;
-using testing::Not;
 
 constexpr Duration kPeriod = std::chrono::milliseconds(33);
 
@@ -91,9 +89,10 @@ TEST_F(VideoFileTest, DropsImagesToKeepThePaceAndReportsItOnce) {
   }
   EXPECT_EQ(lost, played.left_out);
   const std::string text = log_.text();
-  EXPECT_THAT(text, AllOf(HasSubstr("field.mp4 needs 41 ms to decode an image here, its images "
-                                    "come every 33 ms: 10 of the first "),
-                          HasSubstr("use a smaller video"), Not(HasSubstr("slower"))));
+  EXPECT_THAT(text,
+              testing::AllOf(HasSubstr("field.mp4 needs 41 ms to decode an image here, its images "
+                                       "come every 33 ms: 10 of the first "),
+                             HasSubstr("use a smaller video"), testing::Not(HasSubstr("slower"))));
   EXPECT_EQ(text.find("left out"), text.rfind("left out"));
 }
 

@@ -17,7 +17,6 @@ namespace fiducap {
 namespace {
 
 using testing::HasSubstr;
-using testing::Not;
 
 class CApiTest : public testing::Test {
  protected:
@@ -205,8 +204,8 @@ TEST_F(CApiTest, ServesThePythonPackage) {
   }));
   const Shell run = python.get();
   EXPECT_TRUE(run.done) << run.output;
-  EXPECT_THAT(run.output,
-              testing::AllOf(HasSubstr("\nOK"), HasSubstr("Ran "), Not(HasSubstr("Ran 0 tests"))));
+  EXPECT_THAT(run.output, testing::AllOf(HasSubstr("\nOK"), HasSubstr("Ran "),
+                                         testing::Not(HasSubstr("Ran 0 tests"))));
 }
 
 TEST(CAbi, ExportsExactlyTheListedFunctions) {

@@ -1,5 +1,7 @@
-// Predictions, and reading without allocation while a server streams.
+// Predictions, reading without allocation while a server streams, and its time on another clock.
 #include <gmock/gmock.h>
+
+#include <cmath>
 
 #include "support/allocation_counter.hpp"
 #include "unit/client/test_server.hpp"
@@ -11,7 +13,8 @@ namespace {
 // far more.
 constexpr std::uint64_t kOfARenewal = 100;
 
-TEST_F(ClientServerTest, PredictsWithVelocityAndRate) {
+TEST_F(ClientServerTest, PredictsValidBodiesWithVelocityAndRate) {
+  scene_->bodies[0].valid = false;
   connect();
   Body body;
   ASSERT_TRUE(client_->predict("arm", std::chrono::milliseconds(200), body));
@@ -23,27 +26,8 @@ TEST_F(ClientServerTest, PredictsWithVelocityAndRate) {
   EXPECT_THAT(body.orientation_wxyz,
               testing::Pointwise(testing::DoubleNear(kFloat), {q.w(), q.x(), q.y(), q.z()}));
   EXPECT_NEAR(body.age_s, 0.22, kFloat);
-  EXPECT_FALSE(client_->predict("unknown", std::chrono::milliseconds(1), body));
-}
-
-TEST_F(ClientServerTest, PredictsOnlyValidBodies) {
-  scene_->bodies[1].valid = false;
-  connect();
-  Body body;
-  EXPECT_FALSE(client_->predict("arm", std::chrono::milliseconds(1), body));
-  EXPECT_TRUE(client_->predict("drone", std::chrono::milliseconds(1), body));
-}
-
-TEST_F(ClientServerTest, LatestAllocatesNothingOnceTheFrameHasRoom) {
-  scene_ = make_scene_frame(numbered_names(50), 1);
-  connect();
-  ASSERT_TRUE(publish_until([&] { return statistics().frames >= 50; }));
-  ASSERT_TRUE(client_->wait_for_frame(scene_->number - 1, kTimeout));
-  ASSERT_TRUE(client_->latest(frame_));
-  const AllocationCounter allocations;
-  for (int i = 0; i < 1000; ++i) ASSERT_TRUE(client_->latest(frame_));
-  EXPECT_LT(allocations.count(), kOfARenewal);
-  EXPECT_EQ(frame_.bodies.size(), 50u);
+  for (const char* without : {"drone", "unknown"})
+    EXPECT_FALSE(client_->predict(without, std::chrono::milliseconds(1), body)) << without;
 }
 
 TEST_F(ClientServerTest, ReadingAndPredictingAllocateNothingWithoutAServer) {
@@ -71,7 +55,7 @@ TEST_F(ClientServerTest, SteadyStreamAllocatesNothingOnEitherSide) {
   scene_ = make_scene_frame(numbered_names(20), 1);
   native::NativeConfig config;
   config.port = 0;
-  const auto server = value_of(native::start_native_server(io, config, scene_->model, clock));
+  const auto server = value_of(native::serve({io, scene_->model, clock}, config));
   const Client client(options_for(server->port()));
   ASSERT_TRUE(wait_until([&] {
     io.poll();
@@ -88,6 +72,82 @@ TEST_F(ClientServerTest, SteadyStreamAllocatesNothingOnEitherSide) {
   const AllocationCounter allocations;
   send(300);
   EXPECT_LT(allocations.count(), kOfARenewal);
+}
+
+/// The steady clock of this machine with an offset.
+class DisplacedClock final : public Clock {
+ public:
+  explicit DisplacedClock(Duration by) : by_(by) {}
+  [[nodiscard]] Instant now() const override { return instant_from_ns(monotonic_ns()) + by_; }
+  [[nodiscard]] bool wait_until(Instant, std::stop_token) const override { return true; }
+
+ private:
+  Duration by_;
+};
+
+// Both ends on one loaded machine: scheduling is the only jitter.
+constexpr double kLoopback_s = 2e-3;
+
+class ClockTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_TRUE(publish_until([&] { return client_.statistics().clock.known; }));
+  }
+  bool publish_until(const std::function<bool()>& condition) {
+    return wait_until(condition, [&] {
+      ++scene_->number;
+      scene_->at = scene_->published_at = clock_.now();
+      server_.publish(std::make_shared<SceneFrame>(*scene_));
+    });
+  }
+  /// A frame with the time of this machine.
+  bool receives_time() {
+    return publish_until([&] { return client_.latest(frame_) && frame_.at_client_ns != 0; });
+  }
+
+  static constexpr Duration kOffset = std::chrono::hours(-30) + Duration{123'456'789};
+  DisplacedClock clock_{kOffset};
+  std::shared_ptr<SceneFrame> scene_ = make_scene_frame({"drone"});
+  TestServer server_{*scene_, 0, {}, nullptr, &clock_};
+  const Client client_{options_for(server_.port())};
+  Frame frame_;
+};
+
+TEST_F(ClockTest, ClientAndServerKnowTheOffset) {
+  const auto clock = client_.statistics().clock;
+  EXPECT_NEAR(static_cast<double>(clock.offset_ns - kOffset.count()) * 1e-9, 0, kLoopback_s);
+  EXPECT_GE(clock.sigma_s, 0);
+  EXPECT_LT(clock.bound_s, kLoopback_s);
+  ASSERT_TRUE(publish_until([&] { return server_.clients()[0].clock.has_value(); }))
+      << server_.clients()[0].detail;
+  const ClockOffset reported = *server_.clients()[0].clock;
+  EXPECT_NEAR(reported.offset_s, 1e-9 * static_cast<double>(kOffset.count()), kLoopback_s);
+  EXPECT_GT(reported.sigma_s, 0);
+}
+
+TEST_F(ClockTest, FramesHaveTheTimeOfThisMachine) {
+  ASSERT_TRUE(receives_time());
+  const auto truth = frame_.at_server_ns - kOffset.count();
+  EXPECT_NEAR(static_cast<double>(frame_.at_client_ns - truth) * 1e-9, 0, kLoopback_s);
+  EXPECT_FALSE(std::isnan(frame_.clock_sigma_s));
+  ASSERT_TRUE(publish_until([&] { return std::isfinite(client_.statistics().latency_p99_s); }));
+  EXPECT_GT(client_.statistics().latency_p50_s, -kLoopback_s);
+  EXPECT_LE(client_.statistics().latency_p99_s, client_.statistics().latency_max_s);
+}
+
+TEST_F(ClockTest, PredictsToThePresent) {
+  constexpr std::chrono::milliseconds kAhead{100};
+  Body body;
+  scene_->bodies[0].X_WP.p = {0, 0, 0};
+  scene_->bodies[0].v_WP = {1, 0, 0};
+  ASSERT_TRUE(receives_time());
+  ASSERT_TRUE(publish_until([&] { return client_.predict_now("drone", kAhead, body); }));
+  EXPECT_GE(body.position_m[0], 0.1 - kLoopback_s) << "1 m/s for 0.1 s and the age of the frame";
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  ASSERT_TRUE(client_.predict_now("drone", kAhead, body));
+  EXPECT_GE(body.position_m[0], 0.12 - kLoopback_s) << "an old frame is predicted further";
+  EXPECT_FALSE(client_.predict_now("drone", Client::kMaxPrediction, body))
+      << "with its age beyond the limit";
 }
 
 }  // namespace

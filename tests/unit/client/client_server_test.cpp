@@ -3,10 +3,10 @@
 #include <gmock/gmock.h>
 
 #include <atomic>
+#include <boost/asio/ip/udp.hpp>
 #include <cmath>
 #include <mutex>
 
-#include "support/loopback_socket.hpp"
 #include "unit/client/test_server.hpp"
 
 namespace fiducap {
@@ -16,30 +16,25 @@ using testing::ElementsAre;
 using testing::StartsWith;
 
 /// Subscribes by hand and then neither reads nor renews.
-class ClientThatNeverReads {
- public:
-  explicit ClientThatNeverReads(std::uint16_t port) : fd_(::socket(AF_INET, SOCK_DGRAM, 0)) {
-    const sockaddr_in server = loopback(port);
-    EXPECT_EQ(::connect(fd_, reinterpret_cast<const sockaddr*>(&server), sizeof(server)), 0);
-    // Subscribe, 142 bytes: token, padding of 130 bytes.
-    std::array<std::uint8_t, 150> request{0x0d, 'F', 'D', 'C', '1', 0x12, 142, 1, 0x09};
-    request[17] = 0x3a;
-    request[18] = 130;
-    request[19] = 1;
-    EXPECT_EQ(::send(fd_, request.data(), request.size(), 0), 150);
-    std::array<std::uint8_t, 64> challenge{};
-    EXPECT_GT(::recv(fd_, challenge.data(), challenge.size(), 0), 16);
-    EXPECT_EQ(challenge[7], 0x09);
-    std::copy_n(challenge.begin() + 8, 8, request.begin() + 9);
-    EXPECT_EQ(::send(fd_, request.data(), request.size(), 0), 150);
-  }
-  ~ClientThatNeverReads() { ::close(fd_); }
-  ClientThatNeverReads(const ClientThatNeverReads&) = delete;
-  ClientThatNeverReads& operator=(const ClientThatNeverReads&) = delete;
-
- private:
-  int fd_;
-};
+boost::asio::ip::udp::socket client_that_never_reads(boost::asio::io_context& io,
+                                                     std::uint16_t port) {
+  using boost::asio::ip::udp;
+  const auto here = boost::asio::ip::address_v4::loopback();
+  udp::socket socket(io, udp::endpoint(here, 0));
+  socket.connect({here, port});
+  // Subscribe, 142 bytes: token, padding of 130 bytes.
+  std::array<std::uint8_t, 150> request{0x0d, 'F', 'D', 'C', '1', 0x12, 142, 1, 0x09};
+  request[17] = 0x3a;
+  request[18] = 130;
+  request[19] = 1;
+  EXPECT_EQ(socket.send(boost::asio::buffer(request)), 150u);
+  std::array<std::uint8_t, 64> challenge{};
+  EXPECT_GT(socket.receive(boost::asio::buffer(challenge)), 16u);
+  EXPECT_EQ(challenge[7], 0x09);
+  std::copy_n(challenge.begin() + 8, 8, request.begin() + 9);
+  EXPECT_EQ(socket.send(boost::asio::buffer(request)), 150u);
+  return socket;
+}
 
 TEST_F(ClientServerTest, FramesArriveAsTheyWereSent) {
   scene_->bodies[1].valid = false;
@@ -47,6 +42,7 @@ TEST_F(ClientServerTest, FramesArriveAsTheyWereSent) {
   connect();
   EXPECT_EQ(frame_.at_utc_ns - frame_.at_server_ns, scene_->utc_offset.count());
   EXPECT_EQ(frame_.rate_hz, 100.0);
+  EXPECT_EQ(statistics().reconnects, 0u);
   EXPECT_GT(frame_.received_ns, 0);
   ASSERT_EQ(frame_.bodies.size(), 2u);
   const Body& drone = frame_.bodies[0];
@@ -78,14 +74,6 @@ TEST_F(ClientServerTest, ServerListsItsClientsUntilTheyLeave) {
   EXPECT_EQ(clients[0].frames_dropped, 0u);
   client_.reset();
   EXPECT_TRUE(wait_until([&] { return server_->clients().empty(); })) << "it did not unsubscribe";
-}
-
-TEST_F(ClientServerTest, CountsLostFrames) {
-  connect();
-  const auto lost_before = statistics().lost;
-  scene_->number += 41;  // as if 41 frames had been dropped on the way
-  ASSERT_TRUE(receives(*client_));
-  EXPECT_EQ(statistics().lost - lost_before, 41u);
 }
 
 TEST_F(ClientServerTest, ReconnectsToARestartedServer) {
@@ -121,81 +109,11 @@ TEST_F(ClientServerTest, ReconnectsToARestartedServer) {
   EXPECT_EQ(connections, (std::vector<bool>{true, false, true}));
 }
 
-TEST_F(ClientServerTest, FindsAServerThatStartsLater) {
-  start();
-  const std::uint16_t port = server_->port();
-  server_.reset();
-  client_ = std::make_unique<Client>(options_for(port));
-  EXPECT_FALSE(client_->latest(frame_));
-  ASSERT_TRUE(wait_until([&] {
-    return statistics().problem.find("fiducapd") != std::string::npos;
-  })) << statistics().problem;
-  start({}, port);
-  EXPECT_TRUE(receives(*client_));
-  EXPECT_EQ(statistics().reconnects, 0u);
-  EXPECT_EQ(statistics().problem, "");
-}
-
-TEST_F(ClientServerTest, SubscribesAgainAfterItsLeaseHasEnded) {
-  connect();
-  server_->clock().advance(std::chrono::minutes(5));  // lease and token have timed out
-  ++scene_->number;
-  server_->publish(std::make_shared<SceneFrame>(*scene_));
-  EXPECT_TRUE(server_->clients().empty());
-  EXPECT_TRUE(receives(*client_));
-}
-
-TEST_F(ClientServerTest, LargeScenesAreComplete) {
-  scene_ = make_scene_frame(numbered_names(100), 1);
-  connect();
-  ASSERT_EQ(frame_.bodies.size(), 100u);
-  for (std::size_t i = 0; i < 100; ++i) {
-    EXPECT_EQ(frame_.bodies[i].id, static_cast<int>(i) + 1);
-    EXPECT_EQ(frame_.bodies[i].name, "body" + std::to_string(i));
-    EXPECT_EQ(frame_.bodies[i].position_m[0], 1.0 + static_cast<double>(i));
-  }
-}
-
-TEST_F(ClientServerTest, NewNamesArriveWhileFramesFlow) {
-  connect();
-  auto model = std::make_shared<SceneModel>(*scene_->model);
-  model->generation = 2;
-  model->bodies[0].name = "renamed";
-  scene_->model = model;
-  ASSERT_TRUE(
-      publish_until([&] { return client_->latest(frame_) && frame_.bodies[0].name == "renamed"; }));
-  EXPECT_TRUE(statistics().connected);
-}
-
-TEST_F(ClientServerTest, TwoClientsReceiveTheSame) {
-  connect();
-  const Client two(options());
-  Frame other;
-  ASSERT_TRUE(publish_until([&] { return two.latest(other); }));
-  EXPECT_EQ(server_->clients().size(), 2u);
-  ASSERT_TRUE(wait_until([&] {
-    return client_->latest(frame_) && two.latest(other) && frame_.number == other.number;
-  }));
-  EXPECT_EQ(frame_.bodies[1].position_m, other.bodies[1].position_m);
-}
-
-TEST_F(ClientServerTest, RefusedClientKnowsTheReason) {
-  native::NativeConfig config;
-  config.max_clients = 1;
-  start(config);
-  connect();
-  const Client second(options());
-  ASSERT_TRUE(wait_until([&] {
-    return second.statistics().problem.find("max_clients") != std::string::npos;
-  })) << second.statistics().problem;
-  client_.reset();
-  EXPECT_TRUE(receives(second)) << "there is room now";
-}
-
 TEST_F(ClientServerTest, ClientThatNeverReadsDisturbsNoOtherAndIsRemoved) {
   scene_ = make_scene_frame(numbered_names(100), 1);
   start();
-  const ClientThatNeverReads dead(server_->port());
+  boost::asio::io_context io;
+  const auto dead = client_that_never_reads(io, server_->port());
   ASSERT_TRUE(wait_until([&] { return server_->clients().size() == 1; }));
   connect();
   ASSERT_TRUE(publish_until([&] { return statistics().frames >= 200; }));

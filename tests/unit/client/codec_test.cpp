@@ -14,7 +14,6 @@ namespace fiducap::sdk {
 namespace {
 
 using testing::ElementsAre;
-using testing::FieldsAre;
 
 // Written by hand from the protobuf wire format; the server's tests expect the same bytes from its
 // encoder.
@@ -76,7 +75,7 @@ class ClientCodec : public testing::Test {
 TEST_F(ClientCodec, ReadsSmallMessages) {
   ASSERT_EQ(decode(from_hex(kChallengeHex)), MessageKind::kChallenge);
   EXPECT_THAT(decoder_.challenge(),
-              FieldsAre(0x0102030405060708u, 0x1112131415161718u, 0x2122232425262728u));
+              testing::FieldsAre(0x0102030405060708u, 0x1112131415161718u, 0x2122232425262728u));
   ASSERT_EQ(decode(from_hex(kLeaseHex)), MessageKind::kLease);
   EXPECT_EQ(decoder_.lease().session, 0x2122232425262728u);
   EXPECT_EQ(decoder_.lease().token, 0x0102030405060708u);

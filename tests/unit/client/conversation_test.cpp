@@ -66,13 +66,6 @@ TEST_F(ConversationTest, RequestsAtOnceAndThenOncePerPause) {
   EXPECT_EQ(conversation_.unanswered(), 2);
 }
 
-TEST_F(ConversationTest, ReturnsTheTokenAtOnce) {
-  subscribe();
-  EXPECT_TRUE(conversation_.leased());
-  EXPECT_EQ(conversation_.session(), kSession);
-  EXPECT_EQ(conversation_.problem(), "");
-}
-
 TEST_F(ConversationTest, IgnoresRepliesWithAnotherNonce) {
   ASSERT_TRUE(requests());
   conversation_.on(Challenge{99, kNonce + 1, kSession}, now_);

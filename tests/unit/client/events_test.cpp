@@ -12,9 +12,6 @@
 namespace fiducap {
 namespace {
 
-using testing::FieldsAre;
-using testing::HasSubstr;
-
 constexpr std::chrono::milliseconds kAtOnce{0};
 
 class EventWatchTest : public testing::Test {
@@ -58,8 +55,9 @@ TEST_F(EventWatchTest, ReportsEventsWithCauseAndRemedyWithoutAToken) {
   EXPECT_FALSE(watch.next(event_, kAtOnce));
   begin_lost();
   expect(watch, "lost");
-  EXPECT_THAT(event_, FieldsAre(1u, 1'700'000'000'123, EventSeverity::kError, "drone", "lost",
-                                "lost, sees no tags", "Look at the camera.", false));
+  EXPECT_THAT(event_,
+              testing::FieldsAre(1u, 1'700'000'000'123, EventSeverity::kError, "drone", "lost",
+                                 "lost, sees no tags", "Look at the camera.", false));
   ASSERT_EQ(watch.standing().size(), 1u);
   EXPECT_EQ(watch.standing()[0].kind, "lost");
   board_->end("drone", "lost", "back");
@@ -128,7 +126,7 @@ TEST_F(EventWatchTest, ReportsThatThereIsNoServer) {
   server_.reset();
   EventWatch watch(nowhere);
   EXPECT_FALSE(watch.next(event_, kAtOnce));
-  EXPECT_THAT(watch.problem(), HasSubstr(std::to_string(nowhere.port)));
+  EXPECT_THAT(watch.problem(), testing::HasSubstr(std::to_string(nowhere.port)));
 }
 
 }  // namespace

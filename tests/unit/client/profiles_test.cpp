@@ -12,7 +12,6 @@ namespace {
 
 using testing::ElementsAre;
 using testing::Field;
-using testing::HasSubstr;
 
 class ProfilesTest : public ClientServerTest {
  protected:
@@ -28,10 +27,16 @@ class ProfilesTest : public ClientServerTest {
   std::vector<std::unique_ptr<Client>> clients_;
 };
 
-TEST_F(ProfilesTest, TransformsTheAxes) {
-  connect([](ClientOptions& options) { options.up = WorldUp::kY; });
+TEST_F(ProfilesTest, TransformsTheAxesAndOmitsTheCovariance) {
+  connect([](ClientOptions& options) {
+    options.up = WorldUp::kY;
+    options.covariance = false;
+  });
   EXPECT_THAT(frame_.bodies[0].position_m, ElementsAre(1, 3, -2));
-  EXPECT_THAT(server_->clients()[0].detail, HasSubstr("y-up m"));
+  EXPECT_THAT(server_->clients()[0].detail, testing::HasSubstr("y-up m"));
+  EXPECT_TRUE(std::isnan(frame_.bodies[0].pose_covariance[0]));
+  EXPECT_NEAR(frame_.bodies[0].position_sigma_m, 0.01, 1e-6);
+  EXPECT_NEAR(frame_.bodies[0].velocity_sigma_m_s, 0.01, 1e-6);
 }
 
 TEST_F(ProfilesTest, SendsRequestedBodiesAlsoNewOnes) {
@@ -55,13 +60,6 @@ TEST_F(ProfilesTest, FramesLeftOutAreNotLost) {
   const auto sent = server_->clients()[0].frames_sent;
   EXPECT_GE(sent, 20u);
   EXPECT_LE(sent, scene_->number / 4 + 1);
-}
-
-TEST_F(ProfilesTest, OmitsTheCovariance) {
-  connect([](ClientOptions& options) { options.covariance = false; });
-  EXPECT_TRUE(std::isnan(frame_.bodies[0].pose_covariance[0]));
-  EXPECT_NEAR(frame_.bodies[0].position_sigma_m, 0.01, 1e-6);
-  EXPECT_NEAR(frame_.bodies[0].velocity_sigma_m_s, 0.01, 1e-6);
 }
 
 TEST_F(ProfilesTest, ServesManyProfilesAtOnce) {

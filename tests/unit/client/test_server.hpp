@@ -30,8 +30,8 @@ class TestServer {
                       native::NativeConfig config = {}, OperatorApi* operator_api = nullptr,
                       const Clock* clock = nullptr, const EventBoard* events = nullptr) {
     config.port = port;
-    server_ = value_of(native::start_native_server(
-        io_, config, scene.model, clock != nullptr ? *clock : clock_, operator_api, events));
+    server_ = value_of(native::serve(
+        {io_, scene.model, clock != nullptr ? *clock : clock_, operator_api, events}, config));
     port_ = server_->port();
     thread_ = std::thread([this] { io_.run(); });
   }

@@ -75,9 +75,7 @@ class BodyWorkerTest : public testing::Test {
     if (fails_always_) filter_->throws_at = log_.updated.size() + 1;
     return filter;
   }
-  void build(std::vector<SensorSample> samples) {
-    build(std::make_unique<ScriptedSource>(std::move(samples)));
-  }
+  void build(std::vector<SensorSample> samples) { build(giving(std::move(samples))); }
 
   /// Three images, a tenth of a second apart, with an IMU reading before each and one at the end.
   /// Each advances the clock by 50 ms.
@@ -88,7 +86,7 @@ class BodyWorkerTest : public testing::Test {
       samples.push_back(frame_at(ms(1042 + 100 * i)));
     }
     samples.push_back(imu_at(ms(1300)));
-    build(std::make_unique<EndlessSource>([this, samples](int turn) -> std::optional<SensorSample> {
+    build(made([this, samples](int turn) -> MadeSource::Sample {
       clock_.advance(std::chrono::milliseconds(50));
       const auto at = static_cast<std::size_t>(turn);
       return at == samples.size() ? std::nullopt : std::optional(samples[at]);

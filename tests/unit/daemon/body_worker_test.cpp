@@ -55,16 +55,6 @@ TEST_F(BodyWorkerTest, KeepsTagsWhileTheyAreFew) {
   EXPECT_TRUE(filter_->released.empty());
 }
 
-TEST_F(BodyWorkerTest, LosesTheBodyWhenTheSourceHasEnded) {
-  build(one_image());
-  worker_->read(0, {});
-  EXPECT_FALSE(worker_->pulse().ended);
-  worker_->work({});
-  EXPECT_TRUE(worker_->pulse().ended);
-  EXPECT_EQ(pose_at(ms(1006)).state, BodyState::kLost);
-  EXPECT_FALSE(pose_at(ms(1006)).valid);
-}
-
 /// With an IMU at 200 Hz.
 std::vector<SensorSample> images_at_20_hz(int images, const std::vector<int>& ids) {
   std::vector<SensorSample> samples;
@@ -73,10 +63,6 @@ std::vector<SensorSample> images_at_20_hz(int images, const std::vector<int>& id
     samples.push_back(frame_at(ms(1000 + 50 * k + 42), ids));
   }
   return samples;
-}
-
-std::unique_ptr<SensorSource> giving(std::vector<SensorSample> samples) {
-  return std::make_unique<ScriptedSource>(std::move(samples));
 }
 
 TEST_F(BodyWorkerTest, JoinsItsSources) {
@@ -98,10 +84,7 @@ TEST_F(BodyWorkerTest, EndsWhenNoSourceGivesImages) {
   std::vector<BodySource> sources;
   sources.push_back({giving({frame_at(ms(1002))}), "camera 0"});
   sources.push_back({giving({frame_at(ms(1004))}), "camera 1"});
-  sources.push_back({std::make_unique<EndlessSource>([](int turn) -> std::optional<SensorSample> {
-                       return imu_at(ms(1000 + 5 * turn));
-                     }),
-                     "IMU", false});
+  sources.push_back({made([](int turn) { return imu_at(ms(1000 + 5 * turn)); }), "IMU", false});
   build(std::move(sources));
   worker_->read(0, {});
   EXPECT_FALSE(worker_->pulse().ended);
@@ -112,34 +95,10 @@ TEST_F(BodyWorkerTest, EndsWhenNoSourceGivesImages) {
 }
 
 TEST_F(BodyWorkerTest, UsesAllSamplesBeforeADeviceFails) {
-  build(std::make_unique<ScriptedSource>(
-      one_image(), Error{ErrorCode::kUnavailable, "unplugged", "/dev/video0"}));
+  build(giving(one_image(), 0, Error{ErrorCode::kUnavailable, "unplugged", "/dev/video0"}));
   run();
   EXPECT_EQ(log_.updated.size(), 1u);
   EXPECT_EQ(pose_at(ms(1006)).state, BodyState::kLost);
-}
-
-TEST_F(BodyWorkerTest, ResetsMotionWhenTagsAreBackAfterALoss) {
-  const int lost = 1000 + 6000;  // BodyLimits::lose_after_s is 5
-  run({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002)), imu_at(ms(lost)),
-       imu_at(ms(lost + 5)), frame_at(ms(lost + 2))});
-  EXPECT_EQ(log_.losses, 1);
-  EXPECT_EQ(log_.updated.size(), 2u);
-}
-
-TEST_F(BodyWorkerTest, DropsBrokenImuReadings) {
-  ImuSample broken = imu_at(ms(1003));
-  broken.f_B.x() = std::nan("");
-  run({imu_at(ms(1000)), broken, imu_at(ms(1005)), frame_at(ms(1002))});
-  EXPECT_THAT(log_.propagated, ElementsAre(ms(1000), ms(1005)));
-  EXPECT_EQ(worker_->statistics().pipeline.merger.bad_dropped, 1u);
-}
-
-TEST_F(BodyWorkerTest, IgnoresTheImuOfABodyWithoutOne) {
-  sensors_.imu.reset();
-  run({imu_at(ms(1000)), frame_at(ms(1002)), imu_at(ms(1005))});
-  EXPECT_TRUE(log_.propagated.empty());
-  EXPECT_EQ(log_.updated.size(), 1u);
 }
 
 TEST_F(BodyWorkerTest, IgnoresImagesOfAnUnknownCamera) {
@@ -161,19 +120,6 @@ TEST_F(BodyWorkerTest, KeepsStatistics) {
   EXPECT_THAT(done.text(),
               testing::HasSubstr("2 frames (0 with pose), 2 tags used, 3 IMU samples"));
   EXPECT_EQ(worker_->learned().size(), 1u);
-}
-
-TEST_F(BodyWorkerTest, DropsTheOldestImagesUnderOverload) {
-  constexpr int kImages = 20;
-  build(images_at_20_hz(kImages, {4}));
-  run();  // all is read before the worker begins
-  EXPECT_EQ(log_.propagated.size(), 10u * kImages);
-  ASSERT_FALSE(log_.updated.empty());
-  EXPECT_EQ(log_.updated.back().exposed_at, ms(1000 + 50 * (kImages - 1) + 42))
-      << "the newest is kept";
-  EXPECT_EQ(log_.updated.size() + worker_->statistics().images_dropped,
-            static_cast<std::size_t>(kImages));
-  EXPECT_LE(log_.updated.size(), 4u);
 }
 
 TEST_F(BodyWorkerTest, SkipsAnOldImageWhenThereIsANewerOne) {
@@ -200,11 +146,10 @@ TEST_F(BodyWorkerTest, KeepsTheBodyWhenTheServerStops) {
 TEST_F(BodyWorkerTest, AllocatesNothingPerSampleAfterWarmUp) {
   constexpr int kImages = 300;
   constexpr int kWarm = 150;
-  constexpr int kCounted =
-      kImages - 2 * PacedSource::kAhead;  // the end of the source is a line in the log
+  constexpr int kCounted = kImages - 2 * kAhead;  // the end of the source is a line in the log
   start_.tags = {{known_tag(4), TagState::kCalibrated, 0, 0, 0, 0}};
   std::atomic<int> images_done{0};
-  build(std::make_unique<PacedSource>(images_at_20_hz(kImages, {4, 5, 6}), images_done));
+  build(paced(images_at_20_hz(kImages, {4, 5, 6}), images_done));
   filter_->quiet = true;
   filter_->beliefs = {{known_tag(5), 100, ms(0), ms(1002)}};
   std::uint64_t at_warm = 0;

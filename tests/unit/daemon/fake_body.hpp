@@ -1,8 +1,8 @@
 #pragma once
 
 #include <atomic>
-#include <deque>
 #include <functional>
+#include <memory>
 #include <stdexcept>
 #include <thread>
 #include <utility>
@@ -13,75 +13,52 @@
 
 namespace fiducap {
 
-/// Throws a given number of times, gives its samples, then ends: with nullopt or an
-/// error.
-class ScriptedSource final : public SensorSource {
+/// Gives what is made for each turn.
+class MadeSource final : public SensorSource {
  public:
-  explicit ScriptedSource(std::vector<SensorSample> samples)
-      : samples_(samples.begin(), samples.end()) {}
-  ScriptedSource(std::vector<SensorSample> samples, Error error)
-      : ScriptedSource(std::move(samples)) {
-    error_ = std::move(error);
+  using Sample = Expected<std::optional<SensorSample>>;
+  explicit MadeSource(std::function<Sample(int turn)> make) : make_(std::move(make)) {}
+  Sample next(std::stop_token stop) override {
+    return stop.stop_requested() ? Sample() : make_(turn_++);
   }
 
-  Expected<std::optional<SensorSample>> next(std::stop_token stop) override {
-    if (stop.stop_requested()) return std::nullopt;
-    if (throws > 0) {
-      --throws;
-      throw std::runtime_error("the driver threw");
-    }
-    if (!samples_.empty()) {
-      std::optional<SensorSample> sample(std::move(samples_.front()));
-      samples_.pop_front();
-      return sample;
-    }
-    if (error_) return tl::unexpected(*error_);
-    return std::nullopt;
-  }
-
-  int throws{0};
-
  private:
-  std::deque<SensorSample> samples_;
-  std::optional<Error> error_;
-};
-
-/// Gives a made sample for each turn, until there is none.
-class EndlessSource final : public SensorSource {
- public:
-  using Make = std::function<std::optional<SensorSample>(int turn)>;
-  explicit EndlessSource(Make make) : make_(std::move(make)) {}
-  Expected<std::optional<SensorSample>> next(std::stop_token) override { return make_(turn_++); }
-
- private:
-  Make make_;
+  std::function<Sample(int turn)> make_;
   int turn_{0};
 };
 
-/// Gives prepared samples, but never runs more than a few images ahead of the filter, so that none
-/// is dropped.
-class PacedSource final : public SensorSource {
- public:
-  static constexpr int kAhead = 3;
+inline std::unique_ptr<SensorSource> made(std::function<MadeSource::Sample(int turn)> make) {
+  return std::make_unique<MadeSource>(std::move(make));
+}
 
-  PacedSource(std::vector<SensorSample> samples, const std::atomic<int>& images_done)
-      : samples_(std::move(samples)), images_done_(images_done) {}
+/// Throws a number of times, gives the samples, then ends or fails.
+inline std::unique_ptr<SensorSource> giving(std::vector<SensorSample> samples, int throws = 0,
+                                            std::optional<Error> error = {}) {
+  return made([samples = std::move(samples), throws, error](int turn) -> MadeSource::Sample {
+    if (turn < throws) throw std::runtime_error("the driver threw");
+    const auto at = static_cast<std::size_t>(turn - throws);
+    if (at < samples.size()) return samples[at];
+    if (error) return tl::unexpected(*error);
+    return std::nullopt;
+  });
+}
 
-  Expected<std::optional<SensorSample>> next(std::stop_token) override {
-    if (next_ == samples_.size()) return std::nullopt;
-    if (std::holds_alternative<CornerFrame>(samples_[next_])) {
-      while (images_given_ - images_done_ >= kAhead) std::this_thread::yield();
-      ++images_given_;
+constexpr int kAhead = 3;
+/// Gives the samples, but never runs more than `kAhead` images ahead of the filter, so that none is
+/// dropped.
+inline std::unique_ptr<SensorSource> paced(std::vector<SensorSample> samples,
+                                           const std::atomic<int>& images_done) {
+  return made([samples = std::move(samples), &images_done,
+               given = 0](int turn) mutable -> MadeSource::Sample {
+    const auto at = static_cast<std::size_t>(turn);
+    if (at == samples.size()) return std::nullopt;
+    if (std::holds_alternative<CornerFrame>(samples[at])) {
+      while (given - images_done >= kAhead) std::this_thread::yield();
+      ++given;
     }
-    return std::optional<SensorSample>(std::move(samples_[next_++]));
-  }
-
- private:
-  std::vector<SensorSample> samples_;
-  const std::atomic<int>& images_done_;
-  std::size_t next_{0};
-  int images_given_{0};
-};
+    return std::move(samples[at]);
+  });
+}
 
 /// Records its input; its estimate is a body at rest in the workspace.
 class RecordingFilter final : public IdleFilter<> {
@@ -90,7 +67,6 @@ class RecordingFilter final : public IdleFilter<> {
     std::vector<Instant> propagated;
     std::vector<TagObservations> updated;
     std::vector<std::vector<KnownTag>> known;
-    int losses{0};
   };
   explicit RecordingFilter(Log& log) : log_(log) {}
 
@@ -110,7 +86,6 @@ class RecordingFilter final : public IdleFilter<> {
     report.running = true;
     return report;
   }
-  void lose_motion() override { ++log_.losses; }
   [[nodiscard]] BodyEstimate estimate() const override {
     BodyEstimate estimate = estimate_;
     estimate.anchored = true;

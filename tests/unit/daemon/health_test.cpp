@@ -66,11 +66,6 @@ class BodyHealthTest : public testing::Test {
   BodyHealth health_{"drone", 1, pulse_, events_};
 };
 
-TEST_F(BodyHealthTest, ReportsNothingOfAHealthyRobot) {
-  pass(60s);
-  EXPECT_THAT(kinds(), IsEmpty());
-}
-
 TEST_F(BodyHealthTest, ReportsASilentCameraUntilItIsBack) {
   pass(5s);
   pass(4s, [] {});
@@ -83,12 +78,12 @@ TEST_F(BodyHealthTest, ReportsASilentCameraUntilItIsBack) {
 TEST_F(BodyHealthTest, NamesTheSilentCameraOfSeveral) {
   BodyHealth health("drone", 2, pulse_, events_);
   const auto pass_with = [&](Duration d, bool second) {
-    for (const Instant end = now_ + d; now_ < end; now_ += 500ms) {
+    pass(d, [&] {
       healthy();
       pulse_.camera_came_ns[0] = to_ns(now_);
       if (second) pulse_.camera_came_ns[1] = to_ns(now_);
       health.look(&pose_, now_);
-    }
+    });
   };
   pass_with(5s, true);
   EXPECT_THAT(kinds(), IsEmpty());
@@ -139,6 +134,11 @@ TEST_F(BodyHealthTest, ReportsSkippedImagesAsOverload) {
   });
   EXPECT_THAT(kinds(), ElementsAre("overload"));
   EXPECT_THAT(events_.standing().front().text, HasSubstr("60 % of its images"));
+  pass(10s, [this] {
+    healthy();
+    pulse_.skipped += 9;  // older images among them
+  });
+  EXPECT_THAT(events_.standing().front().text, HasSubstr(" 100 % of its images"));
 }
 
 TEST_F(BodyHealthTest, IgnoresSingleLateImages) {
@@ -178,15 +178,6 @@ TEST_F(BodyHealthTest, EndsConditionsWhenNoImagesCome) {
   pulse_.ended = true;
   pass(1s, [] {});
   EXPECT_EQ(text(), "drone: its source has ended");
-}
-
-TEST_F(BodyHealthTest, ReportsAtMostAllImagesAsSkipped) {
-  pass(5s);
-  pass(3s, [this] {
-    healthy();
-    pulse_.skipped += 9;  // older images among them
-  });
-  EXPECT_THAT(events_.standing().at(0).text, HasSubstr(" 100 % of its images"));
 }
 
 TEST_F(BodyHealthTest, EndsConditionsOfABodyThatIsNotStreamed) {

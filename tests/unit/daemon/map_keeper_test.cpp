@@ -4,9 +4,7 @@
 
 #include <sys/resource.h>
 
-#include <cmath>
 #include <csignal>
-#include <filesystem>
 #include <future>
 #include <mutex>
 #include <thread>
@@ -17,7 +15,7 @@
 #include "support/fault_disk.hpp"
 #include "support/results.hpp"
 #include "support/temporary_folder.hpp"
-#include "unit/daemon/certain_belief.hpp"
+#include "unit/mapping/belief_fixture.hpp"
 
 namespace fiducap {
 namespace {
@@ -40,8 +38,8 @@ class MapKeeperTest : public testing::Test {
     keeper_->run(stop.get_token());
   }
   void see(int id, double x = 1.0) {
-    const TagBelief one = belief(id, x);
-    map_->absorb({.body_id = 1, .beliefs = std::span(&one, 1)}, 1'700'000'000'000'000'000);
+    const TagBelief one = belief(id, 1e-4, x, 1000);
+    map_->absorb({.body_id = 1, .beliefs = std::span(&one, 1)}, kNow_utc_ns);
   }
   void commit_with(int id, double x = 1.0) {
     see(id, x);
@@ -55,10 +53,6 @@ class MapKeeperTest : public testing::Test {
   [[nodiscard]] std::vector<MapVersionInfo> stored() const {
     auto store = MapStore::open(file_);
     return store ? store->log().value() : std::vector<MapVersionInfo>{};
-  }
-
-  [[nodiscard]] std::vector<StoredExtrinsics> stored_extrinsics() const {
-    return value_of(value_of(MapStore::open(file_)).extrinsics());
   }
 
   TemporaryFolder folder_;
@@ -79,12 +73,9 @@ TEST_F(MapKeeperTest, StoresAChangedMapOnce) {
   EXPECT_EQ(stored().size(), 2u);
 }
 
-TEST_F(MapKeeperTest, StoresNoEmptyMap) {
+TEST_F(MapKeeperTest, StoresNoEmptyMapAndNothingWhileItIsFrozen) {
   keeper_->commit();
   EXPECT_TRUE(stored().empty());
-}
-
-TEST_F(MapKeeperTest, StoresNothingWhileTheMapIsFrozen) {
   build(MapMode::kFrozen);
   commit_with(4);
   EXPECT_TRUE(stored().empty());
@@ -96,12 +87,6 @@ TEST_F(MapKeeperTest, StoresTagsFromBeforeTheMapWasFrozen) {
   keeper_->commit();
   ASSERT_EQ(stored().size(), 1u);
   EXPECT_EQ(stored().front().tags, 1);
-}
-
-TEST_F(MapKeeperTest, StoresTheMapAtTheEnd) {
-  see(4);
-  run_stopped();
-  EXPECT_EQ(stored().size(), 1u);
 }
 
 TEST_F(MapKeeperTest, ReportsARequestedCommit) {
@@ -185,51 +170,24 @@ TEST_F(MapKeeperTest, LimitsWaitingRequests) {
   EXPECT_EQ(keeper_->request(CommitVersion{}).error().code, ErrorCode::kUnavailable);
 }
 
-TEST_F(MapKeeperTest, StoresLearnedClocksWithoutAChangeOfTheMap) {
-  ExtrinsicsEstimate camera;
+TEST_F(MapKeeperTest, StoresWhatWasLearnedAtTheEndWithoutAChangeOfTheMap) {
+  ExtrinsicsEstimate camera{Pose{Eigen::Quaterniond::Identity(), {0.1, 0.2, 0.3}}, {}};
   camera.clock = {.shift_s = 0.02, .shift_sigma_s = 1e-4, .readout_s = 0.0, .readout_sigma_s = 0.0};
-  ExtrinsicsEstimate unsure = camera;
-  unsure.clock.shift_sigma_s = 0.01;
-  learned_ = {{"robot", {camera, unsure}}};
+  ExtrinsicsEstimate other = camera;
+  other.clock.shift_sigma_s = 0.01;
+  other.lens.offset = {0.01, {0.5, -3.0}, 0.02};
+  other.lens.focal_sigma = 1e-3;
+  other.lens.centre_sigma_px = {0.4, 0.4};  // of u: noise
+  learned_ = {{"robot", {camera, other}, {std::chrono::milliseconds(30)}}};
   run_stopped();
-  const auto extrinsics = stored_extrinsics();
-  ASSERT_EQ(extrinsics.size(), 2U);
-  ASSERT_TRUE(extrinsics.front().clock);
-  EXPECT_EQ(extrinsics.front().clock->shift_s, 0.02);
-  EXPECT_FALSE(extrinsics.back().clock);
-}
-
-TEST_F(MapKeeperTest, StoresTheWholeShiftOfAClock) {
-  see(4);
-  ExtrinsicsEstimate camera;
-  camera.clock = {.shift_s = 0.02, .shift_sigma_s = 1e-4, .readout_s = 0.0, .readout_sigma_s = 0.0};
-  learned_ = {{"robot", {camera}, {std::chrono::milliseconds(30)}}};
-  keeper_->commit();
-  const auto extrinsics = stored_extrinsics();
-  ASSERT_TRUE(extrinsics.front().clock);
-  EXPECT_NEAR(extrinsics.front().clock->shift_s, 0.05, 1e-12);
-}
-
-TEST_F(MapKeeperTest, StoresLearnedExtrinsics) {
-  see(4);
-  learned_ = {
-      {"robot", {{Pose{Eigen::Quaterniond::Identity(), {0.1, 0.2, 0.3}}, Matrix6d::Identity()}}}};
-  keeper_->commit();
-  const auto extrinsics = stored_extrinsics();
-  ASSERT_EQ(extrinsics.size(), 1u);
-  EXPECT_EQ(extrinsics.front().body, "robot");
-  EXPECT_EQ(extrinsics.front().X_BV.p.z(), 0.3);
-}
-
-TEST_F(MapKeeperTest, StoresSignificantErrorsOfALens) {
-  see(4);
-  ExtrinsicsEstimate camera;
-  camera.lens.offset = {0.01, {0.5, -3.0}, 0.02};
-  camera.lens.focal_sigma = 1e-3;
-  camera.lens.centre_sigma_px = {0.4, 0.4};  // of u: noise
-  learned_ = {{"robot", {camera}}};
-  keeper_->commit();
-  const StoredLens lens = stored_extrinsics().front().lens;
+  const auto stored = value_of(value_of(MapStore::open(file_)).extrinsics());
+  ASSERT_EQ(stored.size(), 2U);
+  EXPECT_EQ(stored[0].body, "robot");
+  EXPECT_EQ(stored[0].X_BV.p.z(), 0.3);
+  ASSERT_TRUE(stored[0].clock);
+  EXPECT_NEAR(stored[0].clock->shift_s, 0.05, 1e-12) << "with the configured part";
+  EXPECT_FALSE(stored[1].clock);
+  const StoredLens& lens = stored[1].lens;
   EXPECT_EQ(lens.focal, 0.01);
   EXPECT_EQ(lens.centre_u_px, std::nullopt);
   EXPECT_EQ(lens.centre_v_px, -3.0);
@@ -253,7 +211,7 @@ class FullDisk final {
   rlimit before_{};
 };
 
-TEST_F(MapKeeperTest, SurvivesAFullDisk) {
+TEST_F(MapKeeperTest, SurvivesAFullDiskAndKeepsTheNameOfARequest) {
   commit_with(4);
   see(5);
   {
@@ -265,25 +223,16 @@ TEST_F(MapKeeperTest, SurvivesAFullDisk) {
     EXPECT_EQ(events_.standing().front().kind, "not_stored");
     EXPECT_FALSE(events_.standing().front().remedy.empty());
     EXPECT_EQ(events_.after(0).size(), 1u) << "one event";
+    keeper_->request_commit();
+    keeper_->commit();
   }
   ASSERT_EQ(stored().size(), 1u) << "the stored map is unchanged";
   EXPECT_EQ(stored().front().tags, 1);
   keeper_->commit();
   ASSERT_EQ(stored().size(), 2u);
   EXPECT_EQ(stored().front().tags, 2);
-  EXPECT_TRUE(events_.standing().empty());
-}
-
-TEST_F(MapKeeperTest, KeepsTheNameOfARequestOnAFullDisk) {
-  commit_with(4);
-  keeper_->request_commit();
-  {
-    const FullDisk full;
-    keeper_->commit();
-  }
-  keeper_->commit();
-  ASSERT_EQ(stored().size(), 2u);
   EXPECT_EQ(stored().front().comment, "stored by an operator");
+  EXPECT_TRUE(events_.standing().empty());
 }
 
 TEST_F(MapKeeperTest, SurvivesFailedAllocations) {
@@ -317,15 +266,6 @@ TEST_F(MapKeeperTest, StoresTheMapWhenCamerasAreNotStored) {
   ASSERT_TRUE(SqliteFile::open(file_)->execute("ALTER TABLE elsewhere RENAME TO extrinsics"));
   keeper_->commit();
   EXPECT_TRUE(events_.standing().empty()) << "tried again without a change of the map";
-}
-
-TEST_F(MapKeeperTest, StoresARequestWithItsName) {
-  commit_with(4);
-  keeper_->request_commit();
-  run_stopped();
-  ASSERT_EQ(stored().size(), 2u) << "without a change";
-  EXPECT_EQ(stored().front().comment, "stored by an operator");
-  EXPECT_EQ(stored().back().comment, kAutomaticComment);
 }
 
 /// A slow disk delays the keeper only.

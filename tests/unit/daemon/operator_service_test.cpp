@@ -9,7 +9,7 @@
 #include "support/fake_clock.hpp"
 #include "support/results.hpp"
 #include "support/temporary_folder.hpp"
-#include "unit/daemon/certain_belief.hpp"
+#include "unit/mapping/belief_fixture.hpp"
 
 namespace fiducap {
 namespace {
@@ -25,9 +25,9 @@ class OperatorServiceTest : public testing::Test {
     return all;
   }
   void map_tag(int id, double x = 1.0, double y = 0.0) {
-    TagBelief one = belief(id, x);
+    TagBelief one = belief(id, 1e-4, x, 1000);
     one.tag.X_WT.p.y() = y;
-    map_.absorb({.body_id = 1, .beliefs = std::span(&one, 1)}, 1'700'000'000'000'000'000);
+    map_.absorb({.body_id = 1, .beliefs = std::span(&one, 1)}, kNow_utc_ns);
   }
 
   TemporaryFolder folder_;
@@ -37,11 +37,8 @@ class OperatorServiceTest : public testing::Test {
   EventBoard events_{[] { return std::int64_t{0}; }};
   SessionRecorder recorder_{RecorderConfig{folder_.file("recordings"), false}, clock_, events_};
   std::string store_{folder_.file("hall.map")};
-  std::function<std::vector<LearnedBody>()> nothing_learned_ = [] {
-    return std::vector<LearnedBody>{};
-  };
-  MapKeeper keeper_{
-      value_of(MapStore::open(store_)), map_, 10.0, clock_, events_, nothing_learned_};
+  MapKeeper keeper_{value_of(MapStore::open(store_)),         map_, 10.0, clock_, events_,
+                    [] { return std::vector<LearnedBody>{}; }};
   OperatorService service_{{"correct horse", {}}, scene_, map_, recorder_, events_, &keeper_};
 };
 

@@ -57,18 +57,6 @@ TEST(ShippedConfigs, AreTenSetupsAndTheFourOfTheReadme) {
   EXPECT_THAT(names, testing::IsSupersetOf({"demo", "one_robot", "recording", "video"}));
 }
 
-TEST(DemoConfig, HasThreeRobotsWithImagesInAHallOf24Tags) {
-  const ServerConfig demo = load("demo");
-  ASSERT_EQ(demo.bodies.size(), 3u);
-  for (const auto& body : demo.bodies) {
-    EXPECT_EQ(body.source.type, SourceType::kSimulator);
-    EXPECT_TRUE(body.source.simulator.camera.images) << body.name;
-    EXPECT_TRUE(body.use_imu) << body.name;
-  }
-  EXPECT_EQ(simulation::tags_of(demo.simulation).size(), 24u);
-  EXPECT_EQ(demo.simulation.tag_size_m, demo.tags.size_m);
-}
-
 TEST(DemoConfig, HasTheTruePoseOfItsReferenceTag) {
   // The workspace is the room only with the simulated pose; the file has 17 digits.
   constexpr double kRounding = 1e-12;
@@ -80,14 +68,6 @@ TEST(DemoConfig, HasTheTruePoseOfItsReferenceTag) {
   ASSERT_NE(tag, tags.end());
   EXPECT_LT((tag->X_WT.p - demo.map.reference_pose->p).norm(), kRounding);
   EXPECT_LT(tag->X_WT.q.angularDistance(demo.map.reference_pose->q), 1e-7);
-}
-
-TEST(DemoConfig, StreamsOnTheUsualPorts) {
-  const ServerConfig demo = load("demo");
-  EXPECT_EQ(demo.streaming.rate_hz, 100);
-  EXPECT_EQ(demo.streaming.vrpn.port, 3883);
-  EXPECT_EQ(demo.streaming.native.port, 21600);
-  EXPECT_EQ(demo.streaming.web.port, 8080);
 }
 
 }  // namespace

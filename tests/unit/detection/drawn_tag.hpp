@@ -1,7 +1,5 @@
 #pragma once
 
-#include <cmath>
-
 #include "capture/gray_image.hpp"
 #include "detection/tag_family.hpp"
 

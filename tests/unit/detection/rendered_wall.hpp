@@ -13,13 +13,8 @@ class RenderedWall final {
  public:
   explicit RenderedWall(double pixel_noise = 2.0, CameraModel model = simulation::small_camera())
       : model_(model), camera_(model, settings(pixel_noise)) {
-    for (int i = 0; i < 6; ++i) {
-      RecordedTag tag;
-      tag.tag_id = i;
-      tag.edge_m = 0.2;
-      tag.X_WT.p = {0.36 * (i % 3 - 1), 0.36 * (i / 3 - 0.5), 0};
-      tags.push_back(tag);
-    }
+    for (int i = 0; i < 6; ++i)
+      tags.push_back(simulation::tag_at(i, 0.2, {0.36 * (i % 3 - 1), 0.36 * (i / 3 - 0.5), 0}));
   }
 
   /// Another `k` is another noise.

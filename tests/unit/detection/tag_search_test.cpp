@@ -125,38 +125,6 @@ TEST_F(TagSearchTest, SearchesTheWholeImageWhenRegionsCostMore) {
   EXPECT_EQ(search_.statistics().whole_images, 2u);
 }
 
-// The library's line fit rounds pixel by pixel, so another start gives another twentieth of a
-// pixel. Both are compared with the truth.
-TEST_F(TagSearchTest, IsAsAccurateAsTheWholeImageAtFullResolution) {
-  DetectorConfig full;
-  full.decimate = 1;
-  TagDetector detector({}, full);
-  constexpr double kNoWorse = 1.1;  // 400 corners of each size determine an RMS to a twentieth
-  for (const double distance : {0.84, 1.2, 1.8}) {
-    double theirs = 0;
-    double ours = 0;
-    for (int k = 0; k < 17; ++k) {
-      wall_.X_WV = simulation::facing_camera(distance);
-      wall_.X_WV.p.x() += 0.003 * k;
-      image_ = wall_.photograph(static_cast<std::uint64_t>(k));
-      const CornerFrame whole_image = detector.detect({0, ms(0), image_});
-      const auto expected = expecting(kAll, 2.0);
-      (void)search(ms(100 * k), expected);
-      const auto& found = search_.search({0, ms(100 * k + 50), image_}, expected);
-      ASSERT_EQ(found.tags.size(), 6u);
-      ASSERT_EQ(whole_image.tags.size(), 6u);
-      for (std::size_t t = 0; t < 6; ++t) {
-        const auto truth = wall_.corners(wall_.tags[t]);
-        for (std::size_t i = 0; i < 4; ++i) {
-          theirs += (whole_image.tags[t].corners_px[i] - truth[i]).squaredNorm();
-          ours += (found.tags[t].corners_px[i] - truth[i]).squaredNorm();
-        }
-      }
-    }
-    EXPECT_LT(std::sqrt(ours), kNoWorse * std::sqrt(theirs)) << distance;
-  }
-}
-
 TEST_F(TagSearchTest, FindsADoubledIdTwiceInTheWholeImage) {
   wall_.tags[3].tag_id = 0;
   image_ = wall_.photograph();

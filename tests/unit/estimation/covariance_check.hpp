@@ -5,7 +5,10 @@
 #include <Eigen/Core>
 #include <functional>
 
+#include "base/pose.hpp"
+#include "estimation/filter/heading_rule.hpp"
 #include "estimation/imu/imu_buffer.hpp"
+#include "estimation/known_tag.hpp"
 #include "support/jacobian_check.hpp"
 
 namespace fiducap {
@@ -54,6 +57,42 @@ Eigen::MatrixXd covariance_of(const State& state,
   return propagated(
       central_differences([&](const auto& d) { return error(with_error(state, d)); }, state.size()),
       state.P());
+}
+
+/// Anchoring to a tag: the covariance follows, the tag is where the gauge has it, up stays up, and
+/// a second time nothing changes.
+template <class State>
+void expect_anchoring(const State& example, const std::function<Pose(const State&)>& X_WB) {
+  for (const bool level : {true, false}) {
+    HeadingRule rule;
+    rule.axis = 1;
+    rule.yaw_rad = 0.3;
+    rule.X_WT = {exp_so3({0.2, 0.1, -0.4}), {3, -2, 1}};
+    expect_covariance_follows_mean<State>(
+        example, [&](State& state) { anchor_to_reference(state, 1, rule, level); });
+  }
+  State state = example;
+  const auto up = [&] { return (X_WB(state).q.conjugate() * Eigen::Vector3d::UnitZ()).z(); };
+  const double up_before = up();
+  WorkspaceGauge gauge;
+  gauge.X_WT = Pose{exp_so3({1.2, 0.1, -0.4}), {3, -2, 1}};
+  const HeadingRule rule = make_heading_rule(gauge, X_WB(state).q);
+  const Pose before = X_WB(state);
+  const Pose shift = anchor_to_reference(state, 2, rule, true);
+  const KnownTag tag = tag_in_workspace(state, 2);
+  EXPECT_LT((tag.X_WT.p - gauge.X_WT->p).norm(), 1e-9);
+  EXPECT_LT(log_so3(turn_to_heading(rule, tag.X_WT.q)).norm(), 1e-9);
+  EXPECT_NEAR(up(), up_before, 1e-9) << "up must stay up";
+  EXPECT_LT(tag.covariance.topLeftCorner(3, 3).cwiseAbs().maxCoeff(), 1e-9) << "by definition";
+  EXPECT_LT(((shift * before).p - X_WB(state).p).norm(), 1e-9);
+
+  State once = example;
+  const HeadingRule own = make_heading_rule({}, X_WB(once).q);
+  anchor_to_reference(once, 0, own, true);
+  State again = once;
+  anchor_to_reference(again, 0, own, true);
+  EXPECT_LT(once.error_to(again).norm(), 1e-9);
+  EXPECT_LT((once.P() - again.P()).cwiseAbs().maxCoeff(), 1e-9);
 }
 
 /// Rotation and force in all axes.

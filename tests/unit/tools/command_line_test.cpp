@@ -3,12 +3,11 @@
 #include <gmock/gmock.h>
 #include <sys/wait.h>
 
-#include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 
 #include <nlohmann/json.hpp>
 
-#include "base/whole_file.hpp"
 #include "support/command_run.hpp"
 #include "support/results.hpp"
 #include "support/temporary_folder.hpp"
@@ -41,22 +40,13 @@ TEST(TagsSheet, OverwritesNoConfiguration) {
   };
   EXPECT_EQ(sheet("robot.pdf").code, kExitFailed);
   EXPECT_THAT(sheet("robot.pdf").err, HasSubstr("it would be written over"));
-  EXPECT_EQ(read_whole_file(mine), "bodies: []\n");
+  EXPECT_EQ(content_of(mine), "bodies: []\n");
   EXPECT_THAT(sheet("sheet.yaml").err, HasSubstr("must end in .pdf"));
   for (int again = 0; again < 2; ++again) EXPECT_EQ(sheet("my.pdf").code, kExitOk);
 }
 
-TEST(TagsSheet, WritesPdfAndConfiguration) {
-  const TemporaryFolder folder;
-  const auto run = run_fiducap(
-      {"tags", "sheet", "--ids", "4,5", "--size-mm", "80", "--out", folder.file("my.pdf")});
-  EXPECT_EQ(run.code, kExitOk) << run.err;
-  EXPECT_THAT(value_of(read_whole_file(folder.file("my.pdf"))),
-              HasSubstr("id 5   tag36h11   80 mm"));
-  EXPECT_THAT(value_of(read_whole_file(folder.file("my.yaml"))), HasSubstr("    5: 0.08\n"));
-}
-
 TEST(CommandLine, HelpOfEveryVerbHasAnExample) {
+  const auto all = run_fiducap({"--help"});
   for (Words words :
        std::vector<Words>{{"watch"},      {"import"},           {"check"},
                           {"events"},     {"replay"},           {"evaluate"},
@@ -75,7 +65,9 @@ TEST(CommandLine, HelpOfEveryVerbHasAnExample) {
     EXPECT_THAT(run.out, AllOf(HasSubstr("Example:\n  " + verb.substr(0, verb.find(' ', 8))),
                                HasSubstr(verb)));
     EXPECT_THAT(run.err, IsEmpty());
+    EXPECT_THAT(all.out, HasSubstr(words.front()));
   }
+  EXPECT_THAT(all.out, HasSubstr("Exit codes: 0 done, 1 failed, 2 wrong usage"));
 }
 
 TEST(CommandLine, WrongUsageEndsWithTwo) {
@@ -106,7 +98,6 @@ TEST(CommandLine, SuggestsTheClosestWord) {
   const std::pair<Words, const char*> kCases[]{
       {{"replay", "x", "--ot", "y"},
        "fiducap replay --ot: there is no such option; did you mean --out?\n"},
-      {{"replay", "x", "--outt=y"}, "did you mean --out?"},
       {{"map", "import", "--stoer", "y"},
        "fiducap map import --stoer: there is no such option; did you mean --store?"},
       {{"tags", "sheet", "--magic"}, "`fiducap tags sheet --help` lists them"},
@@ -163,15 +154,9 @@ TEST(ServerAddress, HasHostAndPort) {
 }
 
 /// The program itself. @return its exit code
-int run_program(const std::string& arguments, std::string* output = nullptr) {
-  const std::string command =
-      std::string(FIDUCAP_BINARY_DIR) + "/bin/fiducap " + arguments + " 2>&1";
-  std::FILE* pipe = ::popen(command.c_str(), "r");
-  if (pipe == nullptr) return -1;
-  std::string text;
-  for (int c = std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) text += static_cast<char>(c);
-  if (output != nullptr) *output = text;
-  const int status = ::pclose(pipe);
+int run_program(const std::string& arguments) {
+  const std::string program = FIDUCAP_BINARY_DIR "/bin/fiducap ";
+  const int status = std::system((program + arguments + " >/dev/null 2>&1").c_str());
   return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
@@ -192,14 +177,6 @@ TEST(Program, FilesAreNotReadableByOtherUsers) {
   for (const std::string& written : {store, recording + "/mav0/imu0/data.csv", recording})
     EXPECT_EQ(fs::status(written).permissions() & fs::perms::others_all, fs::perms::none)
         << written;
-}
-
-TEST(Program, HelpListsTheVerbs) {
-  std::string help;
-  EXPECT_EQ(run_program("--help", &help), 0);
-  for (const char* part : {"watch", "replay", "evaluate", "map", "tags", "simulate",
-                           "Exit codes: 0 done, 1 failed, 2 wrong usage"})
-    EXPECT_THAT(help, HasSubstr(part));
 }
 
 /// Scripts read stdout: with --json it is one JSON value and nothing else, with any exit code.
@@ -232,14 +209,14 @@ TEST_F(JsonOutput, OfRecordingsRunsAndEvaluations) {
   const auto replayed = run({"replay", recording, "--out", out});
   EXPECT_THAT(err_, IsEmpty()) << "without a terminal there is no progress to show";
   EXPECT_EQ(replayed["body"], "table");
-  EXPECT_THAT(value_of(read_whole_file(out + "/plots.html")), HasSubstr("table over time"));
+  EXPECT_THAT(content_of(out + "/plots.html"), HasSubstr("table over time"));
   const std::string plot = folder_.file("e.html");
   const auto evaluated = run({"evaluate", out + "/table.tum", recording, "--plot", plot});
   EXPECT_THAT(err_, IsEmpty());
   EXPECT_GT(evaluated["pose"]["samples"], 20);
-  EXPECT_THAT(value_of(read_whole_file(plot)), HasSubstr("Position error against truth"));
+  EXPECT_THAT(content_of(plot), HasSubstr("Position error against truth"));
   run({"replay", recording, "--no-plots", "--out", out});
-  EXPECT_FALSE(read_whole_file(out + "/plots.html"));
+  EXPECT_FALSE(std::filesystem::exists(out + "/plots.html"));
 }
 
 TEST_F(JsonOutput, OfFailures) {
@@ -256,6 +233,8 @@ TEST_F(JsonOutput, OfATagSheet) {
       run({"tags", "sheet", "--ids", "4,5", "--size-mm", "80", "--out", folder_.file("t.pdf")});
   EXPECT_EQ(sheet["ids"], (std::vector<int>{4, 5}));
   EXPECT_EQ(sheet["yaml"], folder_.file("t.yaml"));
+  EXPECT_THAT(content_of(folder_.file("t.pdf")), HasSubstr("id 5   tag36h11   80 mm"));
+  EXPECT_THAT(content_of(folder_.file("t.yaml")), HasSubstr("    5: 0.08\n"));
 }
 
 TEST_F(JsonOutput, OfMapVerbs) {

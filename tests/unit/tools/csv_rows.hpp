@@ -15,7 +15,7 @@ using CsvRow = std::vector<std::string>;
 /// Changes the rows of a table of a recording; its header stays.
 inline void change_csv(const std::string& path,
                        const std::function<void(std::vector<CsvRow>&)>& change) {
-  const std::string text = value_of(read_whole_file(path));
+  const std::string text = content_of(path);
   std::vector<CsvRow> rows;
   std::istringstream lines(text);
   for (std::string line; std::getline(lines, line);) {
@@ -31,6 +31,13 @@ inline void change_csv(const std::string& path,
     changed += '\n';
   }
   value_of(write_whole_file(path, changed));
+}
+
+/// Changes every row.
+inline auto each_row(const std::function<void(CsvRow&)>& change) {
+  return [change](std::vector<CsvRow>& rows) {
+    for (CsvRow& row : rows) change(row);
+  };
 }
 
 }  // namespace fiducap

@@ -81,17 +81,12 @@ class MapBuildTest : public testing::Test {
   /// Its tags have other ids.
   [[nodiscard]] std::string copy_with_other_tags(int number) const {
     const std::string path = copy(number, "elsewhere");
-    rewrite(path + "/mav0/tags0/data.csv",
-            [](CsvRow& f) { f[1] = std::to_string(std::stoi(f[1]) + 100); });
+    change_csv(path + "/mav0/tags0/data.csv",
+               each_row([](CsvRow& f) { f[1] = std::to_string(std::stoi(f[1]) + 100); }));
     return path;
   }
-  static void rewrite(const std::string& path, const std::function<void(CsvRow&)>& change) {
-    change_csv(path, [&](std::vector<CsvRow>& rows) {
-      for (CsvRow& row : rows) change(row);
-    });
-  }
   static void replace(const std::string& path, const std::string& from, const std::string& to) {
-    value_of(write_whole_file(path, replaced(value_of(read_whole_file(path)), from, to)));
+    value_of(write_whole_file(path, replaced(content_of(path), from, to)));
   }
   /// The largest distance of a tag from its true place, in the axes of the first tag.
   [[nodiscard]] double worst_error_m() const {
@@ -131,8 +126,8 @@ TEST_F(MapBuildTest, RecordingsOfTwoDaysJoinInAnyOrder) {
   constexpr std::int64_t kDay_ns = 86'400'000'000'000;
   const std::string other = copy(2, "other_day");
   for (const char* table : {"imu0/data.csv", "tags0/data.csv", "tags0/frames.csv"})
-    rewrite(other + "/mav0/" + table,
-            [](CsvRow& f) { f[0] = std::to_string(std::stoll(f[0]) + kDay_ns); });
+    change_csv(other + "/mav0/" + table,
+               each_row([](CsvRow& f) { f[0] = std::to_string(std::stoll(f[0]) + kDay_ns); }));
   for (const auto& order : {std::vector{robot(1), other}, std::vector{other, robot(1)}}) {
     build(order);
     EXPECT_LT(worst_error_m(), kMap_m);
@@ -165,8 +160,8 @@ TEST_F(MapBuildTest, WithoutTheReferenceTagTheStartIsTheOrigin) {
 
 TEST_F(MapBuildTest, WithoutTagsNothingIsWritten) {
   const std::string blind = copy(1, "blind");
-  value_of(write_whole_file(blind + "/mav0/tags0/data.csv", "#t,id\n"));
-  rewrite(blind + "/mav0/tags0/frames.csv", [](CsvRow& f) { f[1] = "0"; });
+  folder_.write("blind/mav0/tags0/data.csv", "#t,id\n");
+  change_csv(blind + "/mav0/tags0/frames.csv", each_row([](CsvRow& f) { f[1] = "0"; }));
   build({blind}, {}, kExitFailed);
   EXPECT_FALSE(fs::exists(file()));
   EXPECT_THAT(err_, AllOf(HasSubstr("blind"), HasSubstr("tag")));
@@ -195,7 +190,7 @@ TEST_F(MapBuildTest, RefusesRecordingsThatDoNotMatch) {
 }
 
 TEST_F(MapBuildTest, GivenTagsAreFixed) {
-  std::istringstream lines(value_of(read_whole_file(robot(1) + "/truth/tags.csv")));
+  std::istringstream lines(content_of(robot(1) + "/truth/tags.csv"));
   std::string text;
   for (std::string line; std::getline(lines, line);)
     if (!line.starts_with("2,")) text += line + "\n";

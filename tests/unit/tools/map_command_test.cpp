@@ -4,12 +4,10 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/whole_file.hpp"
 #include "mapping/store/map_store.hpp"
 #include "mapping/store/sqlite_file.hpp"
 #include "support/command_run.hpp"
 #include "support/results.hpp"
-#include "support/temporary_folder.hpp"
 #include "tools/tags/tag_verbs.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
@@ -19,27 +17,14 @@ namespace {
 using testing::AllOf;
 using testing::HasSubstr;
 
-class MapCommandTest : public ::testing::Test {
+class MapCommandTest : public VerbTest<MapArguments> {
  protected:
-  using Verb = int (*)(const MapArguments&, const Terminal&);
-
   MapCommandTest() { arguments_.store = folder_.file("hall.map"); }
 
-  /// @return what the verb wrote to stdout
-  std::string run(Verb verb, int exit_code = kExitOk) {
-    const auto run = on_terminal([&](const Terminal& t) { return verb(arguments_, t); });
-    EXPECT_EQ(run.code, exit_code) << run.err;
-    err_ = run.err;
-    return run.out;
-  }
   std::string import(const std::string& rows) {
     arguments_.file = folder_.write("in.csv", "id,size,px,py,pz,qw,qx,qy,qz\n" + rows);
     return run(run_map_import);
   }
-
-  TemporaryFolder folder_;
-  MapArguments arguments_;
-  std::string err_;
 };
 
 TEST_F(MapCommandTest, LogListsVersionsNewestFirst) {
@@ -96,11 +81,9 @@ TEST_F(MapCommandTest, RefusesUnknownVersionsAndFormats) {
   run(run_map_show, kExitFailed);
   arguments_.version.reset();
   arguments_.file = folder_.file("out.xyz");
-  run(run_map_export, kExitFailed);
-  EXPECT_THAT(err_, HasSubstr(".yaml or .csv"));
+  EXPECT_THAT(refused(run_map_export), HasSubstr(".yaml or .csv"));
   arguments_.file = folder_.write("field.json", "{}");  // WPILib
-  run(run_map_import, kExitFailed);
-  EXPECT_THAT(err_, HasSubstr("--tag-size"));
+  EXPECT_THAT(refused(run_map_import), HasSubstr("--tag-size"));
 }
 
 TEST_F(MapCommandTest, ReportsAssumptions) {
@@ -114,7 +97,7 @@ TEST_F(MapCommandTest, ReportsAssumptions) {
   arguments_.field_m = {16.5, 8.25};
   run(run_map_export);
   EXPECT_THAT(err_, HasSubstr("sizes are not part of this format: all tags are 0.1 m"));
-  const auto field = nlohmann::json::parse(value_of(read_whole_file(arguments_.file)))["field"];
+  const auto field = nlohmann::json::parse(content_of(arguments_.file))["field"];
   EXPECT_EQ(field["width"], 8.25);
 }
 
@@ -142,10 +125,8 @@ TEST_F(MapCommandTest, ReadingCreatesNoStore) {
   EXPECT_FALSE(std::filesystem::exists(arguments_.store));
 }
 
-class MapEditCommandTest : public testing::Test {
+class MapEditCommandTest : public VerbTest<MapArguments> {
  protected:
-  using Verb = int (*)(const MapEditArguments&, const Terminal&);
-
   MapEditCommandTest() {
     arguments_.store = folder_.file("hall.map");
     auto store = value_of(MapStore::open(arguments_.store));
@@ -155,18 +136,6 @@ class MapEditCommandTest : public testing::Test {
       map.tags[0].tag.X_WT.p.x() = x;
       map = value_of(store.commit(map, kAutomaticComment));
     }
-  }
-  /// @return what the verb wrote
-  [[nodiscard]] std::string done(Verb verb) const {
-    const auto run = on_terminal([&](const Terminal& t) { return verb(arguments_, t); });
-    EXPECT_EQ(run.code, kExitOk) << run.err;
-    return run.out;
-  }
-  /// @return why the verb failed
-  [[nodiscard]] std::string refused(Verb verb) const {
-    const auto run = on_terminal([&](const Terminal& t) { return verb(arguments_, t); });
-    EXPECT_EQ(run.code, kExitFailed) << run.err;
-    return run.err;
   }
   [[nodiscard]] MapStore store() const {
     return value_of(MapStore::open_to_read(arguments_.store));
@@ -182,14 +151,11 @@ class MapEditCommandTest : public testing::Test {
     }
     return text.str();
   }
-
-  TemporaryFolder folder_;
-  MapEditArguments arguments_;
 };
 
 TEST_F(MapEditCommandTest, RollBackMakesNewVersionOfOldContent) {
   arguments_.version = 1;
-  EXPECT_THAT(done(run_map_rollback),
+  EXPECT_THAT(run(run_map_rollback),
               HasSubstr("version 3, 4 tags, parent 1, \"rolled back to version 1\""));
   EXPECT_EQ(newest().tags[0].tag.X_WT.p.x(), 0.0);
   EXPECT_EQ(newest().version, 3);
@@ -200,7 +166,7 @@ TEST_F(MapEditCommandTest, RollBackMakesNewVersionOfOldContent) {
 TEST_F(MapEditCommandTest, NamingAVersionChangesNothingElse) {
   arguments_.version = 1;
   arguments_.name = "before the move";
-  EXPECT_THAT(done(run_map_name), HasSubstr("version 1 is called \"before the move\""));
+  EXPECT_THAT(run(run_map_name), HasSubstr("version 1 is called \"before the move\""));
   const auto log = value_of(store().log());
   ASSERT_EQ(log.size(), 2U);
   EXPECT_EQ(log[1].comment, "before the move");
@@ -215,9 +181,9 @@ TEST_F(MapEditCommandTest, NamingAVersionChangesNothingElse) {
 
 TEST_F(MapEditCommandTest, AlignmentReportsTheResidualOfEachTag) {
   arguments_.measured = folder_.write("measured.csv", survey());
-  EXPECT_THAT(done(run_map_align), AllOf(HasSubstr("    7          0.0    0.0    0.0    0.0\n"),
-                                         HasSubstr("lies at (10.0000 0.0000 0.0000) m in the room"),
-                                         HasSubstr("\"aligned with measured.csv\"")));
+  EXPECT_THAT(run(run_map_align), AllOf(HasSubstr("    7          0.0    0.0    0.0    0.0\n"),
+                                        HasSubstr("lies at (10.0000 0.0000 0.0000) m in the room"),
+                                        HasSubstr("\"aligned with measured.csv\"")));
   EXPECT_NEAR(newest().X_RW.p.x(), 10, 1e-5);
   EXPECT_EQ(newest().parent, 2);
 }
@@ -238,7 +204,7 @@ TEST_F(MapEditCommandTest, DistanceIsComparedAndNotApplied) {
   const TagMap map = newest();
   const double distance_m = (map.find(5)->tag.X_WT.p - map.find(9)->tag.X_WT.p).norm();
   arguments_.distance = {5, 9, distance_m + 0.012};
-  EXPECT_THAT(done(run_map_align),
+  EXPECT_THAT(run(run_map_align),
               AllOf(HasSubstr("tape less map +12.0 mm"), HasSubstr("with sigma 1."),
                     HasSubstr("nothing was changed")));
   EXPECT_EQ(newest().version, 2);
@@ -251,7 +217,7 @@ TEST_F(MapEditCommandTest, DistanceIsComparedAndNotApplied) {
 TEST_F(MapEditCommandTest, ForgetsAndQuarantinesTags) {
   arguments_.forget = {7};
   arguments_.quarantine = {5};
-  EXPECT_THAT(done(run_map_edit),
+  EXPECT_THAT(run(run_map_edit),
               HasSubstr("3 tags, parent 2, \"edited: tag 7 forgotten, tag 5 quarantined\""));
   EXPECT_EQ(newest().find(7), nullptr);
   EXPECT_EQ(newest().find(5)->state, TagState::kQuarantined);
@@ -264,7 +230,7 @@ TEST_F(MapEditCommandTest, ForgetsAndQuarantinesTags) {
 TEST_F(MapEditCommandTest, SurveyedTagHasTheSurveyedPlace) {
   arguments_.survey = {5, 1, 2, 3};
   arguments_.sigma_m = 0.002;
-  (void)done(run_map_edit);
+  run(run_map_edit);
   const TagMap map = newest();
   EXPECT_EQ(map.find(5)->state, TagState::kSurveyed);
   EXPECT_EQ(map.find(5)->tag.X_WT.p, Eigen::Vector3d(1, 2, 3));
@@ -274,7 +240,7 @@ TEST_F(MapEditCommandTest, SurveyedTagHasTheSurveyedPlace) {
   arguments_.survey = {6, 1, 2, 3, 1, 0, 0, 0};
   EXPECT_THAT(refused(run_map_edit), HasSubstr("tag 6 needs the tag's size"));
   arguments_.tag_size_m = 0.16;
-  (void)done(run_map_edit);
+  run(run_map_edit);
   EXPECT_EQ(newest().tags.size(), 5U);
   arguments_.survey = {6, 1, 2, 3, 1, 1, 0, 0};
   EXPECT_THAT(refused(run_map_edit), HasSubstr("quaternion of length 1"));

@@ -3,14 +3,10 @@
 #include <gmock/gmock.h>
 
 #include <chrono>
-#include <filesystem>
 #include <limits>
 
 #include <nlohmann/json.hpp>
 
-#include "base/whole_file.hpp"
-#include "support/results.hpp"
-#include "support/temporary_folder.hpp"
 #include "support/well_formed.hpp"
 #include "tools/replay/run_plots.hpp"
 
@@ -23,7 +19,6 @@ using testing::Contains;
 using testing::DoubleEq;
 using testing::ElementsAre;
 using testing::HasSubstr;
-using testing::IsEmpty;
 using testing::Not;
 using testing::Pair;
 
@@ -67,13 +62,6 @@ TEST(PlotPage, WithoutItsScriptIsWellFormed) {
   EXPECT_THAT(to_html(page(), kNoScript), HasSubstr("plots.js"));
 }
 
-TEST(XmlFault, FindsWhatIsNotWellFormed) {
-  for (const char* bad : {"<a>", "<a></b>", "<a b=c/>", "<a b=\"<\"/>", "<a>&</a>", "<a>&foo;</a>",
-                          "<a b=\"1\" b=\"2\"/>", "<a/><b/>", "</a>", "<a>\x01</a>", ""})
-    EXPECT_NE(test::xml_fault(bad), "") << bad;
-  EXPECT_EQ(test::xml_fault("<!DOCTYPE html>\n<a b=\"1\" c=\"&lt;\">x &amp; y<d/></a>\n"), "");
-}
-
 TEST(PlotPage, NeedsNoOtherFile) {
   const std::string html = to_html(page(), kScript);
   for (const char* part :
@@ -109,12 +97,6 @@ TEST(PlotPage, LogarithmicAxisHasWholeDecades) {
   EXPECT_EQ(json["x"][1], 100);
   EXPECT_TRUE(points_of(plot)[2].is_null()) << "zero has no logarithm";
   EXPECT_TRUE(points_of(plot)[5].is_null());
-}
-
-TEST(PlotPage, LineBreaksAtAMissingNumber) {
-  const auto points = points_of(of({{0, 0}, {2, 1}, {3, kNone}, {4, 5}}));
-  ASSERT_EQ(points.size(), 8u);
-  EXPECT_TRUE(points[5].is_null());
 }
 
 TEST(PlotPage, LongLineKeepsItsExtremes) {
@@ -191,7 +173,8 @@ TEST(PosePlots, GapsAreThreeOrMoreImagesWithoutAPose) {
     for (const int k : images) poses.push_back({at_image(k), {{1, 0, 0, 0}, {0.01 * k, 1, 0}}});
     return missing_poses(poses, at_image(0), at_image(20), at_image(0)).from_to;
   };
-  EXPECT_THAT(gaps({0, 1, 2, 3, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 20}), IsEmpty());
+  EXPECT_THAT(gaps({0, 1, 2, 3, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 20}),
+              testing::IsEmpty());
   EXPECT_THAT(gaps({0, 1, 2, 3, 4, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20}),
               ElementsAre(Pair(DoubleEq(0.2), DoubleEq(0.5))));
   EXPECT_THAT(gaps({10, 11, 12}), ElementsAre(Pair(0, 0.5), Pair(DoubleEq(0.6), 1)));
@@ -231,31 +214,6 @@ TEST_F(RunPlots, OmitNumbersThatAreNotFinite) {
   result_.trajectory[3].X_WB.p.x() = std::numeric_limits<double>::quiet_NaN();
   result_.covariances[5].covariance(0, 0) = -1;
   EXPECT_THAT(page(), AllOf(HasSubstr("null"), Not(HasSubstr("nan"))));
-}
-
-TEST_F(RunPlots, AreAFileOfTheRun) {
-  const TemporaryFolder folder;
-  const std::vector<RunBody> bodies{{"rover", "", &setup_, &result_}};
-  value_of(write_run_files(folder.file("out"), bodies, session_, "<html/>"));
-  EXPECT_EQ(read_whole_file(folder.file("out/plots.html")).value(), "<html/>");
-  EXPECT_THAT(read_whole_file(folder.file("out/report.json")).value(), HasSubstr("plots.html"));
-  value_of(write_run_files(folder.file("out"), bodies, session_));
-  EXPECT_FALSE(std::filesystem::exists(folder.file("out/plots.html"))) << "of an earlier run";
-  folder.write("other/plots.html", "<html/>");
-  EXPECT_FALSE(check_run_folder(folder.file("other"))) << "it may be of another run";
-}
-
-TEST_F(RunPlots, OfAnHourAt20HzAreSmall) {
-  result_ = {};
-  for (int k = 0; k < 72'000; ++k) {
-    result_.images.push_back({at_image(k), k % 7});
-    const double turn = 0.01 * k;
-    result_.trajectory.push_back(
-        {at_image(k), {{1, 0, 0, 0}, {3 * std::cos(turn), 3 * std::sin(1.1 * turn), 1}}});
-    result_.covariances.push_back({at_image(k), Matrix6d::Identity() * (1e-6 + 1e-7 * (k % 13))});
-  }
-  constexpr std::size_t kSmall = 5'000'000;  // bytes, two bodies
-  EXPECT_LT(page().size(), kSmall);
 }
 
 class EvaluationPlots : public ::testing::Test {

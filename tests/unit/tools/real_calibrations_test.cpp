@@ -9,7 +9,6 @@
 
 #include "support/command_run.hpp"
 #include "support/shared_data.hpp"
-#include "support/temporary_folder.hpp"
 #include "tools/calibrate/calibrate.hpp"
 
 namespace fiducap {
@@ -38,7 +37,8 @@ CalibrateCameraArguments video(const std::string& file, bool loose, const std::s
   return {.input = file, .checkerboard = {}, .lens = lens, .loose = loose};
 }
 
-class RealCalibrations : public ::testing::TestWithParam<RealRow> {};
+class RealCalibrations : public VerbTest<CalibrateCameraArguments>,
+                         public ::testing::WithParamInterface<RealRow> {};
 
 void print_real_row(const RealRow& row, const nlohmann::json& r) {
   const auto& fu = r["numbers"]["fu"];
@@ -57,25 +57,23 @@ TEST_P(RealCalibrations, GetTheExpectedVerdict) {
   const auto data = shared_data();
   if (!data) GTEST_SKIP() << kNoSharedData;
   const RealRow& row = GetParam();
-  CalibrateCameraArguments arguments = row.arguments;
-  for (std::string* path : {&arguments.input, &arguments.corners})
+  arguments_ = row.arguments;
+  for (std::string* path : {&arguments_.input, &arguments_.corners})
     if (!path->empty()) *path = (*data / *path).string();
-  TemporaryFolder folder;
-  arguments.out = folder.file("out");
-  arguments.json = true;
-  const auto run = on_terminal(
-      [&](const Terminal& terminal) { return run_calibrate_camera(arguments, terminal); });
-  if (run.out.empty()) {
-    std::cout << "| " << row.name << " | error | " << run.err;
-    EXPECT_EQ(row.verdict, "error") << run.err;
-    EXPECT_THAT(run.err, ::testing::HasSubstr(row.why));
+  arguments_.out = folder_.file("out");
+  arguments_.json = true;
+  const bool usable = row.verdict != "useless" && row.verdict != "error";
+  run(run_calibrate_camera, usable ? kExitOk : kExitFailed);
+  EXPECT_EQ(std::filesystem::exists(folder_.file("out/camera.yaml")), usable);
+  if (out_.empty()) {
+    std::cout << "| " << row.name << " | error | " << err_;
+    EXPECT_EQ(row.verdict, "error") << err_;
+    EXPECT_THAT(err_, ::testing::HasSubstr(row.why));
     return;
   }
-  const auto report = nlohmann::json::parse(run.out);
+  const auto report = nlohmann::json::parse(out_);
   print_real_row(row, report);
   EXPECT_EQ(report["verdict"], row.verdict) << report["advice"];
-  EXPECT_EQ(run.code, row.verdict == "useless" ? kExitFailed : kExitOk);
-  EXPECT_EQ(std::filesystem::exists(folder.file("out") + "/camera.yaml"), row.verdict != "useless");
   EXPECT_THAT(report["advice"].dump(), ::testing::HasSubstr(row.why));
   if (row.most_off == 0) return;
   EXPECT_NEAR(report["numbers"]["fu"]["value"].get<double>() / row.fu, 1, row.most_off);

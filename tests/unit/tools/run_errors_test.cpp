@@ -251,12 +251,5 @@ TEST_F(ReprojectionTest, DetectionsWithoutAScoreCountAsWorst) {
   EXPECT_FALSE(summary_of(images).p95_of_all_px) << "7 of 106 are not scored";
 }
 
-TEST(Quantile, InterpolatesBetweenNeighbours) {
-  EXPECT_DOUBLE_EQ(quantile({3, 1, 2}, 0.5), 2);
-  EXPECT_DOUBLE_EQ(quantile({0, 10}, 0.95), 9.5);
-  EXPECT_DOUBLE_EQ(quantile({7}, 0.95), 7);
-  EXPECT_DOUBLE_EQ(quantile({}, 0.5), 0);
-}
-
 }  // namespace
 }  // namespace fiducap

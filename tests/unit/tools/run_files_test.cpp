@@ -4,17 +4,14 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/whole_file.hpp"
 #include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/replay/evaluation.hpp"
-#include "tools/replay/trajectory_files.hpp"
 
 namespace fiducap {
 namespace {
 
 using testing::HasSubstr;
-using testing::StartsWith;
 
 // Metres and radians: numbers are written so that they read back.
 constexpr double kRounding = 1e-12;
@@ -139,6 +136,8 @@ TEST_F(RunFiles, RefuseForeignFiles) {
   EXPECT_THAT(error_of(read("out/hall.tum")), HasSubstr("another run"));
   folder_.write("other/map.csv", "id,size\n");
   EXPECT_THAT(error_of(check_run_folder(folder_.file("other"))), HasSubstr("map.csv"));
+  folder_.write("plots/plots.html", "<html/>");
+  EXPECT_FALSE(check_run_folder(folder_.file("plots"))) << "it may be of another run";
 }
 
 TEST_F(RunFiles, HaveCovariancesAndEvents) {
@@ -147,9 +146,9 @@ TEST_F(RunFiles, HaveCovariancesAndEvents) {
   session_.map_events = {
       {instant_from_ns(3), {MapEvent::Kind::kTagAdded, 4, "tag 4 joined the map, seen by body 1"}}};
   write();
-  EXPECT_THAT(value_of(read_whole_file(folder_.file("out/table.covariance.csv"))),
+  EXPECT_THAT(content_of(folder_.file("out/table.covariance.csv")),
               HasSubstr("\n1000000001,0.25,0,0,0,0,0,0.25,"));
-  EXPECT_THAT(value_of(read_whole_file(folder_.file("out/events.csv"))),
+  EXPECT_THAT(content_of(folder_.file("out/events.csv")),
               HasSubstr("\n3,,tag_added,4,0,0,tag 4 joined the map; seen by body 1\n"
                         "5,table,reset,,0,0,\n"));
 }
@@ -182,8 +181,9 @@ TEST(TumFile, RoundTripIsExact) {
   const std::vector<StampedPose> poses{{instant_from_ns(1'600'000'000'000'000'001), kPose},
                                        {instant_from_ns(1'600'000'000'999'999'999), kPose}};
   const std::string text = to_tum(poses);
-  EXPECT_THAT(text, StartsWith("1600000000.000000001 1.5 -2.25 0.125 0.4444444444444444 "
-                               "0.5555555555555556 0.6666666666666666 0.2222222222222222\n"));
+  EXPECT_THAT(text,
+              testing::StartsWith("1600000000.000000001 1.5 -2.25 0.125 0.4444444444444444 "
+                                  "0.5555555555555556 0.6666666666666666 0.2222222222222222\n"));
   const auto read = value_of(tum_from(text, "test"));
   ASSERT_EQ(read.size(), 2u);
   EXPECT_EQ(read[0].at, poses[0].at);

@@ -10,7 +10,6 @@
 namespace fiducap {
 namespace {
 
-using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -46,10 +45,11 @@ class WatchView : public ::testing::Test {
 TEST_F(WatchView, TableHasPoseSpeedAndLoss) {
   EXPECT_THAT(
       table(),
-      AllOf(HasSubstr("hall:21600  frame 42  100.0 Hz  latency p50 0.25 ms p99 unknown  lost 7  "
-                      "map v3\n"),
-            HasSubstr("drone            tracking     1.250   -2.500    0.375     90.0"),
-            HasSubstr(" 5.00 ")));
+      testing::AllOf(
+          HasSubstr("hall:21600  frame 42  100.0 Hz  latency p50 0.25 ms p99 unknown  lost 7  "
+                    "map v3\n"),
+          HasSubstr("drone            tracking     1.250   -2.500    0.375     90.0"),
+          HasSubstr(" 5.00 ")));
 }
 
 TEST_F(WatchView, ColumnsAreBelowTheirNames) {

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "base/gravity.hpp"
 #include "capture/import/imu_csv.hpp"
 #include "support/results.hpp"
 #include "support/temporary_folder.hpp"

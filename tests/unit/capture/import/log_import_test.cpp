@@ -14,7 +14,6 @@ namespace {
 
 using test::RosDialect;
 using test::StoredMessage;
-using testing::Each;
 using testing::HasSubstr;
 
 constexpr std::int64_t kBegin_ns = 1'600'000'000'000'000'000;
@@ -26,7 +25,7 @@ std::string png() {
   return {bytes.begin(), bytes.end()};
 }
 
-std::vector<StoredMessage> walk(RosDialect dialect) {
+std::vector<StoredMessage> walk() {
   std::vector<StoredMessage> messages;
   const auto add = [&](const char* topic, const char* type, std::int64_t ns, std::string bytes) {
     messages.push_back({topic, type, ns + kLate_ns, std::move(bytes)});
@@ -34,16 +33,16 @@ std::vector<StoredMessage> walk(RosDialect dialect) {
   for (std::int64_t i = 0; i < 10; ++i) {
     const std::int64_t ns = kBegin_ns + i * 5'000'000;
     add("/imu", "sensor_msgs/Imu", ns,
-        test::imu_message(dialect, ns, {0.1, 0.2, 0.3}, {0, 0, 9.8}));
+        test::imu_message(RosDialect::kRos1, ns, {0.1, 0.2, 0.3}, {0, 0, 9.8}));
     if (i % 5 != 0) continue;
     add("/cam/camera_info", "sensor_msgs/CameraInfo", ns,
-        test::camera_info_message(dialect, ns, 8, 6, 10));
+        test::camera_info_message(RosDialect::kRos1, ns, 8, 6, 10));
     add("/cam/image_raw", "sensor_msgs/Image", ns,
-        test::image_message(dialect, ns, 8, 6, std::string(48, 'x')));
+        test::image_message(RosDialect::kRos1, ns, 8, 6, std::string(48, 'x')));
     add("/front/image/compressed", "sensor_msgs/CompressedImage", ns,
-        test::compressed_message(dialect, ns, png()));
+        test::compressed_message(RosDialect::kRos1, ns, png()));
     add("/depth/image_raw", "sensor_msgs/Image", ns,
-        test::image_message(dialect, ns, 8, 6, std::string(96, 'd'), "16UC1"));
+        test::image_message(RosDialect::kRos1, ns, 8, 6, std::string(96, 'd'), "16UC1"));
     add("/scan", "sensor_msgs/LaserScan", ns, "whatever");
   }
   return messages;
@@ -67,7 +66,7 @@ const FoundStream& stream(const ImportSource& source, const std::string& name) {
 }
 
 TEST_F(LogImportTest, CountsTopicsWithSizesAndLenses) {
-  const auto source = open(walk(RosDialect::kRos1));
+  const auto source = open(walk());
   const FoundStream& imu = stream(*source, "/imu");
   EXPECT_EQ(imu.count, 10u);
   EXPECT_EQ(imu.first_ns, kBegin_ns);
@@ -85,43 +84,10 @@ TEST_F(LogImportTest, CountsTopicsWithSizesAndLenses) {
 }
 
 TEST_F(LogImportTest, FindsTheLensOfATopicWithoutFirstSlash) {
-  auto messages = walk(RosDialect::kRos1);
+  auto messages = walk();
   for (StoredMessage& message : messages)
     if (message.topic == "/cam/image_raw") message.topic = "cam/image_raw";
   EXPECT_TRUE(stream(*open(messages), "cam/image_raw").lens_known);
-}
-
-TEST_F(LogImportTest, ReadsTheChosenStreams) {
-  auto source = open(walk(RosDialect::kRos1));
-  ImportChoice choice;
-  std::vector<CameraMount> cameras;
-  for (std::size_t i = 0; i < source->streams().size(); ++i) {
-    const FoundStream& one = source->streams()[i];
-    if (one.name == "/imu") choice.imu = i;
-    if (one.name != "/cam/image_raw" && one.name != "/front/image/compressed") continue;
-    choice.images.push_back(i);
-    cameras.push_back(one.mount);
-  }
-  const auto samples = value_of(source->open(choice, cameras));
-  std::array<int, 2> images{};
-  int readings = 0;
-  while (const auto sample = value_of(samples->next({}))) {
-    if (const auto* imu = std::get_if<ImuSample>(&*sample)) {
-      EXPECT_EQ(imu->f_B.z(), 9.8);
-      EXPECT_EQ(to_ns(imu->sampled_at), kBegin_ns + 5'000'000 * readings++);
-      continue;
-    }
-    const auto& frame = std::get<CameraFrame>(*sample);
-    ++images[static_cast<std::size_t>(frame.camera)];
-    EXPECT_THAT(frame.image->pixels, Each(frame.camera == 0 ? 'x' : 77));
-  }
-  EXPECT_EQ(readings, 10);
-  EXPECT_THAT(images, testing::ElementsAre(2, 2));
-}
-
-TEST_F(LogImportTest, UsesTheTimeOfTheRecorderWhenConfigured) {
-  options_.log_stamps = true;
-  EXPECT_EQ(stream(*open(walk(RosDialect::kRos1)), "/imu").first_ns, kBegin_ns + kLate_ns);
 }
 
 TEST_F(LogImportTest, CountsStampsThatAreZeroOrGoBack) {
@@ -137,17 +103,6 @@ TEST_F(LogImportTest, CountsStampsThatAreZeroOrGoBack) {
   EXPECT_EQ(imu.backwards, 1u);
   EXPECT_EQ(imu.unreadable, 1u);
   EXPECT_THAT(imu.first_fault, HasSubstr("sensor_msgs/Imu: needs"));
-}
-
-TEST_F(LogImportTest, ReadsRosbag2InBothByteOrders) {
-  for (const RosDialect dialect : {RosDialect::kCdrLittle, RosDialect::kCdrBig}) {
-    const std::string path = folder_.file(dialect == RosDialect::kCdrBig ? "b.db3" : "l.db3");
-    test::write_db3(path, walk(dialect));
-    const auto source = value_of(open_log_import(path, options_, {}));
-    EXPECT_EQ(stream(*source, "/imu").count, 10u);
-    EXPECT_EQ(stream(*source, "/imu").last_ns, kBegin_ns + 45'000'000);
-    EXPECT_TRUE(stream(*source, "/cam/image_raw").lens_known);
-  }
 }
 
 }  // namespace

@@ -13,8 +13,6 @@ namespace {
 
 using test::LogFileOptions;
 using test::StoredMessage;
-using testing::AnyOf;
-using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -82,7 +80,8 @@ TEST_F(MessageLogTest, ReadsATruncatedBagUpToTheCut) {
     const Read bag = read("a.bag", whole.substr(0, n));
     most = std::max(most, bag.messages.size());
     if (n <= 4096 || n + 40 >= whole.size()) continue;
-    EXPECT_THAT(bag.remarks, Contains(AnyOf(HasSubstr("is truncated"), HasSubstr("no index"))))
+    EXPECT_THAT(bag.remarks,
+                testing::Contains(testing::AnyOf(HasSubstr("is truncated"), HasSubstr("no index"))))
         << n;
   }
   EXPECT_EQ(most, 4u);
@@ -186,15 +185,6 @@ class ChunkCodecTest : public testing::Test {
   const std::string text_ = std::string(300'000, 'a') + "end";
 };
 
-TEST_F(ChunkCodecTest, UnpacksEveryCompression) {
-  for (const auto& [name, packed] :
-       {std::pair("zstd", zstd(text_)), std::pair("lz4", lz4(text_)), std::pair("none", text_)}) {
-    ASSERT_TRUE(unpack(name, packed, text_.size())) << name;
-    EXPECT_TRUE(std::ranges::equal(out_, bytes_of(text_))) << name;
-  }
-  EXPECT_TRUE(unpack("zstd", zstd(text_) + "padding", text_.size()));
-}
-
 TEST_F(ChunkCodecTest, RefusesSizesThatAreWrongOrTooLarge) {
   EXPECT_FALSE(unpack("zstd", zstd(text_), std::uint64_t{1} << 40));
   EXPECT_TRUE(out_.empty()) << "refused before it is unpacked";
@@ -202,6 +192,7 @@ TEST_F(ChunkCodecTest, RefusesSizesThatAreWrongOrTooLarge) {
               HasSubstr("unpacks to 300003 bytes, not to 300004"));
   EXPECT_FALSE(unpack("lz4", lz4(text_), 100));
   EXPECT_LE(out_.size(), 65536u) << "little more than the stated size is unpacked";
+  EXPECT_TRUE(unpack("zstd", zstd(text_) + "padding", text_.size()));
 }
 
 TEST_F(ChunkCodecTest, RefusesTruncatedAndDamagedChunks) {

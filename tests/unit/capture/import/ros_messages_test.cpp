@@ -10,7 +10,6 @@ namespace fiducap::ros {
 namespace {
 
 using test::RosDialect;
-using testing::ElementsAre;
 using testing::HasSubstr;
 
 constexpr std::int64_t kStamp_ns = 1'600'000'000'123'456'789;
@@ -38,14 +37,14 @@ TEST_P(RosMessagesTest, ReadsAnImage) {
   EXPECT_EQ(image.height, 2u);
   EXPECT_EQ(image.encoding, "mono8");
   EXPECT_EQ(image.step, 3u);
-  EXPECT_THAT(image.data, ElementsAre('a', 'b', 'c', 'd', 'e', 'f'));
+  EXPECT_THAT(image.data, testing::ElementsAre('a', 'b', 'c', 'd', 'e', 'f'));
 }
 
 TEST_P(RosMessagesTest, ReadsACompressedImage) {
   const std::string message = test::compressed_message(dialect_, kStamp_ns, "picture");
   const auto read = value_of(read_compressed(format_, bytes_of(message)));
-  EXPECT_EQ(read.format, "mono8; png compressed");
-  EXPECT_EQ(read.data.size(), 7u);
+  EXPECT_EQ(read.image.encoding, "mono8; png compressed");
+  EXPECT_EQ(read.image.data.size(), 7u);
 }
 
 TEST_P(RosMessagesTest, ReadsALens) {

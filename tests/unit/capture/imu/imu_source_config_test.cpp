@@ -97,12 +97,6 @@ TEST(RosSourceConfig, ReportsEveryBrokenRule) {
   EXPECT_THAT(dds::RosSourceConfig{}.check("source."), SizeIs(1)) << "no image topic";
 }
 
-TEST(ImuUnits, AreScaledToSi) {
-  const ImuUnits units{GyroUnit::kDegrees, AccelUnit::kG};
-  EXPECT_DOUBLE_EQ(180 * units.gyro_scale(), 3.141592653589793);
-  EXPECT_DOUBLE_EQ(units.accel_scale(), 9.80665);
-}
-
 constexpr double kRounding = 1e-12;
 
 ImuAxes read(const std::string& yaml) {

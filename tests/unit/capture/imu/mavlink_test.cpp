@@ -104,12 +104,10 @@ void expect_scaled(const InertialReading& reading, double last) {
 }
 
 TEST(MavlinkMessages, ReadsHighresImuInItsUnits) {
-  const InertialReading reading = reading_of(golden::kHighres);
-  EXPECT_EQ(reading.count, 123'456'789u);
-  EXPECT_FALSE(reading.counts_ms);
-  EXPECT_TRUE(reading.is_new);
-  EXPECT_EQ(reading.f, Eigen::Vector3d(0.5, -0.25, -9.75));
-  EXPECT_EQ(reading.w, Eigen::Vector3d(0.125, -0.0625, 0.03125));
+  EXPECT_THAT(
+      reading_of(golden::kHighres),
+      testing::FieldsAre(123'456'789u, false, true, Eigen::Vector3d(0.125, -0.0625, 0.03125),
+                         Eigen::Vector3d(0.5, -0.25, -9.75)));
   EXPECT_FALSE(reading_of(golden::kHighresWithoutGyro).is_new);
   EXPECT_EQ(reading_of(golden::kHighresSigned).count, 223'456'789u);
 }

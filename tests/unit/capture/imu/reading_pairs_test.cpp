@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 namespace fiducap {
 namespace {
 
@@ -61,23 +59,6 @@ TEST(ReadingPairs, DropsStampsThatDoNotIncrease) {
   ReadingPairs pairs;
   for (const std::int64_t at : {10, 10, 5}) pairs.add_accel(timed(at, 1));
   EXPECT_EQ(pairs.dropped(), 2u);
-}
-
-TEST(ReadingPairs, ResamplesTwoRatesToASmoothCurve) {
-  ReadingPairs pairs;
-  const auto curve = [](std::int64_t at_us) { return std::sin(static_cast<double>(at_us) * 1e-5); };
-  // Straight lines over 5 ms of a curve of ω = 10 rad/s: (ω Δt)² / 8.
-  constexpr double kStraight = 0.05 * 0.05 / 8;
-  int taken = 0;
-  for (std::int64_t at = 0; at < 2'000'000; at += 500) {
-    if (at % 5000 == 1500) pairs.add_accel(timed(at, curve(at)));
-    if (at % 2500 == 0) pairs.add_gyro(timed(at, curve(at)));
-    while (const auto pair = pairs.take()) {
-      EXPECT_NEAR(pair->f.x(), pair->w.x(), kStraight + 1e-9);
-      ++taken;
-    }
-  }
-  EXPECT_GT(taken, 790);
 }
 
 TEST(MountMatrix, IsReadInTheFormOfTheKernel) {

@@ -9,7 +9,6 @@
 namespace fiducap::v4l2 {
 namespace {
 
-using testing::ElementsAre;
 using testing::HasSubstr;
 
 // Four pixels of 0x1ab, 0x2cd, 0x3ef, 0x012 (ten bits): 0x6a, 0xb3, 0xfb, 0x04 without the lower
@@ -63,7 +62,7 @@ TEST(PixelFormat, SkipsThePaddingOfRows) {
   GrayImage image;
   image.resize(4, 2);
   ASSERT_TRUE(read_gray(*pixel_format(V4L2_PIX_FMT_GREY), bytes, 8, image));
-  EXPECT_THAT(image.pixels, ElementsAre(1, 9, 9, 9, 2, 9, 9, 9));
+  EXPECT_THAT(image.pixels, testing::ElementsAre(1, 9, 9, 9, 2, 9, 9, 9));
 }
 
 TEST(PixelFormat, IsFoundByCodeAndByName) {

@@ -118,13 +118,5 @@ TEST_F(SettingsTest, ReadsTheExposureInTimeOrInLines) {
   EXPECT_TRUE(read_exposure(*port_).is_in_lines);
 }
 
-TEST_F(SettingsTest, ListsAllControlsWithTheirChoices) {
-  EXPECT_EQ(controls(*port_).size(), camera_.knobs.size());
-  const auto mode = control_of(*port_, V4L2_CID_EXPOSURE_AUTO).value();
-  EXPECT_EQ(mode.choices.size(), 2u);
-  EXPECT_FALSE(mode.offers(0));
-  EXPECT_TRUE(mode.offers(3));
-}
-
 }  // namespace
 }  // namespace fiducap::v4l2

@@ -2,7 +2,6 @@
 // of the covariance against the Jacobian of the change of the mean.
 #include <gtest/gtest.h>
 
-#include <functional>
 #include <random>
 
 #include "base/pose.hpp"
@@ -48,14 +47,6 @@ FilterState example_state() {
   return state;
 }
 
-void expect_follows_mean(const std::function<void(FilterState&)>& change,
-                         const Eigen::MatrixXd& added_noise = {}) {
-  expect_covariance_follows_mean(example_state(), change, added_noise);
-  FilterState after = example_state();
-  change(after);
-  EXPECT_LT((after.P() - after.P().transpose()).cwiseAbs().maxCoeff(), 1e-12);
-}
-
 class StepJacobian : public testing::TestWithParam<bool> {};
 
 TEST_P(StepJacobian, MatchesDifferences) {
@@ -95,7 +86,8 @@ void propagate_and_apply(FilterState& state, int steps) {
 }
 
 TEST(FrameTransition, CovarianceFollowsTheMean) {
-  expect_follows_mean([](FilterState& state) { propagate_and_apply(state, 10); });
+  expect_covariance_follows_mean<FilterState>(
+      example_state(), [](FilterState& state) { propagate_and_apply(state, 10); });
 }
 
 TEST(FrameTransition, KeepsTagsInTheWorkspace) {
@@ -158,43 +150,8 @@ TEST_P(MeasurementJacobian, IncludesTheCovarianceOfAKnownPose) {
                        propagated(J, known_.covariance) + white, 1e-5);
 }
 
-TEST(WorkspaceAxes, AnchoringTransformsTheCovariance) {
-  for (const bool level : {true, false}) {
-    HeadingRule rule;
-    rule.axis = 1;
-    rule.yaw_rad = 0.3;
-    rule.X_WT = {exp_so3({0.2, 0.1, -0.4}), {3, -2, 1}};
-    expect_follows_mean([&](FilterState& state) { anchor_to_reference(state, 1, rule, level); });
-  }
-}
-
-TEST(WorkspaceAxes, TheReferenceTagIsAtItsDefinedPose) {
-  FilterState state = example_state();
-  const double tilt_before = (state.q_WB.conjugate() * Eigen::Vector3d::UnitZ()).z();
-  WorkspaceGauge gauge;
-  gauge.X_WT = Pose{exp_so3({1.2, 0.1, -0.4}), {3, -2, 1}};
-  const HeadingRule rule = make_heading_rule(gauge, state.q_WB);
-  const Pose before = state.X_WB();
-  const Pose shift = anchor_to_reference(state, 2, rule, true);
-  const KnownTag tag = tag_in_workspace(state, 2);
-  EXPECT_LT((tag.X_WT.p - gauge.X_WT->p).norm(), 1e-9);
-  const Eigen::Vector3d axis = tag.X_WT.q * Eigen::Vector3d::Unit(rule.axis);
-  EXPECT_NEAR(std::atan2(axis.y(), axis.x()), rule.yaw_rad, 1e-9);
-  EXPECT_NEAR((state.q_WB.conjugate() * Eigen::Vector3d::UnitZ()).z(), tilt_before, 1e-9)
-      << "up must stay up";
-  EXPECT_LT(tag.covariance.topLeftCorner(3, 3).cwiseAbs().maxCoeff(), 1e-9)
-      << "exact by definition";
-  EXPECT_LT(((shift * before).p - state.X_WB().p).norm(), 1e-9);
-}
-
-TEST(WorkspaceAxes, AnchoringAgainChangesNothing) {
-  FilterState state = example_state();
-  const HeadingRule rule = make_heading_rule({}, state.q_WB);
-  anchor_to_reference(state, 0, rule, true);
-  const FilterState once = state;
-  anchor_to_reference(state, 0, rule, true);
-  EXPECT_LT(once.error_to(state).norm(), 1e-9);
-  EXPECT_LT((once.P() - state.P()).cwiseAbs().maxCoeff(), 1e-9);
+TEST(WorkspaceAxes, AreThoseOfTheReferenceTag) {
+  expect_anchoring<FilterState>(example_state(), [](const FilterState& s) { return s.X_WB(); });
 }
 
 TEST(TagAugmentation, ATagOfTheSecondCameraHasTheErrorsOfBothExtrinsics) {
@@ -210,8 +167,8 @@ TEST(TagAugmentation, ATagOfTheSecondCameraHasTheErrorsOfBothExtrinsics) {
   Eigen::MatrixXd noise = Eigen::MatrixXd::Zero(size, size);
   noise.bottomRightCorner<6, 6>() = propagated(
       turn, inverse(propagated(r.H.transpose(), Eigen::MatrixXd::Identity(8, 8)) / 0.16));
-  expect_follows_mean([&](FilterState& state) { augment(state, 1, model, seen, X_V1T, 0.4); },
-                      noise);
+  expect_covariance_follows_mean<FilterState>(
+      before, [&](FilterState& state) { augment(state, 1, model, seen, X_V1T, 0.4); }, noise);
 }
 
 TEST(FilterState, RemovingATagDoesNotChangeTheOthers) {

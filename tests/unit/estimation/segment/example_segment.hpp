@@ -2,7 +2,6 @@
 
 #include <array>
 #include <optional>
-#include <vector>
 
 #include "estimation/segment/motion_segment.hpp"
 #include "estimation/segment/segment_smoother.hpp"

@@ -2,7 +2,6 @@
 #include "estimation/segment/segment_recorder.hpp"
 
 #include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <functional>
 #include <map>
@@ -128,7 +127,7 @@ class SegmentRecorderTest : public testing::Test {
   int shown_{0};
 };
 
-TEST_F(SegmentRecorderTest, CutsAfterASecondWithoutGaps) {
+TEST_F(SegmentRecorderTest, CutsAfterASecondWithoutGapsAndHasEveryReadingOnceInOrder) {
   place(1);
   images(70, {1});
   ASSERT_EQ(segments_.size(), 3u);
@@ -150,12 +149,7 @@ TEST_F(SegmentRecorderTest, CutsAfterASecondWithoutGaps) {
     EXPECT_TRUE(segments_[i].instances.front().images.empty()) << "they are in the one before";
   }
   EXPECT_EQ(segments_[0].instances.front().images.size(), 1u);
-}
 
-TEST_F(SegmentRecorderTest, HasEveryReadingOnceAndInOrder) {
-  place(1);
-  images(70, {1});
-  ASSERT_EQ(segments_.size(), 3u);
   Instant reached = segments_.front().begin().at;
   for (const MotionSegment& segment : segments_) {
     EXPECT_TRUE(segment.instances.front().steps.empty());
@@ -293,7 +287,7 @@ TEST_F(SegmentRecorderTest, BeginsAChainAfterTenSecondsWithoutATag) {
 }
 
 TEST_F(SegmentRecorderTest, MovesWithTheWorkspace) {
-  constexpr double kRounding = 1e-12;
+  constexpr double kRoundOff = 1e-12;
   const Pose G{exp_so3({0, 0, 1.2}), {3, -5, 1}};
   is_anchored_ = false;
   place(1);
@@ -310,13 +304,13 @@ TEST_F(SegmentRecorderTest, MovesWithTheWorkspace) {
   EXPECT_TRUE(segments_[0].anchored);
   for (const auto& instance : segments_[0].instances) {
     const BodyEstimate truth = Motion::truth(to_seconds(instance.body.at - at_s(0)));
-    EXPECT_LT((instance.body.X_WB.p - G * truth.X_WB.p).norm(), kRounding);
+    EXPECT_LT((instance.body.X_WB.p - G * truth.X_WB.p).norm(), kRoundOff);
     EXPECT_LT(angle_between(instance.body.X_WB.q, G.q * truth.X_WB.q), 1e-7);
-    EXPECT_LT((instance.body.v_WB - G.q * truth.v_WB).norm(), kRounding);
+    EXPECT_LT((instance.body.v_WB - G.q * truth.v_WB).norm(), kRoundOff);
   }
   ASSERT_EQ(segments_[0].tags.size(), 2u);
   for (const KnownTag& tag : segments_[0].tags)
-    EXPECT_LT((tag.X_WT.p - (G * place_of(tag.tag_id)).p).norm(), kRounding) << tag.tag_id;
+    EXPECT_LT((tag.X_WT.p - (G * place_of(tag.tag_id)).p).norm(), kRoundOff) << tag.tag_id;
 }
 
 TEST_F(SegmentRecorderTest, PrefersPosesOfTheFilterAndUsesTheMapsInItsAxes) {

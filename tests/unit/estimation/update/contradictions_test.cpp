@@ -3,7 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <vector>
+
+#include "base/pose.hpp"
+#include "estimation/update/jump_search.hpp"
+#include "example_tags.hpp"
 
 namespace fiducap {
 namespace {
@@ -25,17 +30,14 @@ class TagScoresTest : public testing::Test {
   TagScores scores_;
 };
 
-TEST_F(TagScoresTest, ATagThatContradictsTenTimesIsRemoved) {
+TEST_F(TagScoresTest, ATagThatContradictsTenTimesInARowIsRemoved) {
   for (int i = 1; i < TagScores::kToDrop; ++i)
     EXPECT_TRUE(show({0, 1, 2}, {true, false, true}).empty()) << i;
   EXPECT_EQ(show({0, 1, 2}, {true, false, true}), std::vector<int>{1});
   EXPECT_TRUE(show({0, 1, 2}, {true, false, true}).empty()) << "the count starts again";
-}
-
-TEST_F(TagScoresTest, OneFitResetsTheCount) {
-  for (int i = 1; i < TagScores::kToDrop; ++i) show({0, 1}, {true, false});
+  for (int i = 2; i < TagScores::kToDrop; ++i) show({0, 1}, {true, false});
   show({0, 1}, {true, true});
-  EXPECT_TRUE(show({0, 1}, {true, false}).empty());
+  EXPECT_TRUE(show({0, 1}, {true, false}).empty()) << "one fit resets it";
 }
 
 TEST_F(TagScoresTest, ASingleTagIsRemovedOnceAnotherFits) {
@@ -157,12 +159,95 @@ TEST(SingleTagRelocalisation, TwoOtherTagsInSequenceDecide) {
   EXPECT_EQ(after(4, single, {9}, kForth), Verdict::kTagWrong);
 }
 
-TEST(SingleTagRelocalisation, IsWatchedUntilItIsForgotten) {
-  SingleTagRelocalisation single = relocalised(0.02, false);
-  EXPECT_TRUE(single.is_watched());
-  EXPECT_EQ(single.tag_id(), 7);
-  single.forget();
-  EXPECT_FALSE(single.is_watched());
+constexpr double kLength_s = 3.0;
+
+/// A body that swings about one place without repetition.
+Pose body_at(double t_s) {
+  return {exp_so3(Eigen::Vector3d(0.3 * std::sin(2.1 * t_s), 0.4 * std::sin(1.7 * t_s + 1),
+                                  0.2 * std::sin(2.9 * t_s))),
+          Eigen::Vector3d(0.4 * std::sin(1.3 * t_s), 0.3 * std::cos(2.3 * t_s),
+                          0.2 * std::sin(1.9 * t_s))};
+}
+
+/// Tags before the camera, seen by it at `t_s`.
+struct Scene {
+  CameraModel camera = example_camera();
+  std::vector<TagObservation> seen;
+  std::vector<SightedTag> sighted;
+
+  void look(double t_s, int tags, const Eigen::Vector3d& first_moved = Eigen::Vector3d::Zero()) {
+    seen.clear();
+    sighted.clear();
+    seen.reserve(static_cast<std::size_t>(tags));
+    for (int k = 0; k < tags; ++k) {
+      const Pose X_WT{exp_so3({3.0, 0, 0}), {0.3 * k, 0.1, 2.0}};
+      Pose shown = X_WT;
+      if (k == 0) shown.p += first_moved;
+      seen.push_back(example_observation(k, 0.2, body_at(t_s).inverse() * shown, camera));
+      sighted.push_back({&seen.back(), &camera, Pose{}, X_WT});
+    }
+  }
+};
+
+Instant at(double t_s) { return Instant{} + from_seconds(t_s); }
+
+/// Images that were exposed `jump_s` after their stamps, for `images_s` at the end.
+JumpSearch search_over(double jump_s, int tags, double images_s,
+                       const Eigen::Vector3d& moved = Eigen::Vector3d::Zero()) {
+  JumpSearch search;
+  for (double t_s = 0; t_s <= kLength_s; t_s += 0.005) search.note_motion(at(t_s), body_at(t_s));
+  Scene scene;
+  for (double t_s = kLength_s - images_s; t_s <= kLength_s - 0.25; t_s += 0.05) {
+    scene.look(t_s + jump_s, tags, moved);
+    search.note_image(0, at(t_s), scene.sighted);
+  }
+  return search;
+}
+
+TEST(JumpSearch, FindsWhenImagesWereExposedRelativeToTheAppliedShift) {
+  struct Case {
+    double jump_s;
+    int tags;  // one is enough after a swing
+    double images_s, applied_s;
+  };
+  for (const auto& [jump_s, tags, images_s, applied_s] : {Case{-0.5, 2, 1, 0},
+                                                          {-0.2, 2, 1, 0},
+                                                          {-0.06, 2, 1, 0},
+                                                          {0.06, 2, 1, 0},
+                                                          {0.2, 2, 1, 0},
+                                                          {0.3, 2, 1, 0.1},
+                                                          {-0.2, 1, 1.2, 0}}) {
+    const auto found = search_over(jump_s, tags, images_s).find(0, from_seconds(applied_s));
+    ASSERT_TRUE(found) << jump_s;
+    EXPECT_NEAR(found->shift_s, jump_s - applied_s, 0.01);
+    EXPECT_TRUE(found->is_certain) << jump_s;
+  }
+}
+
+TEST(JumpSearch, KeepsThreeSecondsOfFastReadings) {
+  JumpSearch search;
+  for (double t_s = 0; t_s <= kLength_s; t_s += 0.002) search.note_motion(at(t_s), body_at(t_s));
+  Scene scene;
+  for (double t_s = kLength_s - 2.5; t_s <= kLength_s - 1.5; t_s += 0.05) {
+    scene.look(t_s - 0.1, 2, Eigen::Vector3d::Zero());
+    search.note_image(0, at(t_s), scene.sighted);
+  }
+  EXPECT_TRUE(search.find(0, Duration{0}));
+}
+
+TEST(JumpSearch, FindsNothingWithoutAJumpOrABodyPose) {
+  EXPECT_FALSE(search_over(0.0, 2, 1.0).find(0, Duration{0}));
+  JumpSearch search = search_over(0.2, 2, 1.0);
+  EXPECT_FALSE(search.find(1, Duration{0})) << "another camera";
+  search.forget_all();
+  EXPECT_FALSE(search.find(0, Duration{0}));
+}
+
+TEST(JumpSearch, AMovedTagIsNoJump) {
+  for (const double images_s : {0.6, 0.8, 1.2}) {
+    const auto found = search_over(0.0, 1, images_s, {0.2, -0.2, 0.1}).find(0, Duration{0});
+    EXPECT_FALSE(found && found->is_certain) << images_s;
+  }
 }
 
 }  // namespace

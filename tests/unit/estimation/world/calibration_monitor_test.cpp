@@ -1,10 +1,14 @@
-// Configured parameters are tested, estimated when the data contradict them, fixed again when they
-// do not.
+// Configured parameters are tested, estimated when the data contradict them, fixed when they do
+// not.
+#include "estimation/world/calibration_monitor.hpp"
+
+#include <gmock/gmock.h>
+
 #include <chrono>
 #include <cmath>
 
+#include "base/pose.hpp"
 #include "support/jacobian_check.hpp"
-#include "world/calibration_monitor_fixture.hpp"
 
 namespace fiducap::world {
 namespace {
@@ -13,25 +17,85 @@ using testing::Each;
 using testing::ElementsAre;
 using testing::Field;
 using testing::IsEmpty;
+using Kind = FoundMismatch::Kind;
 
-TEST_F(CalibrationMonitorTest, OpensWhatAnotherFilterFoundWrong) {
-  EXPECT_TRUE(monitor_.found_wrong(state_).empty());
-  const std::vector<WrongNumber> wrong{{FoundMismatch::Kind::kFocalLength, 0},
-                                       {FoundMismatch::Kind::kCentreU, 1}};  // no such camera
-  monitor_.open_found(state_, wrong);
-  EXPECT_NEAR(monitor_.lens(state_, 0).focal_sigma, 0.05, 1e-12);
-  EXPECT_EQ(monitor_.lens(state_, 0).centre_sigma_px, Eigen::Vector2d::Zero());
-  EXPECT_THAT(
-      monitor_.found_wrong(state_),
-      ElementsAre(testing::AllOf(Field(&WrongNumber::kind, FoundMismatch::Kind::kFocalLength),
-                                 Field(&WrongNumber::camera, 0))));
-}
+constexpr std::size_t kSizeOfAll = 5;  // after four numbers of the lens and the readout
 
-TEST_F(CalibrationMonitorTest, TagSizesAreNotGivenToAnotherFilter) {
+/// A body with one camera and one tag, all doubted.
+class CalibrationMonitorTest : public testing::Test {
+ protected:
+  CalibrationMonitorTest() {
+    state_.reset({Pose{exp_so3({0.1, -1.5, 0.2}), {0.05, -0.02, 0.03}}});
+    state_.P().diagonal().head<layout::kBodySize>().setConstant(1e-12);
+    monitor_.begin(state_);
+  }
+
+  double& variance(int column) { return state_.P()(column, column); }
+  double sigma(int column) { return std::sqrt(variance(column)); }
+
+  /// Kalman update with the measurement `y` = `h` x of standard deviation `sigma`, of the common
+  /// size and the body's position.
+  void measure(double on_size, double y, double sigma) {
+    auto P = state_.P();
+    Eigen::VectorXd h = Eigen::VectorXd::Zero(state_.size());
+    h(size_) = on_size;
+    h(layout::kPosition) = 1;
+    const double innovation = y - on_size * state_.sizes.common - place_;
+    const double S = h.dot(P * h) + sigma * sigma;
+    const Eigen::VectorXd K = P * h / S;
+    P -= (K * K.transpose() * S).eval();
+    state_.sizes.common += K(size_) * innovation;
+    place_ += K(layout::kPosition) * innovation;
+  }
+  /// All prints are 2 % larger.
+  void measure_larger_prints() {
+    place_ = 0;
+    measure(1e-3, 2e-5, 1e-6);
+  }
+  /// Tests the parameters with as many images, by default with enough for a decision.
+  void test_parameters(int images = 25, double dispersion = 1.0) {
+    for (int i = 0; i < images; ++i) monitor_.update_tests(state_, 0, dispersion);
+  }
+  std::vector<FoundMismatch> found(const CalibrationMonitor& monitor) {
+    std::vector<FoundMismatch> out;
+    monitor.list(state_, out);
+    return out;
+  }
+  CalibrationMonitor begin_again(const CalibrationMonitor::Rules& options) {
+    CalibrationMonitor monitor(mounts_, options);
+    state_.reset({Pose{}});
+    monitor.begin(state_);
+    return monitor;
+  }
+  void configure_lens(double focal, double centre_px, double k1) {
+    mounts_[0].focal_sigma = focal;
+    mounts_[0].centre_sigma_px = centre_px;
+    mounts_[0].k1_sigma = k1;
+  }
+  static auto is_closed() { return Field(&ParameterTest::is_open, false); }
+
+  static constexpr int kFocal = layout::focal(0);
+  static constexpr int kReadout = layout::readout(0);
+  std::vector<CameraMount> mounts_{1};
+  CalibrationMonitor monitor_{mounts_, {}};
+  FilterState state_;
+  const int size_ = layout::sizes(1);
+  double place_{0};
+};
+
+TEST_F(CalibrationMonitorTest, OpensWhatAnotherFilterFoundWrongButTagSizes) {
+  const FilterState fresh = state_;
   measure_larger_prints();
   test_parameters();
   ASSERT_GT(std::abs(state_.sizes.common), 0.01) << "it is open";
-  EXPECT_TRUE(monitor_.found_wrong(state_).empty());
+  EXPECT_THAT(monitor_.found_wrong(state_), IsEmpty());
+  state_ = fresh;
+  const std::vector<WrongNumber> wrong{{Kind::kFocalLength, 0},
+                                       {Kind::kCentreU, 1}};  // no such camera
+  monitor_.open_found(state_, wrong);
+  EXPECT_NEAR(monitor_.lens(state_, 0).focal_sigma, 0.05, 1e-12);
+  EXPECT_EQ(monitor_.lens(state_, 0).centre_sigma_px, Eigen::Vector2d::Zero());
+  EXPECT_THAT(monitor_.found_wrong(state_), ElementsAre(testing::FieldsAre(Kind::kFocalLength, 0)));
 }
 
 TEST_F(CalibrationMonitorTest, AnOpenedParameterIsAsIfItHadAlwaysBeenOpen) {
@@ -41,7 +105,6 @@ TEST_F(CalibrationMonitorTest, AnOpenedParameterIsAsIfItHadAlwaysBeenOpen) {
   const double size = state_.sizes.common;
   const Eigen::MatrixXd P = state_.P();
   state_ = closed;
-  place_ = 0;
   measure_larger_prints();
   EXPECT_LT(std::abs(state_.sizes.common), 0.1 * size) << "the prior holds it";
   test_parameters();
@@ -51,11 +114,9 @@ TEST_F(CalibrationMonitorTest, AnOpenedParameterIsAsIfItHadAlwaysBeenOpen) {
   const double more = 0.25 * size * size - P(size_, size_);
   expect_matrices_near(state_.P(), P + more * along * along.transpose(), 5e-3);
   EXPECT_THAT(found(monitor_), IsEmpty()) << "later images decide";
-  place_ = 0;
   measure_larger_prints();
   const auto mismatches = found(monitor_);
-  ASSERT_EQ(mismatches.size(), 1u);
-  EXPECT_EQ(mismatches[0].kind, FoundMismatch::Kind::kAllPrints);
+  ASSERT_THAT(mismatches, ElementsAre(Field(&FoundMismatch::kind, Kind::kAllPrints)));
   EXPECT_NEAR(mismatches[0].value, 0.02, 0.003);
 }
 
@@ -76,42 +137,29 @@ TEST_F(CalibrationMonitorTest, ConfirmsOnceTheDataDetermineAllParameters) {
   EXPECT_FALSE(monitor_.are_confirmed(state_, 0));
 }
 
-TEST_F(CalibrationMonitorTest, WithoutTestsNoParameterIsInTheStateOrConfirmed) {
+TEST_F(CalibrationMonitorTest, ALensIsOpenOnlyWithAConfiguredSigmaOrToBeRefined) {
+  const CalibrationMonitor tested = begin_again({});
+  EXPECT_LT(sigma(kFocal), 1e-3);
+  EXPECT_FALSE(tested.lens(state_, 0).is_estimated());
   const CalibrationMonitor untested = begin_again({.doubts = false});
   EXPECT_FALSE(untested.are_confirmed(state_, 0));
   for (const int column : {size_, kReadout, kFocal}) EXPECT_EQ(variance(column), 0) << column;
-}
-
-class LensParameter : public CalibrationMonitorTest {
- protected:
-  void configure(double focal, double centre_px, double k1) {
-    mounts_[0].focal_sigma = focal;
-    mounts_[0].centre_sigma_px = centre_px;
-    mounts_[0].k1_sigma = k1;
-  }
-};
-
-TEST_F(LensParameter, IsOpenFromTheFirstImageWithTheConfiguredSigma) {
-  configure(0.1, 15, 0.2);
+  begin_again({.doubts = false, .refines = true});
+  EXPECT_GT(sigma(kFocal), 0.01);
+  EXPECT_GT(sigma(layout::centre(0)), 5);
+  EXPECT_GT(sigma(layout::distortion(0)), 0.05);
+  configure_lens(0.1, 15, 0.2);
   const CalibrationMonitor monitor = begin_again({.doubts = false});
   EXPECT_NEAR(sigma(kFocal), 0.1, 1e-12);
   EXPECT_NEAR(sigma(layout::centre(0)), 15, 1e-9);
   EXPECT_NEAR(sigma(layout::centre(0) + 1), 15, 1e-9);
   EXPECT_NEAR(sigma(layout::distortion(0)), 0.2, 1e-12);
+  for (const int column : {size_, kReadout}) EXPECT_EQ(sigma(column), 0) << "is not doubted";
   EXPECT_NEAR(monitor.lens(state_, 0).k1_sigma, 0.2, 1e-12);
-  EXPECT_EQ(sigma(size_), 0) << "nothing else is doubted";
-  EXPECT_EQ(sigma(kReadout), 0);
   EXPECT_TRUE(monitor.lens(state_, 0).is_estimated());
 }
 
-TEST_F(LensParameter, IsOpenForEveryCameraToBeRefined) {
-  begin_again({.doubts = false, .refines = true});
-  EXPECT_GT(sigma(kFocal), 0.01);
-  EXPECT_GT(sigma(layout::centre(0)), 5);
-  EXPECT_GT(sigma(layout::distortion(0)), 0.05);
-}
-
-TEST_F(LensParameter, IsNotClosedAndReportedOnceItIsKnown) {
+TEST_F(CalibrationMonitorTest, ARefinedLensIsNotClosedAndReportedOnceItIsKnown) {
   CalibrationMonitor monitor = begin_again({.refines = true});
   EXPECT_THAT(found(monitor), IsEmpty());
   // Known well, and as configured: another parameter would be closed.
@@ -121,25 +169,23 @@ TEST_F(LensParameter, IsNotClosedAndReportedOnceItIsKnown) {
   EXPECT_NEAR(sigma(kFocal), 3e-4, 1e-12);
   EXPECT_TRUE(monitor.lens(state_, 0).is_estimated());
   const auto mismatches = found(monitor);
-  ASSERT_EQ(mismatches.size(), 1u);
-  EXPECT_EQ(mismatches[0].kind, FoundMismatch::Kind::kLens);
+  ASSERT_THAT(mismatches, ElementsAre(Field(&FoundMismatch::kind, Kind::kLens)));
   EXPECT_NEAR(mismatches[0].lens.focal_sigma, 3e-4, 1e-12);
 }
 
-TEST_F(LensParameter, OfACalibrationIsReportedOnlyOutsideItsSigmas) {
-  configure(5e-4, 0.3, 3e-4);
+TEST_F(CalibrationMonitorTest, ACalibratedLensIsReportedOnlyOutsideItsSigmas) {
+  configure_lens(5e-4, 0.3, 3e-4);
   const CalibrationMonitor monitor = begin_again({});
   state_.lenses[0].focal = 1e-3;  // two sigmas of the calibration
   state_.clear_column(kFocal, 1e-4);
   EXPECT_THAT(found(monitor), IsEmpty());
   state_.lenses[0].focal = 3e-3;
   const auto mismatches = found(monitor);
-  ASSERT_EQ(mismatches.size(), 1u);
-  EXPECT_EQ(mismatches[0].kind, FoundMismatch::Kind::kLens);
+  ASSERT_THAT(mismatches, ElementsAre(Field(&FoundMismatch::kind, Kind::kLens)));
   EXPECT_NEAR(mismatches[0].lens.offset.focal, 3e-3, 1e-12);
 }
 
-TEST_F(LensParameter, IsNotBetterKnownThanTheLensError) {
+TEST_F(CalibrationMonitorTest, ALensIsNotBetterKnownThanItsError) {
   mounts_[0].model.width = 800;
   mounts_[0].model.fu = mounts_[0].model.fv = 400;
   mounts_[0].focal_sigma = 5e-4;
@@ -150,7 +196,7 @@ TEST_F(LensParameter, IsNotBetterKnownThanTheLensError) {
   EXPECT_EQ(monitor.lens(state_, 0).k1_sigma, 0) << "is not estimated";
 }
 
-TEST_F(LensParameter, OfDistortionAloneIsReportedOnceItIsKnown) {
+TEST_F(CalibrationMonitorTest, DistortionAloneIsReportedOnceItIsKnown) {
   mounts_[0].k1_sigma = 0.1;
   const CalibrationMonitor monitor = begin_again({.doubts = false});
   EXPECT_THAT(found(monitor), IsEmpty());
@@ -161,23 +207,16 @@ TEST_F(LensParameter, OfDistortionAloneIsReportedOnceItIsKnown) {
   EXPECT_EQ(mismatches[0].lens.offset.k1, -0.05);
 }
 
-TEST_F(LensParameter, IsClosedWithoutAConfiguredSigma) {
-  const CalibrationMonitor monitor = begin_again({});
-  EXPECT_LT(sigma(kFocal), 1e-3);
-  EXPECT_FALSE(monitor.lens(state_, 0).is_estimated());
-}
-
 TEST_F(CalibrationMonitorTest, TheCovarianceIncludesWhatOpeningAParameterChanges) {
-  const Matrix6d none = Matrix6d::Zero();
-  EXPECT_EQ(monitor_.unmodelled_covariance(state_), none);
+  EXPECT_TRUE(monitor_.unmodelled_covariance(state_).isZero(0));
   variance(layout::kPosition) = 1e-6;
   measure(1.0, 0.02, 1e-3);
   const double pull = std::sqrt(monitor_.unmodelled_covariance(state_)(0, 0));
+  EXPECT_GT(pull, 1e-5);
   const double before_m = state_.X_WB.p.x();
   test_parameters();
-  EXPECT_GT(pull, 1e-5);
   EXPECT_NEAR(std::abs(state_.X_WB.p.x() - before_m), pull, 1e-3 * pull);
-  EXPECT_EQ(monitor_.unmodelled_covariance(state_), none) << "it is corrected now";
+  EXPECT_TRUE(monitor_.unmodelled_covariance(state_).isZero(0)) << "it is corrected now";
 }
 
 TEST_F(CalibrationMonitorTest, AssumedErrorsAreHeldAndInTheCovariance) {
@@ -193,16 +232,13 @@ TEST_F(CalibrationMonitorTest, AssumedErrorsAreHeldAndInTheCovariance) {
   assuming.hold_parameters(state_, 5);
   EXPECT_THAT(state_.held_tags(), ElementsAre(size_, layout::clock(0)));
   EXPECT_FALSE(assuming.lens(state_, 0).is_estimated());
-}
-
-TEST_F(CalibrationMonitorTest, OnlyAnImageWithEnoughTagsCorrectsALens) {
   mounts_[0].focal_sigma = 0.05;
-  CalibrationMonitor assuming = begin_again({.doubts = false, .assumes = true});
+  CalibrationMonitor refining = begin_again({.doubts = false, .assumes = true});
   EXPECT_NEAR(variance(kFocal), 0.05 * 0.05, 1e-12);
-  assuming.hold_parameters(state_, 3);
-  EXPECT_THAT(state_.held_tags(), ElementsAre(size_));
+  refining.hold_parameters(state_, 3);
+  EXPECT_THAT(state_.held_tags(), ElementsAre(size_)) << "enough tags correct a lens";
   state_.release_blocks();
-  assuming.hold_parameters(state_, 2);
+  refining.hold_parameters(state_, 2);
   EXPECT_THAT(state_.held_tags(), ElementsAre(size_, layout::clock(0)));
 }
 
@@ -241,8 +277,14 @@ TEST_F(CalibrationMonitorTest, WatchesEachNewTagUpToItsLimit) {
   state_.clear_column(column, 2e-4);
   monitor_.update_tests(state_, 0, 1.0);
   EXPECT_EQ(state_.print_at(2), -1);
+  WorldTag tag;
+  tag.tag_id = 99;
+  state_.add_tag(tag, Matrix6d::Identity());
   monitor_.watch_print(state_, 99);
   EXPECT_EQ(state_.print_at(99), column);
+  state_.remove_tag(0);
+  EXPECT_EQ(state_.print_at(99), -1) << "a removed tag frees its size";
+  EXPECT_EQ(variance(column), 0);
 }
 
 TEST_F(CalibrationMonitorTest, WatchesATagInsteadOfTheOneUnseenTheLongest) {
@@ -263,7 +305,8 @@ TEST_F(CalibrationMonitorTest, WatchesATagInsteadOfTheOneUnseenTheLongest) {
   EXPECT_EQ(state_.print_at(92), -1) << "all others are in sight";
 }
 
-TEST_F(CalibrationMonitorTest, OpensALensAsAWhole) {
+TEST_F(CalibrationMonitorTest, OpensALensAsAWholeAndTheParameterWithTheHighestScore) {
+  const FilterState before = state_;
   // Images have halved the variance of the focal length, and moved it by many sigmas.
   variance(kFocal) /= 2;
   state_.lenses[0].focal = 2e-3;
@@ -271,9 +314,7 @@ TEST_F(CalibrationMonitorTest, OpensALensAsAWhole) {
   EXPECT_GT(sigma(layout::centre(0)), 1.0);
   EXPECT_GT(sigma(layout::distortion(0)), 0.05);
   EXPECT_LT(sigma(size_), 1e-3) << "prints are no part of the lens";
-}
-
-TEST_F(CalibrationMonitorTest, OpensTheParameterWithTheHighestScore) {
+  state_ = before;
   variance(size_) /= 2;
   state_.sizes.common = 2.5e-3;
   test_parameters(15);
@@ -286,23 +327,73 @@ TEST_F(CalibrationMonitorTest, OpensTheParameterWithTheHighestScore) {
   EXPECT_LT(sigma(size_), 1e-3);
 }
 
-TEST_F(CalibrationMonitorTest, AClosedParameterKeepsItsPriorWhenAnotherIsOpened) {
-  const double tight = variance(kFocal);
-  measure_larger_prints(1e-3);
+TEST_F(CalibrationMonitorTest, AnExchangeWithTheMapDoesNotRaiseAScore) {
+  measure(1e-3, 3e-7, 1e-6);
+  const auto before = monitor_.test_statistics(state_);
+  const double size = state_.sizes.common;
+  // Adopting a map changes the value and loses its information.
+  state_.sizes.common += 4e-4;
+  state_.clear_column(size_, 4e-4);
+  monitor_.restore_test_statistics(state_, before);
+  EXPECT_NEAR(state_.sizes.common, 0, 1e-6) << "lost statistics are no evidence";
   test_parameters();
-  ASSERT_GT(sigma(size_), 5e-3);
-  EXPECT_LE(variance(kFocal), tight * (1 + 1e-9));
+  EXPECT_LT(std::abs(state_.sizes.common), 1e-5 + std::abs(size)) << "it is not opened";
 }
 
-TEST_F(CalibrationMonitorTest, ARemovedTagFreesItsSize) {
-  WorldTag tag;
-  tag.tag_id = 7;
-  state_.add_tag(tag, Matrix6d::Identity());
-  monitor_.watch_print(state_, 7);
-  const int column = state_.print_at(7);
-  state_.remove_tag(0);
-  EXPECT_EQ(state_.print_at(7), -1);
-  EXPECT_EQ(variance(column), 0);
+TEST_F(CalibrationMonitorTest, AnExchangeWithTheMapDoesNotResetATest) {
+  measure_larger_prints();
+  const auto before = monitor_.test_statistics(state_);
+  const double size = state_.sizes.common;
+  // The map reports no error with certainty.
+  state_.sizes.common = 0;
+  state_.clear_column(size_, 1e-6);
+  monitor_.restore_test_statistics(state_, before);
+  EXPECT_NEAR(state_.sizes.common, size, 1e-3 * size);
+  EXPECT_NEAR(variance(size_) / before[kSizeOfAll].variance, 1, 1e-3);
+}
+
+TEST_F(CalibrationMonitorTest, AResetKeepsOpenParameters) {
+  measure_larger_prints();
+  FilterState closed = state_;
+  monitor_.reset_tests(closed);
+  EXPECT_NEAR(closed.sizes.common, 0, 1e-15);
+  EXPECT_NEAR(std::sqrt(closed.P()(size_, size_)), 4e-4, 1e-12);
+  test_parameters();
+  const double opened = state_.sizes.common;
+  ASSERT_GT(opened, 0.01);
+  monitor_.reset_tests(state_);
+  EXPECT_EQ(state_.sizes.common, opened);
+}
+
+TEST_F(CalibrationMonitorTest, AJudgedMapResetsTheTestsAndDecidesAloneForTenSeconds) {
+  KnownMap map;
+  monitor_.follow_map(state_, map, 1);
+  measure_larger_prints();
+  FilterState unjudged = state_;
+  monitor_.follow_map(unjudged, map, 1);
+  EXPECT_EQ(unjudged.sizes.common, state_.sizes.common) << "the map was not tested";
+  map.is_judged = true;
+  EXPECT_FALSE(monitor_.follow_map(state_, map, 1));
+  EXPECT_NEAR(state_.sizes.common, 0, 1e-15);
+  EXPECT_LT(variance(kFocal), 2.6e-9) << "keeps the information of its images";
+  measure_larger_prints();
+  test_parameters();
+  EXPECT_THAT(state_.parameter_tests, Each(is_closed()));
+  EXPECT_GT(monitor_.unmodelled_covariance(state_).trace(), 0) << "but may be wrong";
+  state_.time += std::chrono::seconds(11);
+  test_parameters();
+  EXPECT_TRUE(state_.parameter_tests[kSizeOfAll].is_open) << "by its own images";
+}
+
+TEST_F(CalibrationMonitorTest, OpensTheParametersThatAJudgedMapNames) {
+  KnownMap map;
+  map.is_judged = true;
+  map.wrong_prints = {KnownMap::kAllPrints};
+  map.wrong_lenses = {{2, 0, Kind::kFocalLength}};  // another body's
+  EXPECT_TRUE(monitor_.follow_map(state_, map, 1));
+  EXPECT_TRUE(state_.parameter_tests[kSizeOfAll].is_open);
+  EXPECT_FALSE(monitor_.lens(state_, 0).is_estimated());
+  EXPECT_FALSE(monitor_.follow_map(state_, map, 1)) << "it is open by now";
 }
 
 }  // namespace

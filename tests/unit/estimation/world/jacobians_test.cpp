@@ -19,12 +19,6 @@ using namespace layout;  // NOLINT
 
 const Eigen::Vector3d kGravity(0, 0, -9.81);
 
-TEST(WorldError, IsInvertible) {
-  const FilterState state = example_state();
-  Eigen::VectorXd error = Eigen::VectorXd::LinSpaced(state.size(), -0.4, 0.5);
-  EXPECT_LT((state.error_to(with_error(state, error)) - error).norm(), 1e-12);
-}
-
 class WorldStepJacobian : public testing::TestWithParam<bool> {};
 
 TEST_P(WorldStepJacobian, MatchesDifferences) {
@@ -170,15 +164,13 @@ TEST(WorldCorrection, KeepsTheInformationAboutRelativePositions) {
   }
 }
 
-TEST(WorldAxes, AnchoringTransformsTheCovariance) {
-  for (const bool level : {true, false}) {
-    HeadingRule rule;
-    rule.axis = 1;
-    rule.yaw_rad = 0.3;
-    rule.X_WT = {exp_so3({0.2, 0.1, -0.4}), {3, -2, 1}};
-    expect_covariance_follows_mean<FilterState>(
-        example_state(), [&](FilterState& state) { anchor_to_reference(state, 1, rule, level); });
-  }
+TEST(WorldAxes, AreThoseOfTheReferenceTag) {
+  expect_anchoring<FilterState>(example_state(), [](const FilterState& s) { return s.X_WB; });
+  FilterState state = example_state();
+  const HeadingRule rule = make_heading_rule({}, state.X_WB.q);
+  anchor_to_reference(state, 2, rule, true);
+  EXPECT_LT(slack_of_reference(state, 2, rule, true).moved, 1e-9);
+  EXPECT_LT(slack_of_reference(state, 2, rule, true).sigma, 1e-6);
 }
 
 /// Of a pose, in the plain coordinates of results.

@@ -79,7 +79,8 @@ TEST_F(MapRepairTest, KeepsASoundStore) {
   EXPECT_TRUE(value_of(read_whole_file(path_)) == before);
 }
 
-TEST_F(MapRepairTest, OmitsADamagedVersion) {
+TEST_F(MapRepairTest, OmitsADamagedVersionAndKeepsTheMode) {
+  ASSERT_EQ(::chmod(path_.c_str(), 0660), 0);
   damage(30);
   ASSERT_FALSE(check_map_store(path_)->is_sound());
   const auto repaired = value_of(repair_map_store(path_));
@@ -90,6 +91,9 @@ TEST_F(MapRepairTest, OmitsADamagedVersion) {
   EXPECT_EQ(MapStore::open(path_)->extrinsics()->size(), 1u);
   EXPECT_EQ(check_map_store(repaired.kept_as)->damaged.size(), 1u) << "the damaged file is kept";
   EXPECT_TRUE(check_map_store(path_)->is_sound());
+  struct stat now {};
+  ASSERT_EQ(::stat(path_.c_str(), &now), 0);
+  EXPECT_EQ(now.st_mode & 07777, 0660u);
 }
 
 TEST_F(MapRepairTest, LinksChildrenOfALostVersionToItsParent) {
@@ -160,15 +164,6 @@ TEST_F(MapRepairTest, KeepsEarlierDamagedFiles) {
   damage(30);
   EXPECT_EQ(repair_map_store(path_)->kept_as, path_ + ".damaged-2");
   EXPECT_EQ(value_of(read_whole_file(path_ + ".damaged-1")), "precious");
-}
-
-TEST_F(MapRepairTest, KeepsModeAndOwner) {
-  ASSERT_EQ(::chmod(path_.c_str(), 0660), 0);
-  damage(30);
-  ASSERT_TRUE(repair_map_store(path_));
-  struct stat now {};
-  ASSERT_EQ(::stat(path_.c_str(), &now), 0);
-  EXPECT_EQ(now.st_mode & 07777, 0660u);
 }
 
 /// For the rest of this process, as SystemCallFilter=~@chown of the service.

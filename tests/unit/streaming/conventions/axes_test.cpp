@@ -76,32 +76,6 @@ TEST(Axes, ZUpInMetresChangesNothing) {
   EXPECT_EQ(out.body_id, 7);
 }
 
-TEST(Axes, ForwardLeftUpBecomesForwardRightDown) {
-  BodyPose body;
-  body.X_WP = {exp_so3({0, 0, 0.7}), {1, 2, 3}};  // heading to the left
-  body.w_WP_P = {0, 0, 1};
-  const auto out = to_client(body, {UpAxis::kDown, AxesScope::kWorldAndBody});
-  EXPECT_EQ(out.X_WP.p, Eigen::Vector3d(1, -2, -3));
-  EXPECT_LT(angle_between(out.X_WP.q, exp_so3({0, 0, -0.7})), 1e-9)
-      << "heading to the left is a negative yaw";
-  EXPECT_EQ(out.w_WP_P, Eigen::Vector3d(0, 0, -1));
-}
-
-TEST(Axes, YUpHasTheHeightInYAndLevelBodiesLevel) {
-  BodyPose body;
-  body.X_WP = {exp_so3({0, 0, 0.7}), {1, 2, 3}};  // heading 0.7 rad
-  const auto world_only = to_client(body, {UpAxis::kY, AxesScope::kWorld});
-  const auto both = to_client(body, {UpAxis::kY, AxesScope::kWorldAndBody});
-  EXPECT_EQ(world_only.X_WP.p, Eigen::Vector3d(1, 3, -2));
-  EXPECT_EQ(to_client(body, {UpAxis::kY, AxesScope::kWorld, 1000}).X_WP.p,
-            Eigen::Vector3d(1000, 3000, -2000));
-  // The body's z stays its up in the first case, in the second its y is up.
-  EXPECT_LT((world_only.X_WP.q * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitY()).norm(),
-            kRounding);
-  EXPECT_LT((both.X_WP.q * Eigen::Vector3d::UnitY() - Eigen::Vector3d::UnitY()).norm(), kRounding);
-  EXPECT_LT(angle_between(both.X_WP.q, exp_so3({0, 0.7, 0})), 1e-9);
-}
-
 TEST(Axes, BodyAndItsTipMoveAsInTheWorld) {
   std::mt19937 random(2);
   for (const auto& client : all_axes()) {

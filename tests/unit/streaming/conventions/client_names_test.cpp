@@ -4,7 +4,6 @@
 #include <random>
 #include <set>
 
-#include "base/pose.hpp"
 #include "streaming/conventions/client_names.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
 #include "support/scene_builder.hpp"
@@ -136,28 +135,5 @@ TEST(ProtocolConventions, ListsEachProtocolOnce) {
 }
 
 /// A point of the body is at the same place of the world in every protocol's axes and units.
-TEST(ProtocolConventions, EveryProtocolKeepsTheGeometry) {
-  std::mt19937 random(5);
-  std::normal_distribution<double> normal;
-  const auto vector = [&] {
-    return Eigen::Vector3d(normal(random), normal(random), normal(random));
-  };
-  for (const auto& one : kProtocolConventions) {
-    const AxesChange change(one.axes);
-    for (int i = 0; i < 50; ++i) {
-      const Pose X_WP{exp_so3(vector()), vector()};
-      const Eigen::Vector3d p_P = vector();
-      const Pose X_CP = change.pose(X_WP);
-      const Eigen::Vector3d p_client = one.axes.scope == AxesScope::kWorldAndBody
-                                           ? change.length(p_P)
-                                           : Eigen::Vector3d(one.axes.units_per_m * p_P);
-      EXPECT_LT((X_CP * p_client - change.length(X_WP * p_P)).norm(), 1e-9 * one.axes.units_per_m)
-          << one.protocol;
-      EXPECT_NEAR(change.length(p_P).norm(), one.axes.units_per_m * p_P.norm(), 1e-9)
-          << one.protocol;
-    }
-  }
-}
-
 }  // namespace
 }  // namespace fiducap

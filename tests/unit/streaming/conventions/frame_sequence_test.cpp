@@ -5,7 +5,6 @@
 #include "base/pose.hpp"
 #include "scene/scene.hpp"
 #include "streaming/conventions/frame_sequence.hpp"
-#include "support/allocation_counter.hpp"
 #include "support/scene_builder.hpp"
 
 namespace fiducap {
@@ -69,13 +68,6 @@ TEST_F(PoseJumpsTest, AnotherBodyAtTheSameIndexStartsAgain) {
   body_.X_WP.p.x() += 5;
   step();
   EXPECT_EQ(jumps_.count(0), 0u);
-}
-
-TEST_F(PoseJumpsTest, AllocatesNothingWhileTheBodiesAreTheSame) {
-  step();
-  const AllocationCounter counter;
-  step(100);
-  EXPECT_EQ(counter.count(), 0u);
 }
 
 // As the scene publishes it: in small steps, or invalid for a moment and then elsewhere.

@@ -6,6 +6,7 @@
 
 #include <dds/dds.h>
 #include <gmock/gmock.h>
+#include <boost/asio/io_context.hpp>
 
 #include "middleware/endpoints.hpp"
 #include "streaming/dds/dds.hpp"
@@ -23,9 +24,12 @@ class DdsServerTest : public testing::Test {
     auto participant = Participant::open({.domain = kTestDomain, .peers = {}});
     ASSERT_TRUE(participant) << participant.error().text();
     participant_ = *participant;
-    auto server =
-        start_dds_server([this] { return Expected<std::shared_ptr<Participant>>(participant_); },
-                         config, frame_->model, clock_, &events_);
+    auto server = serve({.io = io_,
+                         .model = frame_->model,
+                         .clock = clock_,
+                         .events = &events_,
+                         .join_dds = [this] { return participant_; }},
+                        config);
     ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
   }
@@ -63,6 +67,7 @@ class DdsServerTest : public testing::Test {
     frame_->model = model;
   }
 
+  boost::asio::io_context io_;
   std::shared_ptr<SceneFrame> frame_ = make_scene_frame({"big-drone", "rover"});
   FakeClock clock_;
   EventBoard events_{[] { return std::int64_t{0}; }};

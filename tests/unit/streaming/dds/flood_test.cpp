@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <atomic>
+#include <boost/asio/io_context.hpp>
 #include <chrono>
 #include <future>
 #include <thread>
@@ -54,7 +55,8 @@ class DdsFlood : public testing::Test {
   }
   /// A server of a drone, which then sees too many participants.
   void flood_server(const JoinDomain& join_domain) {
-    auto server = start_dds_server(join_domain, {}, frame_->model, clock_);
+    auto server = serve(
+        {.io = io_, .model = frame_->model, .clock = clock_, .join_dds = join_domain}, DdsConfig{});
     ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
     forge(*join(), ParticipantCount::kMostPresent + 1);
@@ -77,6 +79,7 @@ class DdsFlood : public testing::Test {
   Membership membership_{{.domain = kDomain, .peers = {}}, events_};
   Socket forger_{"127.0.0.1"};
   std::uint32_t forged_{0};
+  boost::asio::io_context io_;
   FakeClock clock_;
   std::shared_ptr<SceneFrame> frame_ = make_scene_frame({"drone"});
   std::unique_ptr<Streamer> server_;

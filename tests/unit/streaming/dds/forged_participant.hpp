@@ -1,10 +1,7 @@
 #pragma once
 
-#include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <poll.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include <cstdint>
 #include <span>
@@ -12,16 +9,9 @@
 #include <vector>
 
 #include "support/hex.hpp"
+#include "support/loopback_socket.hpp"
 
 namespace fiducap::dds {
-
-inline sockaddr_in ipv4(const std::string& address, int port) {
-  sockaddr_in all{};
-  all.sin_family = AF_INET;
-  all.sin_port = htons(static_cast<std::uint16_t>(port));
-  EXPECT_EQ(::inet_pton(AF_INET, address.c_str(), &all.sin_addr), 1) << address;
-  return all;
-}
 
 /// A UDP socket in the namespace of the thread that makes it.
 class Socket final {
@@ -43,12 +33,7 @@ class Socket final {
                            sizeof(wanted.imr_interface)),
               0);
   }
-  [[nodiscard]] int port() const {
-    sockaddr_in own{};
-    socklen_t size = sizeof(own);
-    ::getsockname(fd_, reinterpret_cast<sockaddr*>(&own), &size);
-    return ntohs(own.sin_port);
-  }
+  [[nodiscard]] int port() const { return port_of(fd_); }
   void send(const std::vector<std::byte>& bytes, const std::string& address, int port) const {
     const auto to = ipv4(address, port);
     EXPECT_EQ(::sendto(fd_, bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&to),

@@ -255,7 +255,6 @@ TEST_F(NativeRegistryTest, FloodFromManyPortsGetsFewRepliesAndAllocatesNothing) 
   EXPECT_LE(answers, static_cast<int>(AnswerLimiter::kBurst));
   EXPECT_LE(bytes_out, 10'000 * request.size());
   EXPECT_EQ(clients(), 0u);
-  EXPECT_GE(registry_.unanswered().too_often, 9'000u);
   // Nothing is kept: each request costs only what reading it costs, and that is given back.
   EXPECT_LE(allocations.count(), 10'000 * allocations_of_one);
 }
@@ -343,13 +342,6 @@ TEST_F(NativeRegistryTest, AddressWithMostClientsYieldsToOneWithNone) {
   EXPECT_EQ(clients(), 4u);
 }
 
-TEST_F(NativeRegistryTest, LocalOperatorReplacesAClientOfAnother) {
-  for (std::uint8_t host = 1; host <= 4; ++host) ASSERT_NE(join(peer(1000, host)), 0u);
-  EXPECT_EQ(join(peer(1000, 5)), 0u);
-  EXPECT_NE(join(Peer{0x7f000001, 1000}), 0u);
-  EXPECT_EQ(clients(), 4u);
-}
-
 TEST_F(NativeRegistryTest, RefusesInvalidProfiles) {
   std::vector<v1::Profile> invalid(6);
   invalid[0].set_up_axis(static_cast<v1::Profile::UpAxis>(7));
@@ -391,7 +383,6 @@ TEST_F(NativeRegistryTest, ReportsTheMulticastGroupOnRequestOnly) {
 TEST_F(NativeRegistryTest, DoesNotAnswerMalformedDatagrams) {
   EXPECT_TRUE(receive({}).datagram.empty());
   EXPECT_TRUE(receive(Datagram(500, std::byte{0x5a})).datagram.empty());
-  EXPECT_EQ(registry_.unanswered().malformed, 2u);
 }
 
 }  // namespace

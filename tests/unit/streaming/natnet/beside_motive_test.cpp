@@ -239,7 +239,9 @@ TEST_F(BesideMotive, EveryRecordedFrameHasTheStructureOfOurs) {
     const auto theirs = take_apart(datagram.bytes, {3, 0});
     ASSERT_TRUE(theirs);
     ASSERT_THAT(ours->structure(), ElementsAreArray(without_markers(theirs->structure())));
-    if (frames > 0) EXPECT_EQ((*theirs)["frame"], last + 1);
+    if (frames > 0) {
+      EXPECT_EQ((*theirs)["frame"], last + 1);
+    }
     last = *(*theirs)["frame"];
     for (const char* zero : {"timecode", "timecode_sub", "params", "end", "skeletons"}) {
       EXPECT_EQ((*theirs)[zero], 0) << zero;
@@ -320,7 +322,9 @@ TEST_F(BesideMotive, EveryRecordedRequestGetsTheSameKindOfAnswer) {
       EXPECT_EQ(id_of(ours), id_of(datagram.bytes)) << text_in(question->bytes);
       const bool same_size =
           id_of(ours) != Message::kModel && id_of(ours) != Message::kUnrecognized;
-      if (same_size) EXPECT_EQ(ours.size(), datagram.bytes.size());
+      if (same_size) {
+        EXPECT_EQ(ours.size(), datagram.bytes.size());
+      }
       ++compared;
     }
     asked.erase(question);

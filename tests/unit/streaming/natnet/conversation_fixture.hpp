@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include "fake_operator_api.hpp"
 #include "messages.hpp"
 #include "streaming/natnet/conversation.hpp"
+#include "support/fake_operator_api.hpp"
 #include "support/scene_builder.hpp"
 
 namespace fiducap::natnet {

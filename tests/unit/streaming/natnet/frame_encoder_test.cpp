@@ -7,7 +7,6 @@
 
 #include "base/pose.hpp"
 #include "messages.hpp"
-#include "support/allocation_counter.hpp"
 #include "support/hex.hpp"
 #include "support/scene_builder.hpp"
 
@@ -227,25 +226,6 @@ TEST_F(FrameEncoderTest, AThousandBodiesFitOneDatagramInEveryLayout) {
     in.u16();
     EXPECT_EQ(in.u16(), frame.size() - kHeaderSize);
   }
-}
-
-TEST_F(FrameEncoderTest, AllocatesNothingOnceWarm) {
-  frame_ = make_scene_frame(std::vector<std::string>(100, "x"));
-  Selection selection;
-  selection.body(3, false);
-  const auto all = [&] {
-    encoder_.load(*frame_, frame_->at, 0);
-    for (const auto layout :
-         {FrameLayout::k2_5, FrameLayout::k2_9, FrameLayout::k3_0, FrameLayout::k4_1}) {
-      (void)encoder_.encode({layout});
-      (void)encoder_.encode({layout, true});
-      (void)encoder_.encode({layout, false, &selection});
-    }
-  };
-  all();
-  const AllocationCounter counter;
-  for (int i = 0; i < 100; ++i) all();
-  EXPECT_EQ(counter.count(), 0U);
 }
 
 }  // namespace

@@ -14,13 +14,6 @@ std::vector<std::string> faults(const NatNetConfig& config) {
   return paths;
 }
 
-TEST(NatNetConfig, DefaultsAreYUpInMetresAsOfTheCommercialServer) {
-  EXPECT_THAT(faults(NatNetConfig{}), IsEmpty());
-  EXPECT_EQ(NatNetConfig{}.up, UpAxis::kY);
-  EXPECT_EQ(NatNetConfig{}.scope, AxesScope::kWorldAndBody);
-  EXPECT_EQ(NatNetConfig{}.axes().units_per_m, 1.0);
-}
-
 TEST(NatNetConfig, ReportsEveryBrokenRule) {
   NatNetConfig config;
   config.address = "localhost";
@@ -76,19 +69,6 @@ TEST(NatNetConfig, ATargetMayBeAGroup) {
   EXPECT_THAT(faults(config), ElementsAre("streaming.natnet.multicast_interface"));
   config.multicast_interface = "10.0.0.5";
   EXPECT_THAT(faults(config), IsEmpty());
-}
-
-TEST(Peer, IsReadFromItsTextAndKnowsTheLoopback) {
-  const Peer peer{0x0a4d0107, 1511};
-  EXPECT_EQ(text_of(peer), "10.77.1.7:1511");
-  EXPECT_EQ(parse_peer("10.77.1.7:1511"), peer);
-  for (const char* text : {"", ":", "10.0.0.1", "10.0.0.1:", "10.0.0.1:x", "10.0.0.1:65536",
-                           "10.0.0:1", "1.2.3.4:5 "}) {
-    EXPECT_EQ(parse_peer(text), std::nullopt) << text;
-  }
-  EXPECT_TRUE(parse_peer("127.0.0.1:1")->is_loopback());
-  EXPECT_TRUE(parse_peer("127.9.9.9:1")->is_loopback());
-  EXPECT_FALSE(parse_peer("10.0.0.1:1")->is_loopback());
 }
 
 }  // namespace

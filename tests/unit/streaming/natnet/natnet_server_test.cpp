@@ -56,12 +56,10 @@ class NatNetServerTest : public testing::Test {
     server_.reset();
     io_.poll();
   }
-  [[nodiscard]] auto make_server() {
-    return start_natnet_server(io_, config_, frame_->model, clock_, nullptr, 100);
-  }
   void start() {
     server_.reset();
-    auto server = make_server();
+    auto server =
+        serve({.io = io_, .model = frame_->model, .clock = clock_, .rate_hz = 100}, config_);
     ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
   }
@@ -99,7 +97,7 @@ class NatNetServerTest : public testing::Test {
   FakeClock clock_{instant_from_ns(1'000'000'000)};
   NatNetConfig config_;
   std::shared_ptr<SceneFrame> frame_ = make_scene_frame({"arm", "drone"});
-  std::unique_ptr<NatNetStreamer> server_;
+  std::unique_ptr<Streamer> server_;
   Client client_{io_};
 };
 
@@ -153,34 +151,24 @@ TEST_F(NatNetServerTest, SendsAThousandBodiesInOneDatagram) {
   frame_ = make_scene_frame(std::vector<std::string>(1000, "x"));
   start();
   client_.socket().set_option(asio::socket_base::receive_buffer_size(1 << 20));
-  join(client_, server_->unicast_port(), connect({4, 1}, {4, 1}));
+  join(client_, server_->second_port(), connect({4, 1}, {4, 1}));
   for (int i = 0; i < 20; ++i) {
     publish();
     EXPECT_EQ(wait_for(client_).size(), 126 + 38 * 1000U);
   }
 }
 
-TEST_F(NatNetServerTest, SendsEveryFrameTo64ClientsOfOneComputer) {
-  start();
-  std::vector<std::unique_ptr<Client>> all;
-  for (int i = 0; i < 64; ++i) join(*all.emplace_back(std::make_unique<Client>(io_)));
-  for (int i = 0; i < 3; ++i) {
-    publish();
-    for (auto& client : all) EXPECT_EQ(id_of(wait_for(*client)), Message::kFrame);
-  }
-}
-
 TEST_F(NatNetServerTest, ServesMulticastAndUnicastOnTwoPorts) {
   start();
-  ASSERT_NE(server_->unicast_port(), 0);
+  ASSERT_NE(server_->second_port(), 0);
   const auto multicast_flag = [&](std::uint16_t port) {
     return ask(client_, ping(), port).at(kHeaderSize + 274);
   };
   EXPECT_EQ(multicast_flag(server_->port()), std::byte{1});
-  EXPECT_EQ(multicast_flag(server_->unicast_port()), std::byte{0});
+  EXPECT_EQ(multicast_flag(server_->second_port()), std::byte{0});
   config_.multicast = false;
   start();
-  EXPECT_EQ(server_->unicast_port(), 0);
+  EXPECT_EQ(server_->second_port(), 0);
   EXPECT_EQ(multicast_flag(server_->port()), std::byte{0});
 }
 
@@ -234,46 +222,6 @@ TEST_F(NatNetServerTest, SendsFramesToAGroupAmongTheTargets) {
   Bytes frame;
   EXPECT_EQ(listener.count(frame), 1U);
   EXPECT_EQ(clients().at(0).peer, config_.targets[0] + " multicast");
-}
-
-TEST_F(NatNetServerTest, ReportsAPortInUseAndTooManyBodies) {
-  start();
-  config_.port = server_->port();
-  const auto second = make_server();
-  ASSERT_FALSE(second);
-  EXPECT_THAT(second.error().text(), testing::HasSubstr("streaming.natnet.port"));
-  frame_ = make_scene_frame(std::vector<std::string>(1001, "x"));
-  const auto third = make_server();
-  ASSERT_FALSE(third);
-  EXPECT_EQ(third.error().code, ErrorCode::kInvalid);
-}
-
-TEST_F(NatNetServerTest, ReleasesItsPortsWhenItStops) {
-  const std::uint16_t any = config_.port;
-  bool is_given_back = false;
-  for (int attempt = 0; attempt < 5 && !is_given_back; ++attempt) {
-    config_.port = any;
-    start();
-    config_.port = server_->port();
-    server_->stop();
-    // Another program of this machine may be quicker, but not five times.
-    is_given_back = make_server().has_value();
-  }
-  EXPECT_TRUE(is_given_back);
-}
-
-TEST_F(NatNetServerTest, SurvivesInvalidDatagrams) {
-  start();
-  client_.send({}, server_->port());
-  for (std::size_t size : {1U, 3U, 4U, 5U, 65507U})
-    client_.send(Bytes(size, std::byte{0xff}), server_->port());
-  join(client_);
-}
-
-TEST_F(NatNetServerTest, MayBeDestroyedBeforeTheIoContextIsDone) {
-  start();
-  server_.reset();
-  EXPECT_NO_THROW(io_.poll());
 }
 
 }  // namespace

@@ -89,19 +89,6 @@ TEST(Selection, ContainsAllBodiesOrTheSubscribedOnes) {
   EXPECT_EQ(selection, Selection());
 }
 
-TEST(Selection, TheNarrowerRuleHasPriority) {
-  Selection selection;
-  selection.all_types(true);
-  selection.rigid_bodies(false);
-  selection.body(7, true);
-  EXPECT_TRUE(selection.has(7));
-  EXPECT_FALSE(selection.has(8));
-  selection.rigid_bodies(true);
-  selection.body(7, false);
-  EXPECT_FALSE(selection.has(7));
-  EXPECT_TRUE(selection.has(8));
-}
-
 constexpr net::Peer kFirst{0x0a000001, 1000};
 constexpr net::Peer kSecond{0x0a000002, 1000};
 constexpr Instant kStart = instant_from_ns(1'000'000'000);

@@ -15,6 +15,9 @@ TEST(Peer, WrittenAddressIsReadBack) {
   EXPECT_EQ(text_of(peer), "10.77.1.7:1511");
   EXPECT_EQ(parse_peer("10.77.1.7:1511"), peer);
   EXPECT_EQ(peer.ipv4(), 0x0a4d0107u);
+  for (const char* text :
+       {"", ":", "10.0.0.1", "10.0.0.1:", "10.0.0.1:x", "10.0.0.1:65536", "10.0.0:1", "1.2.3.4:5 "})
+    EXPECT_EQ(parse_peer(text), std::nullopt) << text;
   const Peer v6({0x20, 0x01, 0x0d, 0xb8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 7}, 80);
   EXPECT_EQ(text_of(v6), "[2001:db8::7]:80");
   EXPECT_FALSE(v6.is_loopback());

@@ -15,8 +15,7 @@ class Counter final : public Streamer {
     int requests{0};
     bool throws{false};
   };
-  explicit Counter(Counts& counts) : counts_(counts) {}
-  [[nodiscard]] std::string_view protocol() const override { return "test"; }
+  explicit Counter(Counts& counts) : Streamer("test"), counts_(counts) {}
   void publish(const std::shared_ptr<const SceneFrame>&) override {
     if (counts_.throws) throw std::runtime_error("cannot be encoded");
     ++counts_.frames;

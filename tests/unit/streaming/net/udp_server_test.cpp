@@ -32,11 +32,12 @@ class DatagramBatchTest : public testing::Test {
     return read_now(socket, error);
   }
   void add(std::string_view text, const udp::endpoint& to) {
-    batch_.add(bytes(text), to.data(), static_cast<socklen_t>(to.size()));
+    batch_.add(bytes(text), SocketAddress(to.data(), static_cast<socklen_t>(to.size())));
   }
   /// Of four bytes each, to `one_`.
   void add_cut(std::string_view text) {
-    batch_.add_cut(bytes(text), 4, to_one_.data(), static_cast<socklen_t>(to_one_.size()));
+    batch_.add_cut(bytes(text), 4,
+                   SocketAddress(to_one_.data(), static_cast<socklen_t>(to_one_.size())));
   }
   void send() { batch_.send(sender_.native_handle()); }
 

@@ -141,8 +141,8 @@ class ViconEnds {
   }
 
  private:
-  vicon::ProfileTable profiles_;
   vicon::FrameBoard board_{WhenInvalid::kFlag};
+  vicon::ProfileTable profiles_;
   std::optional<vicon::Connection> connection_;
   std::size_t greeting_{0};
   std::uint64_t packets_{0};

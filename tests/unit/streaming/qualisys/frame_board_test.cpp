@@ -11,7 +11,6 @@
 
 #include "base/bytes.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
-#include "support/allocation_counter.hpp"
 #include "support/hex.hpp"
 #include "support/scene_builder.hpp"
 
@@ -248,21 +247,6 @@ TEST(QualisysFrameEncoder, ClientsDecodeAnyPoseInTheConfiguredAxes) {
   }
 }
 
-TEST(QualisysFrameEncoder, AllocatesNothingAfterTheFirstFrame) {
-  const auto frame = make_scene_frame({"a", "b", "c"});
-  FrameEncoder encoder(kMillimetres, WhenInvalid::kFlag);
-  const auto rows = in_order(3);
-  EncodedFrame out;
-  encoder.begin(*frame, 3, rows);
-  encoder.encode(kAllComponents, out);
-  const AllocationCounter counter;
-  for (int i = 0; i < 100; ++i) {
-    encoder.begin(*frame, 3, rows);
-    encoder.encode(kAllComponents, out);
-  }
-  EXPECT_EQ(counter.count(), 0u);
-}
-
 constexpr double kRounding = 1e-7;  // near ±90° the arc sine loses half of the digits
 
 TEST(QualisysEuler, AnglesRebuildEveryRotation) {
@@ -351,23 +335,6 @@ TEST_F(QualisysFrameBoard, EncodesEachFrameOncePerProfile) {
   EXPECT_EQ(board_.encoded(profile_), first);
   put(2);
   EXPECT_NE(board_.encoded(profile_)->packet, first->packet);
-}
-
-TEST_F(QualisysFrameBoard, AllocatesNothingAfterWarmUp) {
-  const auto frame = make_scene_frame({"a", "b"});
-  bodies_.update(*frame->model);
-  Profile other = profile_;
-  other.wide = true;
-  std::shared_ptr<const EncodedFrame> waiting;  // a slow client still holds the last one
-  const auto round = [&] {
-    board_.put(frame, bodies_);
-    waiting = board_.encoded(profile_);
-    (void)board_.encoded(other);
-  };
-  for (int i = 0; i < 10; ++i) round();
-  const AllocationCounter counter;
-  for (int i = 0; i < 100; ++i) round();
-  EXPECT_EQ(counter.count(), 0u);
 }
 
 }  // namespace

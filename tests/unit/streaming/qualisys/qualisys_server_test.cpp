@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 
 #include <boost/asio/post.hpp>
-#include <chrono>
 #include <functional>
 
 #include "base/bytes.hpp"
@@ -12,7 +11,7 @@
 #include "support/allocation_counter.hpp"
 #include "support/hex.hpp"
 #include "support/loopback_socket.hpp"
-#include "support/server_stage.hpp"
+#include "unit/streaming/server_fixture.hpp"
 
 namespace fiducap::qualisys {
 namespace {
@@ -90,24 +89,15 @@ class RtClient final {
 
 class QualisysServer : public ServerStage<RtClient> {
  protected:
-  ~QualisysServer() override {
-    if (server_) server_->stop();
-    io_.restart();
-    io_.run();
-  }
-  [[nodiscard]] auto make_server() {
-    return start_qualisys_server(io_, config_, &operator_api_, make_scene_frame(names_)->model,
-                                 clock_);
-  }
+  ~QualisysServer() override { end_server(); }
   void start() {
     config_.base_port = 0;
     config_.discovery_port = discovery_;
-    auto server = make_server();
+    auto server = serve({io_, make_scene_frame(names_)->model, clock_, &operator_api_}, config_);
     ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
-    base_ = server_->base_port();
+    base_ = server_->port();
   }
-  void publish() { server_->publish(frame()); }
   /// Speaks version 1.28 and requests a stream.
   void begin(RtClient& client, const std::string& stream = "StreamFrames AllFrames 6D") {
     clients_.push_back(&client);
@@ -120,17 +110,11 @@ class QualisysServer : public ServerStage<RtClient> {
     begin(client,
           "StreamFrames AllFrames UDP:" + std::to_string(client.open_udp()) + " " + components);
   }
-  [[nodiscard]] std::vector<ClientStatus> status() const {
-    std::vector<ClientStatus> all;
-    server_->append_clients(all);
-    return all;
-  }
 
   FakeOperatorApi operator_api_;
   QualisysConfig config_;
   std::uint16_t discovery_{0};
   std::uint16_t base_{0};
-  std::unique_ptr<QualisysStreamer> server_;
 };
 
 TEST_F(QualisysServer, StreamsByTcpInBothByteOrders) {
@@ -158,18 +142,6 @@ TEST_F(QualisysServer, StreamsByUdpToEveryClientThatRequestsIt) {
   EXPECT_THAT(status().at(0).peer, HasSubstr("udp"));
   EXPECT_EQ(status().at(0).frames_sent, 3u);
   EXPECT_EQ(status().at(0).frames_dropped, 0u);
-}
-
-TEST_F(QualisysServer, AClosedUdpPortAffectsNoOtherClient) {
-  start();
-  RtClient gone(base_ + 1), here(base_ + 1);
-  begin(gone, "StreamFrames AllFrames UDP:" + std::to_string(base_) + " 6D");  // a port of TCP
-  begin_udp(here, "6D");
-  for (int i = 0; i < 20; ++i) {
-    publish();
-    step();
-  }
-  EXPECT_TRUE(until([&] { return here.udp_frames.size() == 20; }));
 }
 
 TEST_F(QualisysServer, SendsTheCurrentFrameOnce) {
@@ -234,54 +206,6 @@ TEST_F(QualisysServer, ReleasesTheControlOfAMasterThatLeaves) {
   }));
 }
 
-TEST_F(QualisysServer, DropsFramesOfAClientThatDoesNotRead) {
-  names_.assign(200, "body");
-  start();
-  RtClient lazy(base_ + 1), eager(base_ + 1);
-  begin(lazy, "StreamFrames AllFrames All");
-  begin(eager, "StreamFrames AllFrames All");
-  clients_ = {&eager};
-  for (int i = 0; i < 500; ++i) {
-    publish();
-    step();
-  }
-  ASSERT_TRUE(until([&] { return eager.frames() == 500; }));
-  const auto all = status();
-  ASSERT_EQ(all.size(), 2u);
-  EXPECT_GT(all[0].frames_dropped, 0u);
-  EXPECT_EQ(all[1].frames_dropped, 0u);
-}
-
-TEST_F(QualisysServer, ClosesOnlyTheClientThatSendsGarbage) {
-  start();
-  RtClient good(base_ + 1), bad(base_ + 1);
-  begin(good);
-  clients_.push_back(&bad);
-  bad.send(from_hex("ffffffffffffffffffffffff"));
-  ASSERT_TRUE(until([&] { return bad.closed; }));
-  publish();
-  EXPECT_TRUE(until([&] { return good.frames() == 1; }));
-}
-
-TEST_F(QualisysServer, ClosesSilentClients) {
-  start();
-  RtClient silent(base_ + 1), speaking(base_ + 1);
-  clients_ = {&silent};
-  begin(speaking, "StreamFrames Stop");  // no answer, then two
-  clock_.advance(std::chrono::seconds(11));
-  EXPECT_TRUE(until([&] { return silent.closed; }));
-  EXPECT_FALSE(speaking.closed);
-}
-
-TEST_F(QualisysServer, ClosesClientsAboveTheLimit) {
-  config_.max_clients = 3;
-  config_.max_clients_per_address = 2;
-  start();
-  RtClient a(base_ + 1), b(base_ + 1), c(base_ + 1);
-  clients_ = {&a, &b, &c};
-  EXPECT_TRUE(until([&] { return c.closed && !a.texts.empty() && !b.texts.empty(); }));
-}
-
 TEST_F(QualisysServer, AnswersDiscoveryUpToALimit) {
   const int asker = bound_socket(SOCK_DGRAM);
   // Port 0 would switch it off: take one that the kernel gives.
@@ -289,7 +213,7 @@ TEST_F(QualisysServer, AnswersDiscoveryUpToALimit) {
   discovery_ = port_of(probe);
   ::close(probe);
   start();
-  ASSERT_EQ(server_->discovery_port(), discovery_);
+  ASSERT_EQ(server_->second_port(), discovery_);
   RtClient client(base_ + 1);
   clients_ = {&client};
   Bytes question = from_hex("0a000000 07000000");
@@ -303,15 +227,6 @@ TEST_F(QualisysServer, AnswersDiscoveryUpToALimit) {
   const std::span<const std::byte> answer = client.udp_frames[0];
   EXPECT_THAT(std::string(decode_text(answer.subspan(8))), HasSubstr("QTM 2.17 (build 4050)"));
   EXPECT_EQ(BigEndianReader(answer.last(2)).u16(), base_);
-}
-
-TEST_F(QualisysServer, ReportsPortAndRemedyWhenThePortIsInUse) {
-  start();
-  config_.base_port = base_;
-  const auto second = make_server();
-  ASSERT_FALSE(second);
-  EXPECT_THAT(second.error().text(), HasSubstr(std::to_string(base_)));
-  EXPECT_THAT(second.error().text(), HasSubstr("streaming.qualisys.base_port"));
 }
 
 TEST_F(QualisysServer, PublishingAllocatesNothingAfterWarmUp) {

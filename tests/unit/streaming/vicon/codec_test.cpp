@@ -78,14 +78,15 @@ const Encoding kEncodings[] = {
     {"scale of a rigid body", [](Bytes& out) { encode_subject_scale(3, out); },
      "616d0000 24000000  03000000 01000000 01000000  000000000000f03f 000000000000f03f "
      "000000000000f03f"},
-    {"frame number", [](Bytes& out) { encode_frame_info(258, out); }, "05000000 04000000 02010000"},
-    {"hardware frame number", [](Bytes& out) { encode_hardware_frame_info(7, out); },
+    {"frame number", [](Bytes& out) { encode_number(Type::kFrameInfo, 258, out); },
+     "05000000 04000000 02010000"},
+    {"hardware frame number", [](Bytes& out) { encode_number(Type::kHardwareFrameInfo, 7, out); },
      "24000000 04000000 07000000"},
     {"quality", [](Bytes& out) { encode_object_quality(2, 1.0, out); },
      "28000000 0c000000 02000000 000000000000f03f"},
-    {"latency", [](Bytes& out) { encode_latency_info(kOneValue, out); },
+    {"latency", [](Bytes& out) { encode_named(Type::kLatencyInfo, kOneValue, out); },
      "1a000000 13000000  01000000 03000000 416263 000000000000f03f"},
-    {"rates", [](Bytes& out) { encode_frame_rate_info(kOneValue, out); },
+    {"rates", [](Bytes& out) { encode_named(Type::kFrameRateInfo, kOneValue, out); },
      "27000000 13000000  01000000 03000000 416263 000000000000f03f"},
     {"global segment",
      [](Bytes& out) { encode_segments(Type::kGlobalSegments, quarter_turn(), out); },
@@ -105,7 +106,7 @@ const Encoding kEncodings[] = {
     {"packet with the length behind its header",
      [](Bytes& out) {
        const auto opened = open_packet(out);
-       encode_frame_info(1, out);
+       encode_number(Type::kFrameInfo, 1, out);
        close_packet(opened, out);
      },
      "01002b1a 0c000000 05000000 04000000 01000000"}};

@@ -21,11 +21,6 @@ void StreamView::take_packet(Bytes in) {
     for (std::uint32_t i = 0; i < n; ++i) offered.insert(get<std::uint32_t>(types));
     return expect(types.empty() && offered.size() == n, "greeting is malformed");
   }
-  if (objects[0].first == 42) {
-    expect(objects.size() == 1 && objects[0].second.size() == 8, "a pong is not alone");
-    pongs.push_back(get<std::uint64_t>(objects[0].second));
-    return;
-  }
   take_frame(objects);
 }
 

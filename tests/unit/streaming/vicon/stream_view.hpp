@@ -60,7 +60,6 @@ class StreamView final {
   std::map<std::uint32_t, LightPose> lights;
   NamedValues latency, rates;
   std::string timecode;  ///< Raw.
-  std::vector<std::uint64_t> pongs;
   std::vector<std::string> violations;
 
   [[nodiscard]] std::uint32_t id_of(const std::string& name) const {

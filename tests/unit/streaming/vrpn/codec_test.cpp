@@ -3,10 +3,8 @@
 #include <gmock/gmock.h>
 
 #include <map>
-#include <random>
 
 #include "connection_fixture.hpp"
-#include "support/allocation_counter.hpp"
 
 namespace fiducap::vrpn {
 namespace {
@@ -231,44 +229,6 @@ TEST(VrpnCodec, NumbersMessagesOfDifferentSizes) {
   std::vector<std::uint32_t> numbers;
   for (const auto& sent : split(out)) numbers.push_back(sent.header.sequence);
   EXPECT_THAT(numbers, testing::ElementsAre(0xfffffffeu, 0xffffffffu, 0u));
-}
-
-TEST(VrpnCodec, SurvivesRandomBytes) {
-  std::mt19937 random(1);
-  std::uniform_int_distribution<int> byte(0, 255);
-  std::uniform_int_distribution<int> length(0, 120);
-  for (int i = 0; i < 20000; ++i) {
-    Bytes bytes(static_cast<std::size_t>(length(random)));
-    for (auto& b : bytes) b = static_cast<std::byte>(byte(random));
-    if (bytes.size() >= 4)
-      bytes[0] = bytes[1] = bytes[2] = std::byte{0};  // a length that may be fulfilled
-    if (const auto message = decode_message(bytes)) {
-      ASSERT_LE(message->size, bytes.size());
-      ASSERT_LE(message->payload.size() + 24, message->size);
-      (void)decode_udp_description(*message);
-    }
-    (void)decode_cookie(bytes);
-    (void)decode_name(bytes);
-    (void)decode_text(bytes);
-    (void)decode_request(bytes);
-  }
-}
-
-TEST(VrpnCodec, EncodingIntoAWarmVectorAllocatesNothing) {
-  Bytes out;
-  const auto encode_all = [&] {
-    out.clear();
-    encode_pos_quat({}, 0, kPose, out);
-    encode_rate({}, 0, kPose.p, kPose.q, 1.0, out);
-    encode_empty({}, out);
-    encode_text({}, {Severity::kNormal, 0, "hello"}, out);
-    std::uint32_t next = 0;
-    number_messages(out, next);
-  };
-  encode_all();
-  const AllocationCounter allocations;
-  encode_all();
-  EXPECT_EQ(allocations.count(), 0u);
 }
 
 }  // namespace

@@ -198,6 +198,9 @@ TEST_F(VrpnConnectionTest, AnswersTheRequestsWithIdentityAndTheWorkspace) {
     EXPECT_EQ(sent[i].header.type, kExpected[i].first);
     EXPECT_EQ(sent[i].payload, kExpected[i].second);
   }
+  config_.sensors = {{"arm", Pose{}}};
+  EXPECT_THAT(feed(connection, empty(kClientArm, Type::kRequestUnitToSensor)), SizeIs(2))
+      << "one per sensor";
 }
 
 TEST_F(VrpnConnectionTest, TheWorkspaceTurnsWithTheAxes) {
@@ -273,6 +276,86 @@ TEST_F(VrpnConnectionTest, ExplainsAnUnknownBodyOnceAndToThisClientOnly) {
     EXPECT_LT(message.header.type, 0);
     EXPECT_NE(message.name(), "ghost");
   }
+}
+
+TEST_F(VrpnConnectionTest, AcceptsBytesCutAnywhere) {
+  Bytes all = hello();
+  all += empty(kClientArm, Type::kPing);
+  auto in_bytes = make();
+  Bytes single;
+  for (const std::byte b : all) ASSERT_TRUE(in_bytes.receive({&b, 1}, kNow_ns, single));
+  EXPECT_THAT(split(single), SizeIs(22));
+  all += empty(kClientArm, Type::kRequestToRoom);
+  auto whole = make();
+  Bytes expected;
+  ASSERT_TRUE(whole.receive(all, kNow_ns, expected));
+  for (std::size_t cut = 0; cut <= all.size(); ++cut) {
+    auto connection = make();
+    Bytes out;
+    ASSERT_TRUE(connection.receive(std::span(all).first(cut), kNow_ns, out));
+    ASSERT_TRUE(connection.receive(std::span(all).subspan(cut), kNow_ns, out));
+    ASSERT_EQ(out, expected) << "cut at " << cut;
+  }
+}
+
+TEST_F(VrpnConnectionTest, ExplainsAtMostFourUnknownBodies) {
+  auto connection = greeted();
+  std::size_t sent = 0;
+  for (int i = 0; i < 100; ++i) {
+    feed(connection, description(kSenderDescription, 100 + i, "ghost" + std::to_string(i)));
+    sent += ping(connection, 100 + i).size();
+  }
+  EXPECT_EQ(sent, 8u);
+  EXPECT_LE(connection.take_notes().size(), 16u);
+}
+
+TEST_F(VrpnConnectionTest, NeverRepeatsANameTooLongForClients) {
+  auto connection = greeted();
+  feed(connection, description(kSenderDescription, kClientGhost, std::string(96, 'x')));
+  EXPECT_THAT(ping(connection, kClientGhost), IsEmpty());
+}
+
+TEST_F(VrpnConnectionTest, SurvivesADescriptionFlood) {
+  auto connection = greeted();
+  for (std::int32_t id = -50; id < 5000; ++id) {
+    feed(connection, description(kSenderDescription, id, "x" + std::to_string(id)));
+    feed(connection, description(kTypeDescription, id + 3000, "y"));
+  }
+  feed(connection, description(kSenderDescription, 2000, "arm"));
+  EXPECT_THAT(ping(connection, 2000), IsEmpty()) << "only ids 0..1999 can be used";
+  feed(connection, description(kSenderDescription, 1999, "arm"));
+  EXPECT_THAT(ping(connection, 1999), SizeIs(1)) << "a redefined id counts";
+}
+
+TEST_F(VrpnConnectionTest, ATypeIdCanBeRedefined) {
+  auto connection = greeted();
+  feed(connection, description(kTypeDescription, client_type(Type::kPing), "vrpn_Dial update"));
+  EXPECT_THAT(ping(connection, kClientArm), IsEmpty());
+}
+
+TEST_F(VrpnConnectionTest, ClosesOnGarbageAndALengthOfFourGigabytes) {
+  auto connection = make();
+  Bytes out;
+  const std::string http = "GET / HTTP/1.1\r\nHost: localhost\r\n";
+  EXPECT_FALSE(connection.receive(std::as_bytes(std::span(http)), kNow_ns, out));
+  EXPECT_TRUE(out.empty());
+  auto running = greeted();
+  const auto result = running.receive(from_hex("ffffffff"), kNow_ns, out);
+  ASSERT_FALSE(result);
+  EXPECT_THAT(result.error().text(), HasSubstr("4294967295"));
+}
+
+TEST_F(VrpnConnectionTest, NotesAClientsTextWithoutControlCharacters) {
+  auto connection = greeted();
+  Bytes text;
+  encode_text(from_client(kClientArm, client_type(Type::kText)),
+              {Severity::kError, 0, "lost\x1b[2J"}, text);
+  EXPECT_THAT(feed(connection, text), IsEmpty());
+  const auto notes = connection.take_notes();
+  ASSERT_EQ(notes.size(), 1u);
+  EXPECT_EQ(notes[0].text, "sent text: lost.[2J");
+  for (int i = 0; i < 1000; ++i) feed(connection, text);
+  EXPECT_LE(connection.take_notes().size(), 15u);
 }
 
 }  // namespace

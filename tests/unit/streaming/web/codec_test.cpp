@@ -20,8 +20,8 @@ Json encoded(const SceneFrame& frame) { return Json::parse(encode_frame(frame));
 
 TEST(WebCodec, HelloHasServerModeAndBodies) {
   const SceneModel model{3, {{1, "anymal"}, {7, "drone"}}};
-  expect_members(Json::parse(encode_hello({"hall", "0.1.0", "frozen", 20}, model)), R"({
-    "type": "hello", "server": "hall", "version": "0.1.0", "map_mode": "frozen",
+  expect_members(Json::parse(encode_hello({"0.1.0", "frozen", 20}, model)), R"({
+    "type": "hello", "server": "fiducapd", "version": "0.1.0", "map_mode": "frozen",
     "page_rate_hz": 20, "bodies": [{"id": 1, "name": "anymal"}, {"id": 7, "name": "drone"}]})");
 }
 

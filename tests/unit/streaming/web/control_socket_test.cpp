@@ -14,7 +14,7 @@ class ControlSocketTest : public WebServerFixture {
  protected:
   ControlSocketTest() {
     path_ = "/api/v1/control";
-    sources_.operator_api = &operator_api_;
+    context_.operator_api = &operator_api_;
     start();
   }
   static ControlReply reply(LoopbackClient& peer) {
@@ -44,31 +44,10 @@ TEST_F(ControlSocketTest, ExecutesProvenCommands) {
   EXPECT_EQ(std::get<ForgetTag>(operator_api_.changes[0]).tag_id, 7);
 }
 
-TEST_F(ControlSocketTest, ReportsTheReasonOfARefusal) {
-  operator_api_.refusal = "the map is frozen";
-  const auto refused = command();
-  EXPECT_EQ(refused.result(), ControlReply::RESULT_REFUSED);
-  EXPECT_EQ(refused.text(), "the map is frozen");
-}
-
 TEST_F(ControlSocketTest, RefusesAnAddressAfterFiveWrongTokens) {
   for (int i = 0; i < net::WrongProofs::kAllowed; ++i)
     EXPECT_EQ(command("a guess").result(), ControlReply::RESULT_FORBIDDEN);
   EXPECT_EQ(command().result(), ControlReply::RESULT_BUSY);
-  EXPECT_TRUE(operator_api_.changes.empty());
-}
-
-TEST_F(ControlSocketTest, RefusesAllCommandsWithoutAConfiguredToken) {
-  operator_api_.operator_token.clear();
-  EXPECT_EQ(command("").result(), ControlReply::RESULT_FORBIDDEN);
-  EXPECT_TRUE(operator_api_.changes.empty());
-}
-
-TEST_F(ControlSocketTest, RefusesAProofForAnotherChallenge) {
-  auto peer = upgraded();
-  (void)reply(peer);
-  peer.say(request(std::string(32, 'c'), operator_api_.operator_token));
-  EXPECT_EQ(reply(peer).result(), ControlReply::RESULT_FORBIDDEN);
   EXPECT_TRUE(operator_api_.changes.empty());
 }
 
@@ -81,7 +60,7 @@ TEST_F(ControlSocketTest, RefusesPagesOfOtherOrigins) {
 }
 
 TEST_F(ControlSocketTest, IsAbsentWithoutAnOperatorApi) {
-  sources_.operator_api = nullptr;
+  context_.operator_api = nullptr;
   start();
   EXPECT_TRUE(upgrading().wait_for("HTTP/1.1 404"));
 }
@@ -100,14 +79,6 @@ TEST_F(ControlSocketTest, OneAddressDoesNotExcludeOthers) {
   std::vector<LoopbackClient> many;
   for (int i = 0; i < 16; ++i) many.push_back(upgraded("", "127.0.0.2"));
   EXPECT_EQ(command().result(), ControlReply::RESULT_DONE);
-}
-
-TEST_F(ControlSocketTest, AcceptsARequestInPieces) {
-  auto peer = upgraded();
-  const std::string whole = request(reply(peer).hello().challenge(), operator_api_.operator_token);
-  peer.say(whole.substr(0, 3));
-  peer.say(whole.substr(3));
-  EXPECT_EQ(reply(peer).result(), ControlReply::RESULT_DONE);
 }
 
 }  // namespace

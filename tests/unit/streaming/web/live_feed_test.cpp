@@ -1,9 +1,12 @@
 #include <gmock/gmock.h>
 
+#include <boost/asio/io_context.hpp>
 #include <nlohmann/json.hpp>
 
 #include "base/log.hpp"
 #include "streaming/web/live_feed.hpp"
+#include "support/fake_clock.hpp"
+#include "support/fake_operator_api.hpp"
 #include "support/scene_builder.hpp"
 
 namespace fiducap::web {
@@ -92,13 +95,13 @@ class LiveFeedTest : public testing::Test {
     made.rate_hz = 20;
     return made;
   }
-  WebSources sources() {
-    WebSources made;
-    made.map_mode = [this] { return map_mode_; };
-    made.events = &events_;
-    made.server_name = "hall";
+  struct Operator final : FakeOperatorApi {
+    std::vector<TagFit> fits;
+    [[nodiscard]] std::vector<TagFit> tag_fits() const override { return fits; }
+  };
+  ProtocolContext context() {
+    ProtocolContext made{io_, std::make_shared<SceneModel>(), clock_, &operator_, &events_};
     made.clients = [] { return std::vector<ClientStatus>{{"vrpn", "peer", "", 5, 0, 1}}; };
-    made.tag_fits = [this] { return fits_; };
     return made;
   }
   std::shared_ptr<SceneFrame> frame_at(Duration since_start) {
@@ -132,7 +135,7 @@ class LiveFeedTest : public testing::Test {
   }
   /// @return frames that a page gets when they are published at these times
   std::uint64_t frames_sent(const std::vector<Duration>& times) {
-    LiveFeed feed(config(), sources(), model_);
+    LiveFeed feed(config(), context());
     const auto page = feed.join(kPeer, start_);
     for (const Duration at : times) {
       feed.publish(frame_at(at));
@@ -144,20 +147,20 @@ class LiveFeedTest : public testing::Test {
 
   Instant start_ = instant_from_ns(1'000'000'000);
   std::uint64_t number_{0};
-  std::string map_mode_{"mapping"};
-  std::vector<TagFit> fits_;
+  boost::asio::io_context io_;
+  FakeClock clock_;
+  Operator operator_;
   EventBoard events_{[] { return std::int64_t{5'000'000}; }};
   std::shared_ptr<TagMap> map_ = std::make_shared<TagMap>();
-  std::shared_ptr<SceneModel> model_ = std::make_shared<SceneModel>();
-  LiveFeed feed_{config(), sources(), model_};
+  LiveFeed feed_{config(), context()};
 };
 
 TEST_F(LiveFeedTest, ReportsChangesOfTheMapMode) {
   publish(0ms);
   const auto page = join_and_drain();
-  map_mode_ = "frozen";
+  operator_.mode = MapMode::kMapping;
   tick(1s);
-  EXPECT_EQ(sent(*page).at(0)["map_mode"], "frozen");
+  EXPECT_EQ(sent(*page).at(0)["map_mode"], "mapping");
 }
 
 TEST_F(LiveFeedTest, NewPageGetsHelloThenAllOtherMessages) {
@@ -168,7 +171,7 @@ TEST_F(LiveFeedTest, NewPageGetsHelloThenAllOtherMessages) {
 }
 
 TEST_F(LiveFeedTest, SendsFitsOfRecentTagsOnceASecond) {
-  fits_ = {{4, 0.3, 9, start_}, {7, 0.3, 9, start_}};
+  operator_.fits = {{4, 0.3, 9, start_}, {7, 0.3, 9, start_}};
   const auto publish_and_tick = [this](Duration at) {
     publish(at);
     tick(at);
@@ -184,7 +187,7 @@ TEST_F(LiveFeedTest, SendsFitsOfRecentTagsOnceASecond) {
     return ids;
   };
   EXPECT_THAT(sent_tags(), ElementsAre(4, 7)) << "all, at first";
-  fits_[1].seen_at = start_ + 8s;
+  operator_.fits[1].seen_at = start_ + 8s;
   publish_and_tick(9s);
   EXPECT_THAT(sent_tags(), ElementsAre(7));
   publish_and_tick(9500ms);
@@ -282,7 +285,7 @@ TEST_F(LiveFeedTest, StateIsMadeOncePerPeriod) {
   EXPECT_EQ(feed_.state(start_ + Prepared::kPeriod - 1ms).plain, first);
   const auto state = Json::parse(*feed_.state(start_ + Prepared::kPeriod).plain);
   EXPECT_EQ(state["frame"]["number"], 1);
-  EXPECT_EQ(state["hello"]["server"], "hall");
+  EXPECT_EQ(state["hello"]["map_mode"], "frozen");
   EXPECT_EQ(state["clients"]["clients"][0]["protocol"], "vrpn");
   EXPECT_EQ(state["events"]["events"][0]["text"], "version 2");
 }
@@ -311,20 +314,6 @@ TEST_F(LiveFeedTest, HealthCountsCurrentAlarms) {
   events_.begin({.severity = Severity::kError, .subject = "drone", .kind = "lost", .text = "why"});
   events_.report({.severity = Severity::kError, .subject = "map", .kind = "x", .text = "why"});
   EXPECT_THAT(feed_.health(start_).alarms, ElementsAre(0u, 1u, 1u));
-}
-
-TEST_F(LiveFeedTest, DismissesTheNewestPageOfAnAddress) {
-  const auto first = join();
-  const auto second = feed_.join(kPeer.with_port(6), start_);
-  const auto other = feed_.join({0x0a000002, 5}, start_);
-  feed_.dismiss_newest_of(kPeer);
-  EXPECT_TRUE(second->dismissed());
-  EXPECT_FALSE(first->dismissed());
-  EXPECT_FALSE(other->dismissed());
-  EXPECT_EQ(feed_.connections().size(), 2u);
-  feed_.leave(*first);
-  feed_.leave(*other);
-  EXPECT_TRUE(feed_.connections().empty());
 }
 
 TEST(WebConfig, ReportsEachInvalidValue) {

@@ -9,6 +9,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 
 namespace fiducap::web {
 
@@ -16,6 +17,22 @@ namespace fiducap::web {
 inline const std::string kUpgrade =
     "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
     "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
+
+inline constexpr char kText = '\x81';
+inline constexpr char kBinary = '\x82';
+
+/// A WebSocket message of less than 64 KiB. The mask is zero.
+inline std::string web_socket(std::string_view message, char kind = kBinary) {
+  const std::size_t size = message.size();
+  std::string frame{kind};
+  if (size < 126) {
+    frame += static_cast<char>(0x80 | size);
+  } else {
+    for (const std::size_t part : {std::size_t{0xfe}, size >> 8, size & 0xff})
+      frame += static_cast<char>(part);
+  }
+  return frame.append(4, '\0').append(message);
+}
 
 /// Runs the server until `done`, at most five seconds. @return whether it is done
 inline bool run_until(boost::asio::io_context& io, const std::function<bool()>& done) {
@@ -59,18 +76,7 @@ class LoopbackClient final {
     get(target, kUpgrade + headers);
   }
 
-  /// A binary WebSocket message. The mask is zero.
-  void say(const std::string& message) {
-    const std::size_t size = message.size();
-    std::string frame = "\x82";
-    if (size < 126) {
-      frame += static_cast<char>(0x80 | size);
-    } else {
-      for (const std::size_t part : {std::size_t{0xfe}, size >> 8, size & 0xff})
-        frame += static_cast<char>(part);
-    }
-    send(frame + std::string(4, '\0') + message);
-  }
+  void say(const std::string& message, char kind = kBinary) { send(web_socket(message, kind)); }
 
   /// Reads all that has arrived. @return all bytes that were not taken yet
   std::string& received() {

@@ -15,7 +15,7 @@ const std::string kSecret(NotedSetup::kSecret);
 class SetupSecretTest : public WebServerFixture {
  protected:
   SetupSecretTest() {
-    sources_.setup = &setup_;
+    context_.setup = &setup_;
     start();
   }
   static std::string with(const std::string& secret) {

@@ -18,13 +18,13 @@ namespace fiducap::web {
 class WebServerFixture : public testing::Test {
  protected:
   void TearDown() override { server_.reset(); }
-  /// With `config_` and `sources_`; replaces the server of before.
+  /// With `config_` and `context_`; replaces the server of before.
   void start() {
     server_.reset();
     config_.port = 0;
     config_.root = files_.root().string();
     config_.hosts = {"hall"};
-    auto started = start_web_server(io_, config_, sources_, std::make_shared<SceneModel>(), clock_);
+    auto started = serve(context_, config_);
     ASSERT_TRUE(started.has_value()) << started.error().text();
     server_ = std::move(*started);
   }
@@ -63,7 +63,7 @@ class WebServerFixture : public testing::Test {
   FakeClock clock_{instant_from_ns(1'000'000'000)};
   TemporaryPage files_;
   WebConfig config_;
-  WebSources sources_;
+  ProtocolContext context_{io_, std::make_shared<SceneModel>(), clock_};
   std::string path_{"/api/v1/live"};
   std::unique_ptr<Streamer> server_;
 };

@@ -13,9 +13,7 @@
 namespace fiducap {
 namespace {
 
-using testing::AllOf;
 using testing::HasSubstr;
-using testing::Not;
 
 class CamerasCommandTest : public testing::Test {
  protected:
@@ -49,16 +47,17 @@ class CamerasCommandTest : public testing::Test {
 };
 
 TEST_F(CamerasCommandTest, ListsFormatsControlsAndConfiguration) {
-  EXPECT_THAT(list(), AllOf(HasSubstr("video2  Simulated"), HasSubstr("1280 x 720 at 60 Hz"),
-                            HasSubstr("Exposure Time, Absolute = 156, 1 to 5000"),
-                            HasSubstr("RGGB (not read here)"), HasSubstr("  width: 1280"),
-                            HasSubstr("  exposure_s: 0.005"), HasSubstr("  gain: 30"),
-                            HasSubstr("cannot be opened: this user may not")));
+  EXPECT_THAT(list(),
+              testing::AllOf(HasSubstr("video2  Simulated"), HasSubstr("1280 x 720 at 60 Hz"),
+                             HasSubstr("Exposure Time, Absolute = 156, 1 to 5000"),
+                             HasSubstr("RGGB (not read here)"), HasSubstr("  width: 1280"),
+                             HasSubstr("  exposure_s: 0.005"), HasSubstr("  gain: 30"),
+                             HasSubstr("cannot be opened: this user may not")));
 }
 
 TEST_F(CamerasCommandTest, OmitsNodesWithoutImages) {
   camera_.capabilities = 0x04800000;  // metadata
-  EXPECT_THAT(list(), Not(HasSubstr("video2")));
+  EXPECT_THAT(list(), testing::Not(HasSubstr("video2")));
   places_.devices = folder_.path() / "empty";
   EXPECT_THAT(list(), HasSubstr("No camera"));
 }

@@ -16,9 +16,9 @@ namespace {
 
 using namespace std::chrono_literals;
 using testing::AllOf;
-using testing::Contains;
 using testing::ElementsAre;
 using testing::Field;
+using testing::FieldsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
@@ -145,13 +145,15 @@ TEST(ServerFacts, HaveTheAlarmsOfTheServer) {
                            "{\"events\":{\"standing\":{}}}"})
     EXPECT_TRUE(alarms_in(text).empty()) << text;
   const std::string list =
-      R"([{"subject":"map","severity":"error","text":"not stored","remedy":"make room"}])";
+      R"([{"subject":"map","severity":"error","text":"not stored","remedy":"make room"},
+          {"subject":"drone","severity":"warning","text":"coasts","remedy":"show it a tag"},
+          {"subject":"clock","severity":"info","text":"was set"}])";
   for (const std::string& json :
        {R"({"events":)" + list + "}", R"({"events":{"standing":)" + list + "}}"}) {
-    const auto alarms = alarms_in(json);
-    ASSERT_EQ(alarms.size(), 1u) << json;
-    EXPECT_EQ(alarms.front().subject, "map");
-    EXPECT_EQ(alarms.front().remedy, "make room");
+    EXPECT_THAT(alarms_in(json),
+                ElementsAre(FieldsAre(Finding::Grade::kFault, "map: not stored", "make room"),
+                            FieldsAre(Finding::Grade::kWarning, "drone: coasts", "show it a tag"),
+                            FieldsAre(Finding::Grade::kOk, "clock: was set", "")));
   }
 }
 
@@ -172,9 +174,9 @@ TEST(ServerFacts, DescribeThisMachine) {
   EXPECT_TRUE(facts.store->writable);
   EXPECT_TRUE(facts.recordings.writable);
   EXPECT_TRUE(facts.recordings.free_bytes);
-  EXPECT_THAT(facts.listening,
-              Contains(AllOf(Field(&ListeningPort::port, listener.port()),
-                             Field(&ListeningPort::owner, HasSubstr("(" + process + ")")))));
+  EXPECT_THAT(facts.listening, testing::Contains(AllOf(
+                                   Field(&ListeningPort::port, listener.port()),
+                                   Field(&ListeningPort::owner, HasSubstr("(" + process + ")")))));
 
   auto store = value_of(MapStore::open(config.map.store));
   ASSERT_TRUE(store.claim());

@@ -6,7 +6,6 @@ namespace fiducap {
 namespace {
 
 using testing::AllOf;
-using testing::Contains;
 using testing::Each;
 using testing::Field;
 using testing::HasSubstr;
@@ -18,8 +17,9 @@ const std::vector<NetworkInterface> kLab{{"lo", "127.0.0.1", true, true, false},
                                          {"eth0", "10.0.0.5", true, false, true}};
 
 auto has(Grade grade, const char* text, const char* remedy = "") {
-  return Contains(AllOf(Field(&Finding::grade, grade), Field(&Finding::text, HasSubstr(text)),
-                        Field(&Finding::remedy, HasSubstr(remedy))));
+  return testing::Contains(AllOf(Field(&Finding::grade, grade),
+                                 Field(&Finding::text, HasSubstr(text)),
+                                 Field(&Finding::remedy, HasSubstr(remedy))));
 }
 
 /// A server without faults: two bodies on four cores, a token, a store.
@@ -39,7 +39,7 @@ class ServerFindings : public testing::Test {
     Findings all;
     for (const Findings& part :
          {exposure_findings(config_, facts_, interfaces), machine_findings(config_, facts_),
-          disk_findings(config_, facts_), port_findings(config_, facts_), alarm_findings(facts_)})
+          disk_findings(config_, facts_), port_findings(config_, facts_)})
       all.insert(all.end(), part.begin(), part.end());
     return all;
   }
@@ -219,15 +219,6 @@ TEST_F(ServerFindings, ReportAPortOfAnotherProgram) {
   expect(Grade::kFault, "taken by vrpn_server (process 812)", "another port");
   facts_.listening.front().owner.clear();
   EXPECT_THAT(port_findings(config_, facts_), IsEmpty()) << "the owner is not known";
-}
-
-TEST_F(ServerFindings, ReportAlarms) {
-  facts_.alarms = {{"map", "error", "the map is not stored", "make room"},
-                   {"drone", "warning", "coasts", "show it a tag"},
-                   {"clock", "info", "was set", ""}};
-  expect(Grade::kFault, "map: the map is not stored", "make room");
-  expect(Grade::kWarning, "drone: coasts", "show it a tag");
-  expect(Grade::kOk, "clock: was set");
 }
 
 }  // namespace

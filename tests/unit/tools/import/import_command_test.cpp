@@ -9,7 +9,6 @@
 #include "support/command_run.hpp"
 #include "support/log_files.hpp"
 #include "support/ros_bytes.hpp"
-#include "support/temporary_folder.hpp"
 #include "unit/tools/import/recorded_samples.hpp"
 
 namespace fiducap {
@@ -53,15 +52,13 @@ std::vector<StoredMessage> rest() {
   return messages;
 }
 
-class ImportCommandTest : public testing::Test {
+class ImportCommandTest : public VerbTest<ImportArguments> {
  protected:
+  ImportCommandTest() { arguments_.out = folder_.file("recording"); }
+
   void run(const std::string& source, int exit_code = kExitOk) {
     arguments_.source = source;
-    const auto run =
-        on_terminal([&](const Terminal& terminal) { return run_import(arguments_, terminal); });
-    EXPECT_EQ(run.code, exit_code) << run.err << run.out;
-    out_ = run.out;
-    err_ = run.err;
+    VerbTest::run(run_import, exit_code);
   }
   void run_bag(const std::vector<StoredMessage>& messages, int exit_code = kExitOk) {
     run(folder_.write("walk.bag", test::bag_file(messages)), exit_code);
@@ -75,10 +72,6 @@ class ImportCommandTest : public testing::Test {
   [[nodiscard]] std::vector<CameraFrame> images() const {
     return recorded<CameraFrame>(arguments_.out);
   }
-
-  TemporaryFolder folder_;
-  ImportArguments arguments_{.source = {}, .out = folder_.file("recording")};
-  std::string out_, err_;
 };
 
 TEST_F(ImportCommandTest, BagBecomesAUsableRecording) {
@@ -115,13 +108,15 @@ TEST_F(ImportCommandTest, WithoutAnOutputOnlyListsStreams) {
 
 TEST_F(ImportCommandTest, RequestsAChoiceOfCameras) {
   auto messages = rest();
-  messages.push_back(image("/cam1/image_raw", 1));
+  messages.push_back({"/cam1/image_raw/compressed", "sensor_msgs/CompressedImage", kBegin_ns + 1,
+                      test::compressed_message(RosDialect::kRos1, kBegin_ns + 1, picture(77))});
   run_bag(messages, kExitFailed);
   EXPECT_THAT(err_, AllOf(HasSubstr("images of 2 cameras"), HasSubstr("--image /cam0/image_raw"),
-                          HasSubstr("--image /cam1/image_raw")));
-  arguments_.images = {"/cam1/image_raw", "/cam0/image_raw"};
+                          HasSubstr("--image /cam1/image_raw/compressed")));
+  arguments_.images = {"/cam1/image_raw/compressed", "/cam0/image_raw"};
   run_bag(messages);
-  EXPECT_THAT(out_, HasSubstr("1 images of /cam1/image_raw, 5 images of /cam0/image_raw"));
+  EXPECT_THAT(out_, HasSubstr("1 images of /cam1/image_raw/compressed, 5 images of /cam0/image"));
+  EXPECT_THAT(images()[0].image->pixels, Each(77));
 }
 
 TEST_F(ImportCommandTest, ErrorNamesMissingAndPresentStreams) {
