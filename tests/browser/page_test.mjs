@@ -36,6 +36,7 @@ step('every number has its heading', async () => {
 
 step('the room is drawn', async () => {
   await world.page.waitForFunction(() => window.drawn?.colours.size > 200);
+  await world.page.waitForFunction(() => document.querySelectorAll('.tagname:not([hidden])').length === 3);
   const names = await world.page.$$eval('.tagname:not([hidden]) span:first-child', (spans) => spans.map((span) => span.textContent));
   assert.deepEqual(names.sort(), ['anymal', 'cart', 'drone']);
 });
