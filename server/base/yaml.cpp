@@ -163,19 +163,19 @@ Broken read_map(const YAML::Node& node, const char* rule, std::map<Key, Value>& 
 
 tl::expected<YAML::Node, YamlFault> load_yaml(const std::string& text) {
   try {
-    if (text.find('*') != std::string::npos) {  // without it there is no alias
-      std::istringstream stream(text);
-      AliasCheck check;
-      YAML::Parser(stream).HandleNextDocument(check);
-      if (check.fault()) return tl::unexpected(*check.fault());
-    }
-    const std::vector<YAML::Node> documents = YAML::LoadAll(text);
-    if (documents.size() > 1)
-      return tl::unexpected(
-          YamlFault{0, "", "",
-                    "holds " + std::to_string(documents.size()) +
-                        " documents; only the first would be read: remove the line ---"});
-    return documents.empty() ? YAML::Node() : documents.front();
+    std::istringstream stream(text);
+    YAML::Parser parser(stream);
+    AliasCheck check;
+    (void)parser.HandleNextDocument(check);
+    if (check.fault()) return tl::unexpected(*check.fault());
+    // Not LoadAll: yaml-cpp never gets past a comma where a document begins.
+    AliasCheck after;
+    if (parser.HandleNextDocument(after))
+      return tl::unexpected(YamlFault{
+          0, "", "",
+          "holds several documents or text after its end; only the first would be read: remove "
+          "the line --- or the comma at its begin"});
+    return YAML::Load(text);
   } catch (const YAML::Exception& broken) {
     const int line = broken.mark.is_null() ? 0 : broken.mark.line + 1;
     return tl::unexpected(YamlFault{line, "", "", "is not YAML: " + broken.msg});
