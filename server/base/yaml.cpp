@@ -20,11 +20,15 @@ class AliasCheck final : public YAML::EventHandler {
  public:
   [[nodiscard]] const std::optional<YamlFault>& fault() const { return fault_; }
 
-  void OnDocumentStart(const YAML::Mark&) override {}
+  /// Of the last document.
+  [[nodiscard]] bool is_empty() const { return is_empty_; }
+
+  void OnDocumentStart(const YAML::Mark&) override { is_empty_ = true; }
   void OnDocumentEnd() override {}
   void OnNull(const YAML::Mark&, YAML::anchor_t anchor) override { add_value("", anchor); }
   void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t anchor,
                 const std::string& value) override {
+    is_empty_ = false;
     add_value(value, anchor);
   }
   void OnSequenceStart(const YAML::Mark& mark, const std::string&, YAML::anchor_t anchor,
@@ -38,6 +42,7 @@ class AliasCheck final : public YAML::EventHandler {
   void OnSequenceEnd() override { close(); }
   void OnMapEnd() override { close(); }
   void OnAlias(const YAML::Mark& mark, YAML::anchor_t anchor) override {
+    is_empty_ = false;
     begin_entry("?");
     const auto found = anchored_.find(anchor);
     if (found == anchored_.end())
@@ -65,6 +70,7 @@ class AliasCheck final : public YAML::EventHandler {
   };
 
   void open(const YAML::Mark& mark, bool is_map, YAML::anchor_t anchor) {
+    is_empty_ = false;
     begin_entry("?");
     open_.push_back({is_map, anchor});
     if (open_.size() > kDeepest) set_fault(mark, "", "is deeper than 100 levels");
@@ -116,6 +122,7 @@ class AliasCheck final : public YAML::EventHandler {
   std::vector<Open> open_;
   std::map<YAML::anchor_t, Size> anchored_;
   std::size_t repeated_{0};
+  bool is_empty_{true};
   std::optional<YamlFault> fault_;
 };
 
@@ -169,12 +176,14 @@ tl::expected<YAML::Node, YamlFault> load_yaml(const std::string& text) {
     (void)parser.HandleNextDocument(check);
     if (check.fault()) return tl::unexpected(*check.fault());
     // Not LoadAll: yaml-cpp never gets past a comma where a document begins.
+    // A last line `---` begins a second, empty document.
     AliasCheck after;
-    if (parser.HandleNextDocument(after))
+    if (parser.HandleNextDocument(after) &&
+        (!after.is_empty() || parser.HandleNextDocument(after)))
       return tl::unexpected(YamlFault{
           0, "", "",
-          "holds several documents or text after its end; only the first would be read: remove "
-          "the line --- or the comma at its begin"});
+          "holds several documents, or text after the first one's end: remove the line ---, or "
+          "the comma at its begin"});
     return YAML::Load(text);
   } catch (const YAML::Exception& broken) {
     const int line = broken.mark.is_null() ? 0 : broken.mark.line + 1;

@@ -1,4 +1,5 @@
 #include <filesystem>
+#include <tuple>
 
 #include <nlohmann/json.hpp>
 
@@ -30,6 +31,7 @@ Expected<CollectedViews> views_in_corners(const CalibrateCameraArguments& argume
                 "does not have it); is '" +
                     arguments.size + "'",
                 "--size");
+  std::tie(choice.width, choice.height) = *size;
   choice.board.tag_m = (arguments.tag_mm > 0 ? arguments.tag_mm : kUsualTag_mm) / 1000;
   if (!arguments.board.empty()) {
     auto board = read_board_description(arguments.board);

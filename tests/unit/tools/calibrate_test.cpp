@@ -15,6 +15,7 @@
 #include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/calibrate/calibrate.hpp"
+#include "unit/calibration/calibration_scene.hpp"
 
 namespace fiducap {
 namespace {
@@ -310,6 +311,45 @@ TEST_F(CornerFile, ErrorNamesWhatIsMissing) {
   EXPECT_THAT(error_of(read("image,tag,corner,u,v\n", "points:3x3:20")),
               HasSubstr("image,point,u,v"));
   EXPECT_THAT(error_of(read("image,tag,corner,u,v\n")), HasSubstr("no corners"));
+}
+
+class CalibrateCorners : public VerbTest<CalibrateCameraArguments> {};
+
+/// Corners that another program found: of two cameras, in rows of corners and in rows of tags.
+TEST_F(CalibrateCorners, FindTheLensInEachKindOfTable) {
+  const CameraModel truth = narrow_lens();
+  CalibrationScene scene(truth);
+  scene.add_tags(3, 2);
+  scene.look(40, 0.1);
+  std::string by_corner = "image,camera,tag,corner,u,v,note\n";
+  std::string by_tag = "frame,cam,id,blx,bly,brx,bry,trx,try,tlx,tly\n";
+  for (const CalibrationView& view : scene.data.views)
+    for (const TargetSighting& seen : view.sightings) {
+      const std::string tag = std::to_string(seen.target);
+      by_corner += view.name + ",0," + tag + ",0,7,7,another camera\n";
+      by_tag += view.name + ",1," + tag;
+      for (const auto& point : seen.points) {
+        const std::string px = shortest(point.px.x()) + "," + shortest(point.px.y());
+        by_corner += view.name + ",1," + tag + "," + std::to_string(point.point) + "," + px + ",\n";
+        by_tag += "," + px;
+      }
+      by_tag += "\n";
+    }
+  arguments_.camera = 1;
+  arguments_.size = "752x480";
+  arguments_.board = "tags:100";
+  arguments_.out = folder_.file("out");
+  arguments_.json = true;
+  for (const std::string* table : {&by_corner, &by_tag}) {
+    arguments_.corners = folder_.write("corners.csv", *table);
+    run(run_calibrate_camera);
+    const auto report = nlohmann::json::parse(out_);
+    EXPECT_EQ(report["images"]["used"], scene.data.views.size());
+    const auto fu = report["numbers"]["fu"];
+    EXPECT_NEAR(fu["value"], truth.fu, 4 * fu["sigma"].get<double>());
+    EXPECT_LT(fu["sigma"], 1);
+    EXPECT_EQ(value_of(read_camera_calibration(folder_.file("out/camera.yaml"))).height, 480);
+  }
 }
 
 }  // namespace
