@@ -2,7 +2,7 @@
 """Writes docs/reference.md from the sources: make_reference.py [--check].
 
 Keys are those of the `describe` functions of server/, defaults and meanings those of the members of the
-structs; MEANINGS has those of members without a comment. A key without any meaning is an error.
+structs. A key without any meaning is an error, and a meaning with words of the code.
 `--check`: exit code 1 when the file differs.
 """
 import pathlib
@@ -17,100 +17,8 @@ VISITED = ("SourceConfig", "CameraSourceConfig", "ImuSourceConfig")
 # By struct and key, or by key alone.
 DEFAULTS = {("MapSettings", "refine_period_s"): "2, or 0 with one body",
             ("RoomConfig", "gravity_m_s2"): "9.81"}
-# Words of comments that a user does not know, and what the page has in their place.
-REWORDED = {"kSensors if only `cameras` and the IMU have sources.":
-                "`type: sensors` if `cameras` and `imu_source` have sources of their own.",
-            "Its own; nullopt: the body's.": "Its own; without it: the body's `source`.",
-            "nullopt: the recording's or the simulator's own.":
-                "Without it: the noise that recording or simulator state.",
-            ", see Streamer::port": "",
-            "An alias must obey check_body_name.":
-                "Names for the clients, by name of the body; with the rules of names of bodies.",
-            "Reply to `Client::discover()`.": "Reply to clients that search for servers.",
-            "Domain, interface and peers: NetworkConfig.":
-                "Domain, interface and peers: section `dds`.",
-            "the IMU's densities come with the body (ImuNoise)":
-                "the IMU's densities come with the body (`bodies[].imu`)",
-            "only lenses with configured sigmas (CameraMount)":
-                "only lenses with a `focal_sigma`, `centre_sigma_px` or `k1_sigma`",
-            " (MapRefiner)": "",
-            "Densities as in ImuNoise.": "Densities as in `bodies[].imu`.",
-            "See `part_names`; other": "Name of a chip, camera or autopilot, e.g. `bmi088`; other",
-            "Per camera of the body: sensor_msgs/Image;":
-                "A topic per camera of the body: sensor_msgs/Image;"}
-FOREIGN = r"nullopt|\w::\w|\bk[A-Z][a-z]+|WorkspaceGauge"
-MEANINGS = {
-    "enabled": "False: this protocol is not served.",
-    "aliases": "Names for the clients, by name of the body.",
-    ("MapSettings", "floor_tags"): "Tags that lie flat, face up: bodies without IMU wait for all "
-                                   "of them and take the vertical from them.",
-    ("MapSettings", "reference_tag"): "Defines the origin; without it: the first tag that is seen.",
-    "max_clients": "Further clients are refused.",
-    "max_clients_per_address": "Further clients of the same address are refused.",
-    ("BodyConfig", "name"): "In all protocols and in the folders of recordings.",
-    ("BodyConfig", "filter"): "`world`, or `robocentric` (that of the RCARS paper).",
-    ("BodyConfig", "use_imu"): "False: readings of an IMU are not used.",
-    ("BodyLimits", "max_position_sigma_m"): "A pose with a larger sigma is invalid (worst axis).",
-    ("BodyLimits", "max_rotation_sigma_rad"): "The same for the attitude.",
-    ("CameraDeviceConfig", "height"): "As `width`.",
-    ("CameraModel", "width"): "Of the images, pixels.",
-    ("CameraModel", "height"): "Of the images, pixels.",
-    ("CameraModel", "coefficients"): "Of the distortion, in OpenCV's order.",
-    ("CameraMount", "rotation_sigma_rad"): "Of X_BV, per axis.",
-    ("CameraMount", "time_shift_sigma_s"): "Of `time_shift_s`.",
-    ("CameraMount", "readout_sigma_s"): "Of `readout_s`.",
-    ("CameraMount", "rate_hz"): "Images per second.",
-    ("DaylightConfig", "low"): "Corner with the smallest x, y, z, m.",
-    ("DaylightConfig", "high"): "Corner with the largest x, y, z, m.",
-    ("DdsConfig", "px4_rate_hz"): "Messages per second to PX4, at most.",
-    ("DetectorConfig", "blur_sigma_px"): "Gaussian blur before detection; 0: none.",
-    ("DetectorConfig", "min_decision_margin"): "Detections with a smaller margin are not used.",
-    ("DetectorConfig", "refine_edges"): "Moves the sides to the steepest gradient (libapriltag).",
-    ("ExtraSensor", "X_PS"): "Pose of the sensor in axes of the pivot.",
-    ("FaultConfig", "blackout_s"): "Duration of a blackout.",
-    ("FaultConfig", "drop_imu"): "Share of IMU samples that are lost.",
-    ("FaultConfig", "moved_at_s"): "Time of the jump.",
-    ("FaultConfig", "saturated_accel_m_s2"): "Limit per axis in this interval.",
-    ("ImuErrors", "accel_bias"): "At the start, m/s².",
-    ("ImuErrors", "accel_range_m_s2"): "Saturation.",
-    ("ImuErrors", "gyro_bias"): "At the start, rad/s.",
-    ("ImuNoise", "accel_noise_m_s2_rtHz"): "White noise of the accelerometer.",
-    ("ImuNoise", "accel_range_m_s2"): "The same for the accelerometer.",
-    ("ImuNoise", "accel_walk_m_s3_rtHz"): "Random walk of the accelerometer's bias.",
-    ("ImuNoise", "gyro_noise_rad_s_rtHz"): "White noise of the gyroscope.",
-    ("ImuNoise", "gyro_walk_rad_s2_rtHz"): "Random walk of the gyroscope's bias.",
-    ("ImuNoise", "rate_hz"): "Samples per second.",
-    ("ImuTopicConfig", "topic"): "Name of the topic.",
-    ("NatNetConfig", "multicast_group"): "Destination of multicast frames.",
-    ("NatNetConfig", "multicast_ttl"): "1: this network only.",
-    ("NativeConfig", "address"): "Where it listens. 0.0.0.0: all interfaces.",
-    ("NativeConfig", "multicast_port"): "Of multicast frames.",
-    ("RecordedTag", "X_WT"): "Pose of the tag.",
-    ("RecordedTag", "edge_m"): "Edge of the black square.",
-    ("RecordedTag", "position_sigma_m"): "Of X_WT, per axis.",
-    ("RecordedTag", "rotation_sigma_rad"): "Of X_WT, per axis.",
-    ("RecordedTag", "tag_id"): "Number of the tag in its family.",
-    ("RecordingSourceConfig", "folder"): "Of the recording.",
-    ("RecordingSourceConfig", "loop"): "Start again at the end.",
-    ("RecordingSourceConfig", "speed"): "2: twice as fast as it was recorded.",
-    ("RingConfig", "tags"): "Number of tags.",
-    ("RoomConfig", "family"): "Of the room's tags.",
-    ("RoomConfig", "gravity_m_s2"): "Of the room.",
-    ("RosCameraConfig", "image"): "sensor_msgs/Image; CompressedImage if it ends in `/compressed`.",
-    ("SimulatedBodyConfig", "seed"): "Of the sensors' random numbers.",
-    ("StreamingConfig", "rate_hz"): "Frames per second to all clients (some protocols have lower "
-                                    "limits of their own).",
-    ("TagSetConfig", "family"): "`tag36h11`, another one of libapriltag, or `DICT_…` of ArUco.",
-    ("TagSetConfig", "sizes_m"): "By tag id, for tags with another size than `size_m`.",
-    ("TrajectoryConfig", "seed"): "Of the motion's random numbers.",
-    ("TrajectoryConfig", "share"): "See `from`.",
-    ("VehicleConfig", "address"): "Of the autopilot.",
-    ("VehicleConfig", "body"): "Name of its body.",
-    ("VehicleConfig", "rate_hz"): "Poses per second to this autopilot, at most.",
-    ("VrpnConfig", "acceleration"): "Also send accelerations.",
-    ("VrpnConfig", "velocity"): "Also send velocities.",
-    ("WebConfig", "address"): "Where it listens. 0.0.0.0: all interfaces.",
-}
+# Words of the code, which a user of the file does not know.
+FOREIGN = r"nullopt|\w::\w|\bk[A-Z][a-z]+"
 
 
 def plain(text):
@@ -198,9 +106,9 @@ def main():
     done, empty = {}, []
 
     def member_of(struct, name):
-        for part in name.split(".")[:-1]:
+        *parts, member = name.removesuffix(".front").split(".")
+        for part in parts:
             struct = inner(all_structs[struct][1][part][0])
-        member = name.split(".")[-1]
         for one in [struct] + [base.split("::")[-1] for base in all_structs.get(struct, ("", {}, []))[2]]:
             if member in all_structs.get(one, ("", {}, []))[1]:
                 return all_structs[one][1][member]
@@ -229,8 +137,6 @@ def main():
                     empty.append(f"{struct}.{key} (its words)")
                 meaning = (", ".join(f"`{word}`" for word in choices) + ". " + meaning).strip()
                 default = ""
-            if not meaning or meaning == "WorkspaceGauge":
-                meaning = MEANINGS.get((struct, key)) or MEANINGS.get(key, "")
             default = DEFAULTS.get((struct, key), default)
             default = default.replace("Eigen::Vector3d::Zero()", "0, 0, 0")
             if not meaning:
@@ -286,15 +192,10 @@ def main():
 
     section("", TOP)
     text = "\n".join(lines).rstrip() + "\n"
-    for word, plainer in REWORDED.items():
-        if word not in text:
-            empty.append(f"REWORDED, which nothing needs: {word}")
-        text = text.replace(word, plainer)
-    if foreign := re.search(FOREIGN, text):
-        empty.append(f"REWORDED, which lacks: {foreign[0]}")
+    names = "|".join(name for name in all_structs if re.match("[A-Z][a-z]+[A-Z]", name))
+    empty += re.findall(rf"{FOREIGN}|\b(?:{names})\b", text)
     if empty:
-        print("no meaning in the sources or in MEANINGS, or a word of the code: "
-              + ", ".join(dict.fromkeys(empty)))
+        print("no meaning in the sources, or a word of the code: " + ", ".join(dict.fromkeys(empty)))
         return 1
     if "--check" in sys.argv:
         if TARGET.read_text(encoding="utf-8") != text:

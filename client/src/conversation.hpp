@@ -70,7 +70,7 @@ class Conversation {
   Nanoseconds challenge_used_at_{0};
   Nanoseconds ask_at_{0};
   int unanswered_{0};
-  std::string problem_{"not asked yet"};
+  std::string problem_{"no reply yet"};
 };
 
 /// The profile that these options request.

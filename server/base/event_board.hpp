@@ -58,7 +58,7 @@ struct EventSnapshot {
 /// Events and lasting conditions of the server: logged once, kept for all kinds of clients.
 ///
 /// An event is reported; a condition begins and ends; repeated calls change nothing. Thread-safe:
-/// readers get immutable snapshots and never wait for a writer. Not for each frame.
+/// readers get immutable snapshots and never wait for a writer. Do not change it for each frame.
 class EventBoard final {
  public:
   static constexpr std::size_t kKept = 256;  ///< Newest events.
@@ -92,7 +92,7 @@ class EventBoard final {
     const std::lock_guard lock(publishing_);
     return snapshot_;
   }
-  /// Replaces `snapshot` by the newest one, at the next call if another thread swaps that just now.
+  /// Replaces `snapshot` by the newest one. Never waits: unchanged while another thread swaps that.
   void refresh(std::shared_ptr<const EventSnapshot>& snapshot) const;
 
  private:

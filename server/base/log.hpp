@@ -50,7 +50,7 @@ bool flush(std::chrono::milliseconds limit);
 [[nodiscard]] std::string_view name_of(Level level);
 
 /// Runs `work`, a session, datagram or round. An exception ends here: it is logged.
-/// @param whose  returns the subject of the log line, e.g. a peer; empty: nothing is logged
+/// @param whose  after a failure only: subject of the log line, e.g. a peer; empty: no line
 /// @return false: `work` has thrown
 template <typename Whose, typename Work>
 bool guarded(std::string_view module, Whose&& whose, Work&& work) noexcept {

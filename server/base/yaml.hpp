@@ -32,7 +32,7 @@ struct YamlFault {
   }
 };
 
-/// Parses an untrusted text. Aliases may not expand to more than 10000 values or 100 levels.
+/// Parses an untrusted text: one document, at most 100 levels, 10000 values repeated by aliases.
 [[nodiscard]] tl::expected<YAML::Node, YamlFault> load_yaml(const std::string& text);
 
 /// nullopt: the value was read; else the rule that the text breaks.

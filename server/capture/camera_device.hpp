@@ -38,7 +38,7 @@ struct CameraDeviceConfig {
   std::string open;
   /// Requested of a device; 0: as calibrated, or as it is. Must match the calibration.
   int width{0};
-  int height{0};
+  int height{0};      ///< As `width`.
   double rate_hz{0};  ///< Requested of a device (0: the highest); overrides the rate of a file.
   double exposure_s{0.0};  ///< Set on a V4L2 device (`exposure`), else the known value.
   double latency_s{0.0};   ///< From the end of exposure to the stamp, or to arrival without one.
@@ -82,7 +82,7 @@ void describe(V& v, CameraDeviceConfig& c) {
 /// A video file: it ends, and is not reopened.
 [[nodiscard]] bool is_file(const CameraDeviceConfig& config);
 
-/// At its end a file gives nullopt, all others an Error. V4L2 reacts to a stop within 0.1 s.
+/// A file ends with nullopt, others with an Error. V4L2 stops within 0.1 s, others after an image.
 /// @param camera  width 0: not calibrated yet, any size
 /// @return Error with device, wanted and given size when it cannot be opened.
 [[nodiscard]] OpenedSource open_camera_device(const CameraDeviceConfig& config,

@@ -39,7 +39,7 @@ struct TagSighting {
   /// Raw (distorted) pixels, (0, 0) = *centre* of the upper-left pixel.
   /// Bottom-left, bottom-right, top-right, top-left of the printed tag.
   std::array<Eigen::Vector2d, 4> corners_px{};
-  /// Share of the step from black to white within two pixels, at the blurriest side. 0: not known.
+  /// Share of the black-white step within two pixels, at the blurriest side; 1: sharp, 0: unknown.
   double sharpness{};
   std::array<TagSide, 4> sides{};  ///< From each corner to the next.
 };

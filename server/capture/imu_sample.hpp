@@ -58,13 +58,13 @@ struct ImuCorrection {
 
 /// Noise of an IMU: continuous-time densities, 1-sigma, as Kalibr and EuRoC define them.
 struct ImuNoise {
-  double gyro_noise_rad_s_rtHz{2e-3};
-  double gyro_walk_rad_s2_rtHz{2e-5};
-  double accel_noise_m_s2_rtHz{2e-2};
-  double accel_walk_m_s3_rtHz{5e-4};
-  double rate_hz{200.0};
-  double gyro_range_rad_s{0};  ///< Readings saturate here; 0: not known.
-  double accel_range_m_s2{0};
+  double gyro_noise_rad_s_rtHz{2e-3};  ///< White noise of the gyroscope.
+  double gyro_walk_rad_s2_rtHz{2e-5};  ///< Random walk of the gyroscope's bias.
+  double accel_noise_m_s2_rtHz{2e-2};  ///< White noise of the accelerometer.
+  double accel_walk_m_s3_rtHz{5e-4};   ///< Random walk of the accelerometer's bias.
+  double rate_hz{200.0};               ///< Samples per second.
+  double gyro_range_rad_s{0};          ///< Readings saturate here; 0: not known.
+  double accel_range_m_s2{0};          ///< The same for the accelerometer.
   /// Calibrated errors. Samples come without: saturation is tested before it (ImuBuffer).
   std::optional<ImuCorrection> correction{};
 };

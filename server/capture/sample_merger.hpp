@@ -58,7 +58,7 @@ struct MergerConfig {
   /// A sample further ahead of all others waits for confirmation, see JumpGate.
   Duration jump{std::chrono::seconds(1)};
   std::size_t max_images{8};  ///< When more wait, the oldest is dropped.
-  std::size_t max_imu{4096};  ///< When more wait, the body is lost.
+  std::size_t max_imu{4096};  ///< When more wait, the pipeline restarts.
 };
 
 /// Counts of what did not pass; never reset.

@@ -38,7 +38,7 @@ inline void set_time(SensorSample& sample, Instant at) {
 class SensorSource {
  public:
   virtual ~SensorSource() = default;
-  /// Waits for the next sample, in order of arrival. Times of one sensor strictly increase.
+  /// Waits for the next sample by arrival. Times strictly increase per sensor (SampleMerger sorts).
   /// @return nullopt when exhausted or stopped; Error when the device is lost.
   virtual Expected<std::optional<SensorSample>> next(std::stop_token stop) = 0;
 };

@@ -67,7 +67,7 @@ class StampMapper final {
   /// Stamps are placed by arrival: from the start, or because UTC or known offsets did not fit.
   [[nodiscard]] bool by_arrival() const { return by_arrival_; }
   [[nodiscard]] std::uint64_t refused() const { return refused_; }
-  [[nodiscard]] double drift() const { return arrivals_.drift(); }
+  [[nodiscard]] double drift() const { return arrivals_.drift(); }  ///< Seconds per second.
 
  private:
   [[nodiscard]] std::optional<Instant> check(Instant stamp, Duration offset, Instant arrived,
@@ -90,7 +90,7 @@ class StampMapper final {
   Instant newest_{};               ///< Stamp.
 };
 
-/// Maps a device's counter, which may wrap and restart, to the server's clock. Results increase.
+/// Maps a device's counter, which may wrap and restart, to our clock. Drops what does not increase.
 class DeviceClock final {
  public:
   /// @param bits  of the counter, 2 … 64   @param tick_ns  unit of the counter

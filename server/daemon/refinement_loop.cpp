@@ -27,12 +27,12 @@ class RefinementLoop::Solver final {
  public:
   explicit Solver(MapRefiner& refiner) : refiner_(refiner) { handle_ = ready_.get_future().get(); }
 
-  void begin(bool is_alive, const std::stop_token& stop) {
+  void begin(bool in_background, const std::stop_token& stop) {
     began_cpu_ = handle_.cpu_time();
     const std::lock_guard lock(mutex_);
     job_.emplace([this, stop] { return refiner_.solve_taken(stop); });
     result_ = job_->get_future();
-    in_background_ = is_alive;
+    in_background_ = in_background;
     wake_.notify_one();
   }
   /// @return whether it is done
@@ -50,9 +50,9 @@ class RefinementLoop::Solver final {
     while (wake_.wait(lock, stop, [this] { return job_.has_value(); })) {
       auto job = std::move(*job_);
       job_.reset();
-      const bool is_alive = in_background_;
+      const bool in_background = in_background_;
       lock.unlock();
-      if (is_alive)
+      if (in_background)
         set_reversible_background_priority();
       else
         restore_priority();
@@ -93,8 +93,8 @@ void RefinementLoop::run(std::stop_token stop) {
 
 bool RefinementLoop::solve(Solver& solver, const std::stop_token& stop) {
   const Instant began = clock_.now();
-  bool is_alive = has_map_ && began >= background_from_;
-  solver.begin(is_alive, stop);
+  const bool in_background = has_map_ && began >= background_from_;
+  solver.begin(in_background, stop);
   const std::stop_callback stopped(stop, [&] { solver.restore_priority(); });
   bool is_late = false;
   while (!solver.wait()) {
@@ -103,7 +103,7 @@ bool RefinementLoop::solve(Solver& solver, const std::stop_token& stop) {
     if (is_late || waited < kLate || used > kLeastShare * waited) continue;
     is_late = true;
     report_lateness(true);
-    if (is_alive) solver.restore_priority();
+    if (in_background) solver.restore_priority();
     background_from_ = clock_.now() + kNormalPriorityFor;
   }
   if (!is_late) report_lateness(false);

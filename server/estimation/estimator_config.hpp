@@ -9,7 +9,7 @@
 namespace fiducap {
 
 /// Noise of the sensors and acceptance of tags. Noises are 1-sigma; the IMU's densities come with
-/// the body (ImuNoise).
+/// the body (`bodies[].imu`).
 struct EstimatorConfig {
   double corner_noise_px{0.4};  ///< n_p: each coordinate of each corner, raw pixels (RCARS II-D2).
   bool learn_corner_noise{true};   ///< False: corner_noise_px holds for every corner.
@@ -20,7 +20,7 @@ struct EstimatorConfig {
   /// the configuration is taken as exact.
   bool doubt_configuration{true};
   /// Lens of every camera is estimated from the first image on; filter `world`. False: only lenses
-  /// with configured sigmas (CameraMount).
+  /// with a `focal_sigma`, `centre_sigma_px` or `k1_sigma`.
   bool refine_intrinsics{false};
   /// Also track image points other than tags; needs images, an IMU and filter `world`.
   bool landmarks{false};

@@ -40,9 +40,8 @@ struct MapConfig {
   double publish_position_sigma_m{0.05};
   double publish_rotation_sigma_rad{0.05};  ///< … and this (worst axis).
   int publish_sightings{10};                ///< … and was seen at least this often.
-  /// Period of the joint solution over all bodies (MapRefiner), in seconds of their data: it places
-  /// every tag with enough sightings, for any sigma. 0: none; the body with the best estimate owns
-  /// the tag.
+  /// Period of the joint solution over all bodies, in seconds of their data: it places every tag
+  /// with enough sightings, for any sigma. 0: none; the body with the best estimate owns the tag.
   double refine_period_s{0.0};
   double commit_period_s{10.0};  ///< A changed map is written to the store this often.
 

@@ -16,9 +16,9 @@ namespace fiducap {
 
 /// When a pose may be published.
 struct BodyLimits {
-  double max_position_sigma_m{0.25};
-  double max_rotation_sigma_rad{0.2};
-  double coast_after_s{0.15};  ///< No used tag for this long: coasting.
+  double max_position_sigma_m{0.25};   ///< A pose with a larger sigma is invalid (worst axis).
+  double max_rotation_sigma_rad{0.2};  ///< The same for the attitude.
+  double coast_after_s{0.15};          ///< No used tag for this long: coasting.
   /// No used tag and no followed points for this long: lost, with any sigma.
   double lose_after_s{5.0};
 

@@ -44,7 +44,7 @@ struct SceneFrame {
 };
 
 /// Transforms maps and poses from the workspace's axes W into the room's axes R, by the operator's
-/// alignment X_RW of the map, of which only shift and heading are used. Not thread-safe.
+/// alignment X_RW of the map: its shift and heading only, as both have z up. Not thread-safe.
 class RoomAxes final {
  public:
   /// Sets the map whose alignment is used. Copies each map once.

@@ -20,14 +20,14 @@ namespace fiducap::simulation {
 /// A box (W axes) with more light than the rest of the room.
 struct DaylightConfig {
   double factor{1.0};  ///< Light in the box, relative to the rest; 1: even light.
-  Eigen::Vector3d low{Eigen::Vector3d::Zero()};
-  Eigen::Vector3d high{Eigen::Vector3d::Zero()};
+  Eigen::Vector3d low{Eigen::Vector3d::Zero()};   ///< Corner with the smallest x, y, z, m.
+  Eigen::Vector3d high{Eigen::Vector3d::Zero()};  ///< Corner with the largest x, y, z, m.
 };
 
 /// Round trip of preset `ring`: a rounded rectangle with a height change, tags on its outside.
 struct RingConfig {
   double length_m{92.0};  ///< At least 60.
-  int tags{100};
+  int tags{100};          ///< Number of tags.
 };
 
 /// The room: tags on its walls, floor, ceiling or tables.
@@ -35,10 +35,10 @@ struct RoomConfig {
   /// `hall`: 24 tags on four walls; `table` `sparse` `loop` `ceiling`: the classes of data/;
   /// `pavillon`: a loop of 80 m with 33 tags; `ring`: a loop by `ring`; `custom`: `tags` only.
   std::string preset{"hall"};
-  std::string family{"tag36h11"};
+  std::string family{"tag36h11"};  ///< Of the room's tags.
   double tag_size_m{0.4};  ///< Of `hall`, and of `tags` with edge 0; other presets have their own.
-  std::vector<RecordedTag> tags;  ///< Added to those of the preset; an equal id replaces.
-  double gravity_m_s2{kUsualGravity_m_s2};
+  std::vector<RecordedTag> tags;            ///< Added to those of the preset; an equal id replaces.
+  double gravity_m_s2{kUsualGravity_m_s2};  ///< Of the room.
   RingConfig ring;
   DaylightConfig daylight;
   /// Of walls, floor and ceiling: `clutter`, a little out of focus (fast); `sharp`, the same in
@@ -54,21 +54,20 @@ struct TrajectoryConfig {
   std::string file;      ///< CSV or TUM poses for kind `file`, fitted by a spline.
   double duration_s{0};  ///< 0: unlimited (the motion repeats smoothly).
   double speed{1.0};     ///< Scales time.
-  /// Of kind `loop`: start, 0 … 1, and share of the round trip; less than 1 goes back and forth.
-  double from{0};
-  double share{1};
-  std::uint64_t seed{1};
+  double from{0};        ///< Of kind `loop`: start on the round trip, 0 … 1.
+  double share{1};  ///< Of kind `loop`: share of the round trip; less than 1 goes back and forth.
+  std::uint64_t seed{1};  ///< Of the motion's random numbers.
 };
 
-/// Errors of the IMU. Densities as in ImuNoise.
+/// Errors of the IMU. Densities as in `bodies[].imu`.
 struct ImuErrors {
   ImuNoise noise{1.22173e-4, 2e-5, 2.3e-3, 5e-4, 200.0};
-  Eigen::Vector3d gyro_bias{0.006, -0.004, 0.005};
-  Eigen::Vector3d accel_bias{0.05, -0.04, 0.06};
-  double scale_error{0.0};        ///< 1-sigma of each axis' scale, both sensors.
-  double misalignment_rad{0.0};   ///< 1-sigma of each axis' tilt, both sensors.
-  double gyro_range_rad_s{35.0};  ///< Saturation.
-  double accel_range_m_s2{160.0};
+  Eigen::Vector3d gyro_bias{0.006, -0.004, 0.005};  ///< At the start, rad/s.
+  Eigen::Vector3d accel_bias{0.05, -0.04, 0.06};    ///< At the start, m/s².
+  double scale_error{0.0};                          ///< 1-sigma of each axis' scale, both sensors.
+  double misalignment_rad{0.0};                     ///< 1-sigma of each axis' tilt, both sensors.
+  double gyro_range_rad_s{35.0};                    ///< Saturation.
+  double accel_range_m_s2{160.0};                   ///< Saturation.
 };
 
 /// Images, or corners without images, of a camera.
@@ -87,8 +86,8 @@ struct CameraSimulation {
 
 /// Injected faults, with a probability per sample or at a time.
 struct FaultConfig {
-  double drop_image{0};  ///< Share of images that are lost.
-  double drop_imu{0};
+  double drop_image{0};     ///< Share of images that are lost.
+  double drop_imu{0};       ///< Share of IMU samples that are lost.
   double delay_image_s{0};  ///< Additional constant delay of images.
   double jitter_s{0};       ///< 1-sigma of stamp-preserving arrival jitter.
   double occlude{0};        ///< Share of hidden tags, per image.
@@ -97,16 +96,16 @@ struct FaultConfig {
   double occlude_corner{0};
   double wrong_id{0};          ///< Share of tags reported (or printed) with another id, per image.
   double blackout_every_s{0};  ///< No image for `blackout_s` each time.
-  double blackout_s{0};
-  int moved_tag{-1};  ///< Id of a tag that jumps.
-  double moved_at_s{0};
+  double blackout_s{0};        ///< Duration of a blackout.
+  int moved_tag{-1};           ///< Id of a tag that jumps.
+  double moved_at_s{0};        ///< Time of the jump.
   Eigen::Vector3d moved_by_m{Eigen::Vector3d::Zero()};  ///< W axes.
   double image_stamp_error_s{0};     ///< Stamp minus exposure: camera–IMU time offset.
   double imu_stamp_jitter_s{0};      ///< 1-sigma of IMU stamps; clamped so that their order stays.
   double saturation_at_s{0};         ///< Begin of an interval in which the IMU saturates early.
   double saturation_s{0};            ///< Its length.
   double saturated_gyro_rad_s{0.4};  ///< Limit per axis in this interval.
-  double saturated_accel_m_s2{9.5};
+  double saturated_accel_m_s2{9.5};  ///< Limit per axis in this interval.
 };
 
 /// One simulated robot in a room.
@@ -117,7 +116,7 @@ struct SimulatedBodyConfig {
   CameraSimulation camera;
   TrajectoryConfig trajectory;
   FaultConfig faults;
-  std::uint64_t seed{1};
+  std::uint64_t seed{1};  ///< Of the sensors' random numbers.
 };
 
 [[nodiscard]] std::vector<ConfigError> check(const RoomConfig& room, const std::string& prefix);

@@ -86,7 +86,7 @@ struct ProtocolContext {
   double rate_hz{};             ///< Of the frames.
   std::string_view version{};
   dds::JoinDomain join_dds{};  ///< Called at the start and later, from any thread.
-  /// Of all protocols; those of the other thread with a short delay.
+  /// Of all protocols; those of the other thread with a short delay. On the thread of `io` only.
   std::function<std::vector<ClientStatus>()> clients{};
   CameraViews* views{};  ///< nullptr: no pictures. For one protocol only.
   SetupApi* setup{};     ///< nullptr: no set-up is running.

@@ -33,7 +33,7 @@ struct LoggedMessage {
   std::span<const std::byte> bytes;  ///< Until the next call.
 };
 
-/// A file of messages in recorded order. Damaged parts are left out, which appears in the remarks.
+/// A file of messages in recorded order. Damaged parts, also a cut end, are left out: see remarks.
 class MessageLog {
  public:
   virtual ~MessageLog() = default;
@@ -59,7 +59,7 @@ class MessageLog {
 
 /// A bag of ROS 1, format 2.0, packed by none, bz2 or lz4. Its index is not used.
 [[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_bag(const std::string& path);
-/// An MCAP file, profiles ros1 and ros2, packed by none, lz4 or zstd. Checksums are tested.
+/// An MCAP file, profiles ros1 and ros2, packed by none, lz4 or zstd. Tests checksums if present.
 [[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_mcap(const std::string& path);
 /// One SQLite file of rosbag2, read-only; a damaged one is read up to there.
 [[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_db3(const std::string& path);

@@ -87,7 +87,7 @@ void describe(V& v, IioConfig& c) {
 
 /// A topic with an IMU: `px4_msgs/SensorCombined` of PX4, or `sensor_msgs/Imu` of ROS 2.
 struct ImuTopicConfig {
-  std::string topic;
+  std::string topic;     ///< Name of the topic.
   bool reliable{false};  ///< Reliable QoS; senders without it are not received then.
   /// The sender's clock is synchronised with this machine's; else stamps are placed by arrival.
   bool synchronized{true};

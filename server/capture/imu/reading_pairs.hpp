@@ -54,7 +54,8 @@ class ReadingPairs final {
   Queue accel_;
 };
 
-/// A mount_matrix of IIO: `0, 1, 0; 1, 0, 0; 0, 0, -1`. nullopt: not nine numbers, not orthonormal.
+/// A mount_matrix of IIO, from the sensor's axes to its device's: `0, 1, 0; 1, 0, 0; 0, 0, -1`.
+/// @return nullopt: not nine numbers, or not orthonormal
 [[nodiscard]] std::optional<Eigen::Matrix3d> parse_mount_matrix(std::string_view text);
 
 }  // namespace fiducap

@@ -18,7 +18,7 @@ namespace fiducap::mavlink {
 
 /// The conversation with an autopilot: readings in; heartbeats, clock questions, requests out.
 ///
-/// Stamps are placed by the quickest round trip of TIMESYNC, or by arrival if that does not fit.
+/// Stamps are placed by the quickest round trip of TIMESYNC; by arrival if none came or fits.
 ///
 /// An answer to TIMESYNC proves the sender's address. A vehicle without proof is replaced by one
 /// with proof, so a forged sender keeps the real autopilot out for one round trip at most.

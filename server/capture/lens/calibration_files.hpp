@@ -20,7 +20,7 @@ class YamlSection;
 /// The name EuRoC uses.
 [[nodiscard]] std::string name_of(Distortion distortion);
 
-/// The intrinsics as EuRoC and Kalibr write them. Faults are collected in `yaml`.
+/// The intrinsics fu fv cu cv as EuRoC and Kalibr write them. Faults are collected in `yaml`.
 /// @param coefficients_key  `distortion_coefficients` (EuRoC) or `distortion_coeffs` (Kalibr)
 [[nodiscard]] CameraModel read_pinhole(const YamlSection& yaml,
                                        const std::string& coefficients_key);

@@ -21,11 +21,11 @@ enum class Distortion {
 /// Pinhole camera with a lens. π of the paper (II-C) is `pinhole`; `project` adds the distortion.
 /// Camera axes V: z forward, x right, y down. Pixel (0, 0) is the centre of the upper-left pixel.
 struct CameraModel {
-  int width{};
-  int height{};
+  int width{};                    ///< Of the images, pixels.
+  int height{};                   ///< Of the images, pixels.
   double fu{}, fv{}, cu{}, cv{};  ///< Focal lengths and principal point, pixels.
   Distortion distortion{Distortion::kNone};
-  std::array<double, 5> coefficients{};
+  std::array<double, 5> coefficients{};  ///< Of the distortion, in OpenCV's order.
 
   /// Ideal pinhole pixel of a point in camera axes; @pre p_VP.z() > 0.
   [[nodiscard]] Eigen::Vector2d pinhole(const Eigen::Vector3d& p_VP) const {
@@ -58,21 +58,21 @@ inline constexpr double kLargestLensError_px = 10;
 /// A camera on a body: lens, extrinsics, clock. Sigmas are 1-sigma; 0: exact.
 struct CameraMount {
   CameraModel model;
-  Pose X_BV;                       ///< Extrinsics: camera axes in body axes (EuRoC's T_BS).
-  double position_sigma_m{0.005};  ///< Of X_BV, per axis.
-  double rotation_sigma_rad{0.00873};
-  Duration time_shift{0};  ///< t_imu = t_camera + time_shift (Kalibr timeshift_cam_imu).
-  double time_shift_sigma_s{0.02};
+  Pose X_BV;                           ///< Extrinsics: camera axes in body axes (EuRoC's T_BS).
+  double position_sigma_m{0.005};      ///< Of X_BV, per axis.
+  double rotation_sigma_rad{0.00873};  ///< Of X_BV, per axis.
+  Duration time_shift{0};           ///< t_imu = t_camera + time_shift (Kalibr timeshift_cam_imu).
+  double time_shift_sigma_s{0.02};  ///< Of `time_shift_s`.
   /// Rolling shutter: first row to last row; the stamp is that of the middle row. 0: global.
   double readout_s{0.0};
-  double readout_sigma_s{0.0};
+  double readout_sigma_s{0.0};  ///< Of `readout_s`.
   // Of the lens model; a guessed lens has large ones, and is estimated.
   double focal_sigma{0.0};      ///< Of fu and fv together, relative.
   double centre_sigma_px{0.0};  ///< Of cu and cv, each.
   double k1_sigma{0.0};         ///< Of the first coefficient of distortion.
   /// Unmodelled distortion per coordinate: not noise, but constant at each place of the image.
   double lens_error_px{0.0};
-  double rate_hz{20.0};
+  double rate_hz{20.0};  ///< Images per second.
 };
 
 /// Default of a real camera: a calibration leaves a residual error.

@@ -18,11 +18,11 @@ namespace fiducap {
 
 /// A tag with a given pose (`tags.yaml` known_tags).
 struct RecordedTag {
-  int tag_id{};
-  double edge_m{};
-  Pose X_WT;
-  double position_sigma_m{};
-  double rotation_sigma_rad{};
+  int tag_id{};                 ///< Number of the tag in its family.
+  double edge_m{};              ///< Edge of the black square.
+  Pose X_WT;                    ///< Pose of the tag.
+  double position_sigma_m{};    ///< Of X_WT, per axis.
+  double rotation_sigma_rad{};  ///< Of X_WT, per axis.
 };
 
 template <class V>
@@ -86,9 +86,9 @@ struct TruthSample {
 
 /// A folder in the EuRoC/ASL layout, played at its own pace.
 struct RecordingSourceConfig {
-  std::string folder;
-  bool loop{false};
-  double speed{1.0};
+  std::string folder;  ///< Of the recording.
+  bool loop{false};    ///< Start again at the end.
+  double speed{1.0};   ///< 2: twice as fast as it was recorded.
 };
 
 template <class V>
@@ -108,7 +108,7 @@ struct RecordingPlayback {
   double speed{1.0};  ///< With `paced`.
 };
 
-/// Streams IMU, images and corners merged by time. Damaged and incomplete lines are left out.
+/// Streams IMU, images, corners by time, in bounded memory, without damaged or incomplete lines.
 [[nodiscard]] OpenedSource open_recording(const RecordingInfo& info,
                                           const RecordingPlayback& playback, const Clock& clock);
 

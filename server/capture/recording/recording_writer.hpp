@@ -31,7 +31,7 @@ class RecordingWriter final {
   [[nodiscard]] Expected<void> flush() { return on_all(&LazyCsv::flush); }
   /// Closes all files. @return Error when the disk did not take everything
   [[nodiscard]] Expected<void> finish() { return on_all(&LazyCsv::close); }
-  [[nodiscard]] std::uint64_t bytes() const {
+  [[nodiscard]] std::uint64_t bytes() const {  // that the system accepted
     std::uint64_t all = whole_files_bytes_ + imu_.bytes() + state_.bytes();
     for (const CameraFiles& camera : cameras_)
       all += camera.images.bytes() + camera.corners.bytes() + camera.frames.bytes();

@@ -10,7 +10,7 @@ namespace fiducap::dds {
 
 /// Sensors of a body as topics of ROS 2, from any driver of a camera or an IMU.
 struct RosSourceConfig {
-  /// Per camera of the body: sensor_msgs/Image; CompressedImage if it ends in `/compressed`.
+  /// One topic per camera: sensor_msgs/Image; CompressedImage if it ends in `/compressed`.
   std::vector<std::string> images;
   std::string imu;  ///< sensor_msgs/Imu, in the body's axes; empty: none.
   /// Reliable QoS; drivers without it are not received then.

@@ -114,7 +114,7 @@ class ExposureClock final {
  private:
   [[nodiscard]] StampMark mark_of(const KernelStamp& stamp, Instant now) const {
     // Drivers that compute the end of a frame stamp less than a frame ahead; other clocks: days.
-    constexpr Duration kLongestWait = std::chrono::seconds(5);
+    constexpr Duration kLongestWait = std::chrono::seconds(5);  // of a buffer, for a busy reader
     constexpr Duration kFuture = std::chrono::milliseconds(200);
     const Duration age = now - instant_from_ns(stamp.ns);
     if (!stamp.is_monotonic || age < -kFuture || age > kLongestWait) return StampMark::kArrival;

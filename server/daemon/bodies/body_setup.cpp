@@ -148,8 +148,8 @@ OpenedSource open_camera(const CameraSourceConfig& source, std::size_t k, BodySe
   auto opened = source.type == CameraSourceType::kRos
                     ? open_topics(source.ros.source, cameras, context)
                     : open_device(source.camera, mount, context);
+  mount.model = cameras.front().model;  // known even if the topic cannot be opened
   if (!opened) return opened;
-  mount.model = cameras.front().model;
   return std::make_unique<NumberedCamera>(std::move(*opened), k);
 }
 

@@ -105,7 +105,7 @@ struct CameraConfig {
   /// Kalibr camchain (lens, pose, time) or a calibration file of one camera (lens only).
   std::string calibration{};
   CameraMount mount = calibrated_mount();      ///< What is not in `calibration`.
-  std::optional<CameraSourceConfig> source{};  ///< Its own; nullopt: the body's.
+  std::optional<CameraSourceConfig> source{};  ///< Its own; without it: the body's `source`.
 };
 
 /// Whether its source, or the body's, may provide the lens of the camera when it is open.
@@ -118,20 +118,22 @@ inline bool provides_lens(const SourceConfig& source, const CameraConfig& camera
 
 /// Noise of an IMU, or the name of a part whose noise is known.
 struct ImuConfig : ImuNoise {
-  std::string part;  ///< See `part_names`; other keys override its values.
+  /// Name of a chip, camera or autopilot, e.g. `bmi088`; other keys override its values.
+  std::string part;
 };
 
 struct BodyConfig {
-  std::string name;
-  int id{0};  ///< In all protocols; 0: place in the list, from 1.
-  std::string filter{"world"};
-  SourceConfig source;                ///< kSensors if only `cameras` and the IMU have sources.
-  std::vector<CameraConfig> cameras;  ///< Empty with a recording: the recording's own.
-  std::optional<ImuSourceConfig> imu_source{};  ///< Its own; nullopt: the body's.
-  bool use_imu{true};
-  std::string kalibr_imu;        ///< Kalibr imu.yaml; overrides `imu`.
+  std::string name;             ///< In all protocols and in the folders of recordings.
+  int id{0};                    ///< In all protocols; 0: place in the list, from 1.
+  std::string filter{"world"};  ///< `world`, or `robocentric` (that of the RCARS paper).
+  /// `type: sensors` if `cameras` and `imu_source` have sources of their own.
+  SourceConfig source;
+  std::vector<CameraConfig> cameras;            ///< Empty with a recording: the recording's own.
+  std::optional<ImuSourceConfig> imu_source{};  ///< Its own; without it: the body's `source`.
+  bool use_imu{true};                           ///< False: readings of an IMU are not used.
+  std::string kalibr_imu;                       ///< Kalibr imu.yaml; overrides `imu`.
   std::string imu_correction;    ///< Of `fiducap calibrate imu --poses`; empty: none.
-  std::optional<ImuConfig> imu;  ///< nullopt: the recording's or the simulator's own.
+  std::optional<ImuConfig> imu;  ///< Without it: the noise that recording or simulator state.
   Pose pivot;                    ///< X_BP: the published point and axes.
   BodyLimits limits;
 };

@@ -25,9 +25,10 @@ struct MapSettings {
   std::string store;  ///< SQLite file; empty: the map is not stored.
   std::string file;   ///< Surveyed start for an empty store: own YAML, csv or WPILib json.
   double file_tag_size_m{0.1651};      ///< WPILib files do not carry sizes.
-  std::optional<int> reference_tag;    ///< WorkspaceGauge
+  std::optional<int> reference_tag;    ///< Defines the origin; without it: the first tag seen.
   std::optional<Pose> reference_pose;  ///< X_WT of the reference tag.
-  std::vector<int> floor_tags;         ///< WorkspaceGauge
+  /// Tags that lie flat, face up: bodies without IMU wait for all, and take the vertical from them.
+  std::vector<int> floor_tags;
   /// Start from the cameras estimated in earlier sessions, stored beside the map.
   bool use_learned_extrinsics{true};
   /// Duration over which corrections of the map (`refine_period_s`, rollbacks) reach clients;
@@ -37,7 +38,7 @@ struct MapSettings {
 
 /// A section for each protocol, and what they share.
 struct StreamingConfig : ProtocolConfigs {
-  double rate_hz{100.0};
+  double rate_hz{100.0};  ///< Frames per second to all clients; some protocols have lower limits.
   /// Protocols without which the server may run, e.g. when a port is taken.
   std::vector<std::string> optional;
 

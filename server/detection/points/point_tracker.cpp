@@ -97,7 +97,6 @@ std::span<const PointSighting> PointTracker::follow(
   points_.resize(kept);
   begin_new(model);
   std::swap(before_, now_);
-  ++statistics_.images;
   return report();
 }
 
@@ -138,29 +137,23 @@ void PointTracker::follow_all(const CameraModel& model,
   }
   points_.resize(kept);
   if (q_beforeNow) drop_moving(model, *q_beforeNow);
-  statistics_.followed += points_.size();
 }
 
 bool PointTracker::follow_one(Point& point, const CameraModel& model,
                               const std::optional<Eigen::Quaterniond>& q_beforeNow) {
-  const auto drop = [](std::uint64_t& count) {
-    ++count;
-    return false;
-  };
   Eigen::Vector2d guess = point.raw_px;
   if (q_beforeNow) {
     const Eigen::Vector3d turned = q_beforeNow->conjugate() * ray(model, point.ideal_px);
-    if (!(turned.z() > 0)) return drop(statistics_.lost);
+    if (!(turned.z() > 0)) return false;
     guess = model.project(turned).value_or(guess);
   }
   const auto found = patch_flow::follow(before_, point.raw_px, now_, guess);
-  if (!found) return drop(statistics_.lost);
+  if (!found) return false;
   // Starts from the old position, independent of the forward result.
   const auto back = patch_flow::follow(now_, *found, before_, point.raw_px);
-  if (!back || (*back - point.raw_px).norm() > kBack_px) return drop(statistics_.not_back);
-  if (on_tag(*found)) return drop(statistics_.on_tags);
+  if (!back || (*back - point.raw_px).norm() > kBack_px || on_tag(*found)) return false;
   const auto ideal = undistort(model, *found);
-  if (!ideal) return drop(statistics_.lost);
+  if (!ideal) return false;
   point.raw_px = *found;
   point.ideal_px = ideal->px;
   return true;
@@ -174,7 +167,6 @@ void PointTracker::drop_moving(const CameraModel& model, const Eigen::Quaternion
   std::size_t kept = 0;
   for (std::size_t i = 0; i < points_.size(); ++i)
     if (fits[i] != 0) points_[kept++] = points_[i];
-  statistics_.moving += points_.size() - kept;
   points_.resize(kept);
 }
 
@@ -215,7 +207,6 @@ void PointTracker::begin_new(const CameraModel& model) {
     const auto ideal = corner ? undistort(model, *corner) : std::nullopt;
     if (!ideal) continue;
     points_.push_back({next_track_++, 0, *corner, ideal->px});
-    ++statistics_.begun;
   }
 }
 

@@ -40,17 +40,6 @@ class TranslationConsensus final {
   std::vector<char> best_;
 };
 
-/// Counts of one camera's points. Never reset.
-struct PointStatistics {
-  std::uint64_t images{};
-  std::uint64_t followed{};  ///< From one image to the next.
-  std::uint64_t lost{};      ///< Not found again, or out of the image.
-  std::uint64_t not_back{};  ///< Forward-backward error too large.
-  std::uint64_t on_tags{};   ///< On a tag or hidden by one.
-  std::uint64_t moving{};    ///< Outliers of the camera's translation.
-  std::uint64_t begun{};
-};
-
 /// Tracks up to kMost corners from image to image, spread over the image. Works on raw images;
 /// undistorts only the points.
 ///
@@ -75,7 +64,6 @@ class PointTracker final {
   std::span<const PointSighting> follow(const CameraFrame& frame, const CameraModel& model,
                                         const std::optional<Eigen::Quaterniond>& q_beforeNow,
                                         std::span<const TagSighting> tags);
-  [[nodiscard]] const PointStatistics& statistics() const { return statistics_; }
 
  private:
   struct Point {
@@ -108,7 +96,6 @@ class PointTracker final {
   std::uint32_t next_track_{1};
   int next_cell_{0};
   int images_{0};
-  PointStatistics statistics_;
 };
 
 }  // namespace fiducap

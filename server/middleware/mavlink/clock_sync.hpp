@@ -16,7 +16,7 @@ namespace fiducap::mavlink {
 /// unchanged. A reply therefore proves that the autopilot received the request at its address.
 class ClockSync final {
  public:
-  /// @return the request to send now, if one is due
+  /// @return the request to send now, if one is due: ten per second at first, later one
   [[nodiscard]] std::optional<Timesync> next_request(Instant now);
   /// @return false: not a reply to a request of the last second
   bool accept_reply(const Timesync& reply, Instant now);

@@ -59,7 +59,7 @@ struct Peer {
 
 /// a.b.c.d as 0xaabbccdd. @return nullopt for any other text
 [[nodiscard]] std::optional<std::uint32_t> parse_address(const std::string& text);
-[[nodiscard]] bool is_address(const std::string& text);
+[[nodiscard]] bool is_address(const std::string& text);  ///< IPv4 or IPv6.
 /// `10.0.0.7:1511`. @return nullopt for any other text
 [[nodiscard]] std::optional<Peer> parse_peer(const std::string& text);
 /// `10.0.0.7`, `2001:db8::7`

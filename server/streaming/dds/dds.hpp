@@ -13,13 +13,13 @@ namespace fiducap::dds {
 /// World axes of px4_msgs/VehicleOdometry for PX4's uXRCE-DDS bridge.
 enum class Px4Profile { kOff, kNed, kFrd };
 
-/// Topics on DDS. Domain, interface and peers: NetworkConfig.
+/// Topics on DDS. Domain, interface and peers: section `dds`.
 struct DdsConfig {
-  bool enabled{false};
-  std::string prefix;  ///< Before the topics of a body: `/fiducap` gives `/fiducap/<body>/pose`.
+  bool enabled{false};  ///< False: this protocol is not served.
+  std::string prefix;   ///< Before the topics of a body: `/fiducap` gives `/fiducap/<body>/pose`.
   std::string world_frame{"world"};  ///< frame_id of the workspace; that of a body is its name.
-  NameAliases aliases;
-  bool pose{true};   ///< `/<body>/pose`, geometry_msgs/PoseStamped.
+  NameAliases aliases;               ///< Names for the clients, by name of the body.
+  bool pose{true};                   ///< `/<body>/pose`, geometry_msgs/PoseStamped.
   bool twist{true};  ///< `/<body>/twist`, geometry_msgs/TwistStamped, in the world's axes.
   /// `/<body>/odom`, nav_msgs/Odometry with covariances, twist in the body's axes.
   bool odometry{true};
@@ -32,8 +32,8 @@ struct DdsConfig {
   bool native{true};        ///< `fiducap/bodies`, `fiducap/tags` (proto/dds/fiducap.idl), keyed.
   /// `[/<body>]/fmu/in/vehicle_visual_odometry`; without the body's name when there is only one.
   Px4Profile px4{Px4Profile::kOff};
-  double px4_rate_hz{50};
-  bool reliable{true};  ///< Also for reliable subscribers; false: best effort only.
+  double px4_rate_hz{50};  ///< Messages per second to PX4, at most.
+  bool reliable{true};     ///< Also for reliable subscribers; false: best effort only.
 
   [[nodiscard]] std::vector<ConfigError> check() const;
 };

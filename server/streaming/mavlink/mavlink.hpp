@@ -17,19 +17,19 @@ enum class PoseMessage { kOdometry, kVisionPosition, kBoth };
 
 /// One autopilot and its body.
 struct VehicleConfig {
-  std::string body;
-  std::string address{"127.0.0.1"};
+  std::string body;                  ///< Name of its body.
+  std::string address{"127.0.0.1"};  ///< Of the autopilot.
   std::uint16_t port{14580};  ///< PX4's "onboard" port in simulation; ArduPilot: usually 14550.
   PoseMessage message{PoseMessage::kOdometry};
   /// ArduPilot takes frd only; ned: the workspace's y points north.
   AutopilotWorld world{AutopilotWorld::kFrd};
-  double rate_hz{40};
+  double rate_hz{40};     ///< Poses per second to this autopilot, at most.
   int system_id{1};       ///< Ours: that of the autopilot, as part of its vehicle.
   int component_id{197};  ///< MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY.
 };
 
 struct MavlinkConfig {
-  bool enabled{false};
+  bool enabled{false};             ///< False: this protocol is not served.
   std::string address{"0.0.0.0"};  ///< UDP, ours. Only configured autopilots are heard.
   std::uint16_t port{0};           ///< 0: any free one; autopilots reply to it.
   std::vector<VehicleConfig> vehicles;

@@ -11,17 +11,17 @@
 namespace fiducap::native {
 
 struct NativeConfig {
-  bool enabled{true};
-  std::string address{"127.0.0.1"};
-  std::uint16_t port{21600};  ///< UDP for frames, TCP for control. 0: any free one.
-  int max_clients{64};
-  int max_clients_per_address{16};
-  double lease_s{3.0};          ///< A client that does not renew within this time is removed.
-  bool discovery{true};         ///< Reply to `Client::discover()`.
-  bool control{true};           ///< Accept commands with `operator.token`.
+  bool enabled{true};                ///< False: this protocol is not served.
+  std::string address{"127.0.0.1"};  ///< Where it listens. 0.0.0.0: all interfaces.
+  std::uint16_t port{21600};         ///< UDP for frames, TCP for control. 0: any free one.
+  int max_clients{64};               ///< Further clients are refused.
+  int max_clients_per_address{16};   ///< Further clients of the same address are refused.
+  double lease_s{3.0};               ///< A client that does not renew within this time is removed.
+  bool discovery{true};              ///< Reply to clients that search for servers.
+  bool control{true};                ///< Accept commands with `operator.token`.
   std::string multicast_group;  ///< E.g. 239.255.42.16, for clients that request it; empty: none.
-  std::uint16_t multicast_port{21601};
-  int multicast_ttl{1};             ///< 1: this network only.
+  std::uint16_t multicast_port{21601};  ///< Of multicast frames.
+  int multicast_ttl{1};                 ///< 1: this network only.
   std::string multicast_interface;  ///< IPv4 address of the interface; empty: the one of `address`.
 
   [[nodiscard]] std::vector<ConfigError> check() const;

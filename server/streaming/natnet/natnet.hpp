@@ -22,7 +22,7 @@ using net::Peer;
 inline constexpr NameRule kNames = conventions_of("natnet").names;
 
 struct NatNetConfig {
-  bool enabled{false};
+  bool enabled{false};               ///< False: this protocol is not served.
   std::string address{"127.0.0.1"};  ///< IPv4. 0.0.0.0: all interfaces.
   std::uint16_t port{1510};          ///< Commands. 0: any free one.
   std::uint16_t data_port{1511};     ///< Of multicast frames.
@@ -32,20 +32,20 @@ struct NatNetConfig {
   /// With multicast and unicast: replies here name no group, because the vendor's library in
   /// unicast mode ends when it gets one.
   std::uint16_t unicast_port{1520};
-  std::string multicast_group{"239.255.42.99"};
+  std::string multicast_group{"239.255.42.99"};  ///< Destination of multicast frames.
   /// Address of the interface for multicast; empty: loopback, and interfaces with clients.
   std::string multicast_interface;
-  int multicast_ttl{1};
+  int multicast_ttl{1};          ///< 1: this network only.
   std::string bitstream{"3.1"};  ///< For clients that do not choose one; most read 3.1.
   UpAxis up{conventions_of("natnet").axes.up};
   AxesScope scope{conventions_of("natnet").axes.scope};
   WhenInvalid when_invalid{conventions_of("natnet").when_invalid};
-  NameAliases aliases;
+  NameAliases aliases;  ///< Names for the clients, by name of the body.
   /// `ip:port` that get frames without a request, for clients that only listen; also groups.
   std::vector<std::string> targets;
   /// Networks of clients besides the attached ones, e.g. 10.1.0.0/16: NatNet proves no address.
   std::vector<std::string> networks;
-  int max_clients{64};
+  int max_clients{64};              ///< Further clients are refused.
   int max_clients_per_address{16};  ///< Of other machines; this one's may take all places.
   double client_timeout_s{15.0};    ///< Of silence; some clients send every 5 s only.
   /// Clients that may rename, disable and record; the protocol has no password.

@@ -14,7 +14,7 @@ struct Refusal {
   std::string_view text;
 };
 constexpr std::array<std::string_view, 5> kMasterWords{"New", "Close", "Start", "Stop", "Save"};
-/// Those that are not supported, with QTM's texts.
+/// Further commands for masters, which are not supported, with QTM's texts.
 constexpr std::array<Refusal, 7> kRefusals{{
     {"Load", "Failed to load measurement"},
     {"LoadProject", "Failed to load project"},

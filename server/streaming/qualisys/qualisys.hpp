@@ -13,18 +13,18 @@
 namespace fiducap::qualisys {
 
 struct QualisysConfig {
-  bool enabled{false};
+  bool enabled{false};               ///< False: this protocol is not served.
   std::string address{"127.0.0.1"};  ///< IPv4. 0.0.0.0: all interfaces.
   /// TCP: this one for protocol 1.0, +1 little-endian, +2 big-endian. 0: any free ones.
   std::uint16_t base_port{22222};
   std::uint16_t discovery_port{22226};  ///< UDP, for discovery by broadcast. 0: none.
-  int max_clients{64};
-  int max_clients_per_address{32};
+  int max_clients{64};                  ///< Further clients are refused.
+  int max_clients_per_address{32};      ///< Further clients of the same address are refused.
   UpAxis up{UpAxis::kZ};
   AxesScope scope{AxesScope::kWorld};
   /// `hold`: the last valid pose instead of NaN. Bodies are identified by index: `stop` is `flag`.
   WhenInvalid when_invalid{WhenInvalid::kFlag};
-  NameAliases aliases;
+  NameAliases aliases;                           ///< Names for the clients, by name of the body.
   std::string qtm_version{"2.17 (build 4050)"};  ///< For QTMVersion and discovery.
 
   [[nodiscard]] OutputAxes axes() const { return {up, scope, 1000.0}; }

@@ -11,13 +11,13 @@
 namespace fiducap::vicon {
 
 struct ViconConfig {
-  bool enabled{false};               ///< The usual port needs a permission.
+  bool enabled{false};               ///< False: not served. The usual port needs a permission.
   std::string address{"127.0.0.1"};  ///< IPv4 only. 0.0.0.0: all interfaces.
-  std::uint16_t port{801};           ///< TCP. 0: any free one, see Streamer::port.
-  int max_clients{64};
-  int max_clients_per_address{32};
+  std::uint16_t port{801};           ///< TCP. 0: any free one.
+  int max_clients{64};               ///< Further clients are refused.
+  int max_clients_per_address{32};   ///< Further clients of the same address are refused.
   WhenInvalid when_invalid{conventions_of("vicon").when_invalid};
-  NameAliases aliases;
+  NameAliases aliases;  ///< Names for the clients, by name of the body.
 
   [[nodiscard]] std::vector<ConfigError> check() const;
   [[nodiscard]] ServedProtocol served() const;

@@ -18,22 +18,22 @@ namespace fiducap::vrpn {
 /// An additional sensor of a body: point and axes, fixed to the body's pivot.
 struct ExtraSensor {
   std::string body;  ///< Name.
-  Pose X_PS;
+  Pose X_PS;         ///< Pose of the sensor in axes of the pivot.
 };
 
 struct VrpnConfig {
   static constexpr int kMaxSensors = 5;  ///< Per body: their reports share a datagram.
 
-  bool enabled{true};
+  bool enabled{true};                ///< False: this protocol is not served.
   std::string address{"127.0.0.1"};  ///< IPv4 only. 0.0.0.0: all interfaces.
-  std::uint16_t port{3883};          ///< TCP and UDP. 0: any free one, see Streamer::port.
-  int max_clients{64};
-  bool udp_reports{true};  ///< False: everything by TCP (firewalls).
-  bool velocity{true};
-  bool acceleration{false};
+  std::uint16_t port{3883};          ///< TCP and UDP. 0: any free one.
+  int max_clients{64};               ///< Further clients are refused.
+  bool udp_reports{true};            ///< False: everything by TCP (firewalls).
+  bool velocity{true};               ///< Also send velocities.
+  bool acceleration{false};          ///< Also send accelerations.
   UpAxis up{UpAxis::kZ};
   AxesScope scope{AxesScope::kWorld};
-  NameAliases aliases{};  ///< An alias must obey check_body_name.
+  NameAliases aliases{};  ///< Names for clients, by name of the body; rules as for names of bodies.
   int minor_version{35};  ///< In the cookie `vrpn: ver. 07.<minor>`.
   std::array<double, 6> workspace_box_m{-10, -10, 0, 10, 10, 5};  ///< min x y z, max x y z, W axes.
 

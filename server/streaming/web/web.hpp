@@ -28,11 +28,11 @@ struct WebConfig {
   /// Pages are served on their own thread, which may be late.
   static constexpr bool kCanWait = true;
 
-  bool enabled{true};
-  std::string address{"127.0.0.1"};
-  std::uint16_t port{8080};  ///< 0: any free port, see Streamer::port.
-  double rate_hz{20.0};      ///< Frames to a page.
-  int max_clients{32};       ///< Live pages at once.
+  bool enabled{true};                ///< False: this protocol is not served.
+  std::string address{"127.0.0.1"};  ///< Where it listens. 0.0.0.0: all interfaces.
+  std::uint16_t port{8080};          ///< 0: any free port.
+  double rate_hz{20.0};              ///< Frames to a page.
+  int max_clients{32};               ///< Live pages at once.
   /// Host names of this server for browsers, besides this machine's name and addresses.
   std::vector<std::string> hosts;
   ViewRule camera_views{ViewRule::kOperator};

@@ -187,7 +187,7 @@ nlohmann::ordered_json MapBuildText::json() const {
                               {"sightings", build.fit.sightings},
                               {"outliers", build.fit.outliers},
                               {"at_rest", build.last.is_at_rest},
-                              {"establish_workspace", build.last.has_found_workspace},
+                              {"found_workspace", build.last.has_found_workspace},
                               {"level", build.is_level},
                               {"run_cpu_s", build.run_cpu_s},
                               {"solve_cpu_s", build.solve_cpu_s},
