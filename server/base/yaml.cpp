@@ -178,8 +178,7 @@ tl::expected<YAML::Node, YamlFault> load_yaml(const std::string& text) {
     // Not LoadAll: yaml-cpp never gets past a comma where a document begins.
     // A last line `---` begins a second, empty document.
     AliasCheck after;
-    if (parser.HandleNextDocument(after) &&
-        (!after.is_empty() || parser.HandleNextDocument(after)))
+    if (parser.HandleNextDocument(after) && (!after.is_empty() || parser.HandleNextDocument(after)))
       return tl::unexpected(YamlFault{
           0, "", "",
           "holds several documents, or text after the first one's end: remove the line ---, or "

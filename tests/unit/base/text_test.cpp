@@ -70,8 +70,8 @@ TEST(YamlText, HasOneDocument) {
               HasSubstr("holds several documents"));
   for (const char* comma : {",", ", ]", "a: 1\n...\n,"})
     EXPECT_FALSE(load_yaml(comma)) << "yaml-cpp reads this for ever: " << comma;
-  for (const char* one : {"---\ntags: {size_m: 0.1}\n", "tags: {size_m: 0.1}\n---\n",
-                          "tags: {size_m: 0.1}\n...\n"})
+  for (const char* one :
+       {"---\ntags: {size_m: 0.1}\n", "tags: {size_m: 0.1}\n---\n", "tags: {size_m: 0.1}\n...\n"})
     EXPECT_TRUE(value_of(load_yaml(one))["tags"]) << one;
   EXPECT_FALSE(load_yaml("tags: {size_m: 0.1}\n---\n---\n"));
   EXPECT_TRUE(load_yaml("# nothing\n"));
