@@ -92,7 +92,7 @@ class EventBoard final {
     const std::lock_guard lock(publishing_);
     return snapshot_;
   }
-  /// Replaces `snapshot` by the newest one. Never waits: unchanged while another thread swaps that.
+  /// Replaces `snapshot` by the newest one; keeps it while another thread publishes. Never waits.
   void refresh(std::shared_ptr<const EventSnapshot>& snapshot) const;
 
  private:

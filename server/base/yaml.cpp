@@ -182,7 +182,7 @@ tl::expected<YAML::Node, YamlFault> load_yaml(const std::string& text) {
       return tl::unexpected(YamlFault{
           0, "", "",
           "holds several documents, or text after the first one's end: remove the line ---, or "
-          "the comma at its begin"});
+          "the comma at its start"});
     return YAML::Load(text);
   } catch (const YAML::Exception& broken) {
     const int line = broken.mark.is_null() ? 0 : broken.mark.line + 1;

@@ -33,7 +33,7 @@ struct LoggedMessage {
   std::span<const std::byte> bytes;  ///< Until the next call.
 };
 
-/// A file of messages in recorded order. Damaged parts, also a cut end, are left out: see remarks.
+/// A file of messages in recorded order. Omits damaged parts and a cut end; remarks report them.
 class MessageLog {
  public:
   virtual ~MessageLog() = default;

@@ -27,7 +27,7 @@ struct InertialReading {
   Eigen::Vector3d f{Eigen::Vector3d::Zero()};  ///< m/s²
 };
 
-/// HIGHRES_IMU; SCALED_IMU, 2, 3, ArduPilot's RAW_IMU in thousandths of g, rad/s. nullopt: none.
+/// HIGHRES_IMU; SCALED_IMU, 2, 3 and ArduPilot's RAW_IMU (0.001 g and 0.001 rad/s). nullopt: none.
 [[nodiscard]] std::optional<InertialReading> decode_inertial(const Frame& frame);
 
 /// The chosen message; of `best` HIGHRES_IMU.
