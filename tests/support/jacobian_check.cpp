@@ -42,6 +42,12 @@ void expect_matrices_near(const Eigen::MatrixXd& got, const Eigen::MatrixXd& exp
       << expected;
 }
 
+Eigen::MatrixXd selection(std::span<const int> indices, Eigen::Index size) {
+  Eigen::MatrixXd S = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(indices.size()), size);
+  for (Eigen::Index i = 0; i < S.rows(); ++i) S(i, indices[i]) = 1;
+  return S;
+}
+
 Eigen::MatrixXd propagated(const Eigen::MatrixXd& J, const Eigen::MatrixXd& P) {
   return J * P * J.transpose();
 }

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <span>
 
 namespace fiducap {
 
@@ -22,6 +23,9 @@ void expect_jacobian(const Eigen::MatrixXd& analytic, const VectorFunction& f,
 /// The largest difference of two matrices is below `tolerance` times the largest number expected.
 void expect_matrices_near(const Eigen::MatrixXd& got, const Eigen::MatrixXd& expected,
                           double tolerance);
+
+/// S with S x = (x of these indices), for x of `size` numbers (k × size).
+[[nodiscard]] Eigen::MatrixXd selection(std::span<const int> indices, Eigen::Index size);
 
 /// J P Jᵀ
 [[nodiscard]] Eigen::MatrixXd propagated(const Eigen::MatrixXd& J, const Eigen::MatrixXd& P);

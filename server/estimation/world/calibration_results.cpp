@@ -38,11 +38,18 @@ Column column_of(const FilterState& state, int column) {
   for (const int at : state.held_tags())
     for (int i = 0; i < layout::kPoseSize; ++i) held.push_back(at + i);
   if (held.empty()) return out;
-  Eigen::MatrixXd of_held = P(held, held);
+  const auto count = static_cast<Eigen::Index>(held.size());
+  Eigen::MatrixXd with_held(P.rows(), count);
+  for (Eigen::Index i = 0; i < count; ++i) with_held.col(i) = P.col(held[i]);
+  Eigen::MatrixXd of_held(count, count);
+  Eigen::VectorXd given(count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    of_held.row(i) = with_held.row(held[i]);
+    given[i] = P(held[i], column);
+  }
   of_held.diagonal() *= 1 + kRelativeRounding;
-  const Eigen::VectorXd share = of_held.ldlt().solve(out.given_held(held));
-  out.by_held = P(Eigen::all, held) * share;
-  out.by_held(held) = out.given_held(held);
+  out.by_held = with_held * of_held.ldlt().solve(given);
+  for (Eigen::Index i = 0; i < count; ++i) out.by_held[held[i]] = given[i];
   out.given_held -= out.by_held;
   return out;
 }

@@ -186,7 +186,8 @@ void FrameEncoder::write_bodies(Component component, bool wide, Writer& writer) 
     }
     for (const double v : row.p_mm) put(writer, wide, v);
     if (matrix) {
-      for (const double v : row.R.reshaped()) put(writer, wide, v);  // Eigen stores by columns too
+      for (const double v : std::span(row.R.data(), 9))
+        put(writer, wide, v);  // Eigen stores by columns too
     } else {
       for (const double v : row.euler_deg) put(writer, wide, v);
     }

@@ -10,6 +10,7 @@
 #include "base/expected.hpp"
 #include "base/pose.hpp"
 #include "support/bound/linearisation.hpp"
+#include "support/jacobian_check.hpp"
 
 namespace fiducap::bound {
 
@@ -117,10 +118,11 @@ JointMap joint_map_bound(std::span<const RecordedTag> tags, int reference_tag,
   const Index size = 6 * static_cast<Index>(out.tags.size());
   MatrixXd information = MatrixXd::Zero(size, size);
   for (const TagsCovariance* body : component.bodies) {
-    std::vector<Index> rows;
+    std::vector<int> rows;
     for (const int id : body->ids)
-      for (Index i = 0; i < 6; ++i) rows.push_back(row_of(out.tags, id) + i);
-    information(rows, rows) += information_without_gauge(*body, tags);
+      for (int i = 0; i < 6; ++i) rows.push_back(static_cast<int>(row_of(out.tags, id)) + i);
+    information +=
+        propagated(selection(rows, size).transpose(), information_without_gauge(*body, tags));
   }
   // Terms of any weight fix the gauge (the weight of the reference tag's own numbers, for
   // conditioning); then their uncertainty is removed.
@@ -138,16 +140,16 @@ JointMap joint_map_bound(std::span<const RecordedTag> tags, int reference_tag,
 
 MapFigures figures_of(const JointMap& map, std::span<const int> ids) {
   std::vector<RecordedTag> tags;
-  std::vector<Index> rows;
+  std::vector<int> rows;
   for (std::size_t i = 0; i < map.tags.size(); ++i) {
     if (std::find(ids.begin(), ids.end(), map.tags[i].tag_id) == ids.end()) continue;
     tags.push_back(map.tags[i]);
-    for (Index k = 0; k < 3; ++k) rows.push_back(6 * static_cast<Index>(i) + k);
+    for (int k = 0; k < 3; ++k) rows.push_back(6 * static_cast<int>(i) + k);
   }
   MapFigures out;
   out.tags = static_cast<int>(tags.size());
   if (tags.empty()) return out;
-  const MatrixXd P = map.P(rows, rows);
+  const MatrixXd P = propagated(selection(rows, map.P.rows()), map.P);
   const MatrixXd H = places_by_gauge(tags, middle_of(tags));
   // A projection Π = I − H H⁺: tr(Π P Πᵀ) = tr(P) − tr(H⁺ P H). A single tag has no heading.
   const MatrixXd HtH = H.transpose() * H;

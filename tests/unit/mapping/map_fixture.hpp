@@ -52,7 +52,8 @@ inline TagMap with_ties(TagMap map) {
   for (const MapTag& entry : map.tags) known->tags.push_back(entry.tag);
   for (std::size_t i = 0; i + 1 < map.tags.size(); ++i) {
     KnownPair pair{map.tags[i].tag.tag_id, map.tags[i + 1].tag.tag_id, {}};
-    for (double& x : pair.covariance.reshaped()) x = 1e-6 * gauss(random);
+    for (double& x : std::span(pair.covariance.data(), pair.covariance.size()))
+      x = 1e-6 * gauss(random);
     known->pairs.push_back(pair);
   }
   map.known = std::move(known);

@@ -236,7 +236,7 @@ TEST(QualisysFrameEncoder, ClientsDecodeAnyPoseInTheConfiguredAxes) {
       auto in = reader(out);
       for (const double v : expected.p) EXPECT_NEAR(in.f32(), v, kFloat_mm);
       Eigen::Matrix3d R;
-      for (double& v : R.reshaped()) v = in.f32();
+      for (double& v : std::span(R.data(), 9)) v = in.f32();
       EXPECT_TRUE(R.isApprox(expected.q.toRotationMatrix(), 1e-6));
       (void)in.bytes(16 + 12);
       Eigen::Vector3d euler;
