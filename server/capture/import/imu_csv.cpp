@@ -16,9 +16,10 @@ namespace fiducap {
 
 std::size_t put_in_order(std::vector<VectorReading>& readings) {
   std::ranges::stable_sort(readings, {}, &VectorReading::ns);
-  const auto repeated = std::ranges::unique(readings, {}, &VectorReading::ns);
-  const std::size_t struck = repeated.size();
-  readings.erase(repeated.begin(), repeated.end());
+  const auto same = [](const auto& a, const auto& b) { return a.ns == b.ns; };
+  const auto repeated = std::unique(readings.begin(), readings.end(), same);
+  const auto struck = static_cast<std::size_t>(readings.end() - repeated);
+  readings.erase(repeated, readings.end());
   return struck;
 }
 

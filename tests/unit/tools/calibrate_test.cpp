@@ -22,7 +22,7 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr ImuNoise kTrue{2e-3, 2e-5, 2e-2, 5e-4, 200.0};
+const ImuNoise kTrue{2e-3, 2e-5, 2e-2, 5e-4, 200.0};
 
 class CalibrateImu : public VerbTest<CalibrateImuArguments> {
  protected:

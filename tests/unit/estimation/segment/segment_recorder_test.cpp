@@ -220,7 +220,7 @@ TEST_F(SegmentRecorderTest, BeginsAChainAfterTheFilterHasLostTheBody) {
     const int chain = segments_.back().chain;
     segments_.clear();
     const int before = shown_;
-    image({1}, [&](UpdateReport& r) {
+    image({1}, [&, &change = change](UpdateReport& r) {
       change(r);
       same(r);
     });
