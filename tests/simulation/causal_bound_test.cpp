@@ -7,6 +7,7 @@
 #include "base/pose.hpp"
 #include "simulation/estimation_data.hpp"
 #include "support/bound/causal_bound.hpp"
+#include "support/jacobian_check.hpp"
 
 namespace fiducap::bound {
 namespace {
@@ -80,11 +81,11 @@ class WholeProblem {
       for (int i = 0; i < 3; ++i) index.push_back(at + i);
     Eigen::Matrix<double, 12, 12> out = Eigen::Matrix<double, 12, 12>::Zero();
     if (p_.map_known) {
-      out.topLeftCorner<6, 6>() = P(index, index);
+      out.topLeftCorner<6, 6>() = marginal(P, index);
       return out;
     }
     for (int i = 0; i < 6; ++i) index.push_back(tag_at(id) + i);
-    return P(index, index);
+    return marginal(P, index);
   }
 
  private:

@@ -9,6 +9,7 @@
 #include "simulation/estimation_data.hpp"
 #include "support/bound/causal_bound.hpp"
 #include "support/bound/joint_map_bound.hpp"
+#include "support/jacobian_check.hpp"
 
 namespace fiducap::bound {
 namespace {
@@ -68,10 +69,9 @@ Eigen::Matrix<double, 6, 6> against_first(const MatrixXd& P, const std::vector<R
                                           std::size_t i) {
   const Pose& X_WR = tags.front().X_WT;
   const RelativeRows J = relative_to_level(tags[i].X_WT, X_WR, heading_axis(X_WR.q));
-  const auto at = static_cast<Eigen::Index>(6 * i);
-  const std::vector<Eigen::Index> index{at + 3, at + 4, at + 5, at, at + 1, at + 2,
-                                        0,      1,      2,      3,  4,      5};
-  const Matrix12 joint = P(index, index);
+  const int at = static_cast<int>(6 * i);
+  const std::vector<int> index{at + 3, at + 4, at + 5, at, at + 1, at + 2, 0, 1, 2, 3, 4, 5};
+  const Matrix12 joint = marginal(P, index);
   return J * joint * J.transpose();
 }
 

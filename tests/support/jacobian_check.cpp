@@ -48,6 +48,14 @@ Eigen::MatrixXd selection(std::span<const int> indices, Eigen::Index size) {
   return S;
 }
 
+Eigen::MatrixXd marginal(const Eigen::MatrixXd& P, std::span<const int> indices) {
+  const auto size = static_cast<Eigen::Index>(indices.size());
+  Eigen::MatrixXd out(size, size);
+  for (Eigen::Index i = 0; i < size; ++i)
+    for (Eigen::Index j = 0; j < size; ++j) out(i, j) = P(indices[i], indices[j]);
+  return out;
+}
+
 Eigen::MatrixXd propagated(const Eigen::MatrixXd& J, const Eigen::MatrixXd& P) {
   return J * P * J.transpose();
 }

@@ -27,6 +27,9 @@ void expect_matrices_near(const Eigen::MatrixXd& got, const Eigen::MatrixXd& exp
 /// S with S x = (x of these indices), for x of `size` numbers (k × size).
 [[nodiscard]] Eigen::MatrixXd selection(std::span<const int> indices, Eigen::Index size);
 
+/// Covariance of these numbers alone.
+[[nodiscard]] Eigen::MatrixXd marginal(const Eigen::MatrixXd& P, std::span<const int> indices);
+
 /// J P Jᵀ
 [[nodiscard]] Eigen::MatrixXd propagated(const Eigen::MatrixXd& J, const Eigen::MatrixXd& P);
 

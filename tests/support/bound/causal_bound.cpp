@@ -8,6 +8,7 @@
 
 #include "base/expected.hpp"
 #include "base/pose.hpp"
+#include "support/jacobian_check.hpp"
 
 namespace fiducap::bound {
 
@@ -216,11 +217,11 @@ Matrix12 CausalBound::body_and_tag(int tag_id) const {
   for (const int at : {kRotation, kPosition}) index.insert(index.end(), {at, at + 1, at + 2});
   Matrix12 out = Matrix12::Zero();
   if (problem_.map_known) {
-    out.topLeftCorner<6, 6>() = P_(index, index);
+    out.topLeftCorner<6, 6>() = marginal(P_, index);
     return out;
   }
   for (int i = 0; i < 6; ++i) index.push_back(place.at + i);
-  out = P_(index, index);
+  out = marginal(P_, index);
   return out;
 }
 
@@ -276,7 +277,7 @@ MapBound CausalBound::map() const {
     for (const int at : {place.at + 3, place.at, reference.at, reference.at + 3})
       index.insert(index.end(), {at, at + 1, at + 2});
     const RelativeRows J = relative_to_tag(place.tag->X_WT, reference.tag->X_WT);
-    const Matrix12 joint = P_(index, index);
+    const Matrix12 joint = marginal(P_, index);
     const Eigen::Matrix<double, 6, 6> near = J * joint * J.transpose();
     position2 += near.topLeftCorner<3, 3>().trace();
     rotation2 += near.bottomRightCorner<3, 3>().trace();
@@ -295,7 +296,7 @@ TagsCovariance CausalBound::tags() const {
     out.ids.push_back(place.tag->tag_id);
     for (int i = 0; i < 6; ++i) index.push_back(place.at + i);
   }
-  out.P = P_(index, index);
+  out.P = marginal(P_, index);
   return out;
 }
 

@@ -149,7 +149,7 @@ MapFigures figures_of(const JointMap& map, std::span<const int> ids) {
   MapFigures out;
   out.tags = static_cast<int>(tags.size());
   if (tags.empty()) return out;
-  const MatrixXd P = propagated(selection(rows, map.P.rows()), map.P);
+  const MatrixXd P = marginal(map.P, rows);
   const MatrixXd H = places_by_gauge(tags, middle_of(tags));
   // A projection Π = I − H H⁺: tr(Π P Πᵀ) = tr(P) − tr(H⁺ P H). A single tag has no heading.
   const MatrixXd HtH = H.transpose() * H;

@@ -25,7 +25,8 @@ void quiet(const std::string&) {}
 /// Squared error of the estimated numbers in units of their covariance; its mean is their count.
 double nees(const IntrinsicsCalibration& c, const CameraModel& truth) {
   const LensVector error = numbers_of(c.state.camera) - numbers_of(truth);
-  return squared_distance(error(c.free), c.uncertainty.covariance(c.free, c.free));
+  const Eigen::MatrixXd S = selection(std::vector<int>(c.free.begin(), c.free.end()), error.size());
+  return squared_distance(S * error, propagated(S, c.uncertainty.covariance));
 }
 
 double limit(const IntrinsicsCalibration& c, double probability) {

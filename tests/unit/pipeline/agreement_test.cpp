@@ -18,7 +18,7 @@ using std::numbers::pi;
 using testing::HasSubstr;
 
 constexpr double kExact_rad = 1e-6;
-constexpr double kShiftTolerance_s = 0.02;
+constexpr double kShiftSigma_s = 0.02;  // at most
 constexpr double kAxesTolerance_rad = 0.12;
 
 Instant at_s(double t_s) { return instant_from_ns(1'000'000'000) + from_seconds(t_s); }
@@ -94,7 +94,8 @@ class CauseTest : public testing::Test {
     SCOPED_TRACE(shift_s);
     const auto found = value_of(find_cause(pairs, configured));
     EXPECT_EQ(found.kind, kind);
-    EXPECT_NEAR(found.shift_s, shift_s, kShiftTolerance_s);
+    EXPECT_LT(found.shift_sigma_s, kShiftSigma_s);
+    EXPECT_NEAR(found.shift_s, shift_s, 4 * found.shift_sigma_s);
   }
   static constexpr ExpectedShift kConfigured{0, 0.1, false};
   const Eigen::Matrix3d same_{Eigen::Matrix3d::Identity()};
@@ -247,7 +248,8 @@ TEST_F(RotationAgreementTest, ReportsSwappedAxesOfTheGyroUntilTheyAreRepaired) {
 TEST_F(RotationAgreementTest, ReportsLateStampsUntilTheFilterUsesTheShift) {
   const auto reports = run(0, 20, 0.5);
   EXPECT_EQ(reports.size(), 1u);
-  expect_fault(reports, Kind::kShifted, {"stamped 0.50 s late"});
+  expect_fault(reports, Kind::kShifted, {" s late against the IMU"});
+  EXPECT_NEAR(reports.back().finding.shift_s, -0.5, 4 * reports.back().finding.shift_sigma_s);
   agreement_->set_used_shift(0, -0.5);
   EXPECT_FALSE(agreement_->withholds());
 }
@@ -257,9 +259,9 @@ TEST_F(RotationAgreementTest, ReportsAClockJumpOnce) {
   EXPECT_FALSE(agreement_->clock_jump());
   const auto reports = run(15, 40, 0.2);
   EXPECT_EQ(reports.size(), 1u);
-  expect_fault(reports, Kind::kJumped, {"jumped by 0.2"});
+  expect_fault(reports, Kind::kJumped, {"jumped by"});
   ASSERT_TRUE(agreement_->clock_jump());
-  EXPECT_NEAR(to_seconds(agreement_->clock_jump()->change), -0.2, kShiftTolerance_s);
+  EXPECT_NEAR(to_seconds(agreement_->clock_jump()->change), -0.2, 4 * kShiftSigma_s);
   agreement_->set_used_shift(0, -0.2);
   EXPECT_FALSE(agreement_->withholds());
 }
