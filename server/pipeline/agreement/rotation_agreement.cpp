@@ -243,7 +243,6 @@ std::optional<AgreementFinding> CameraAgreement::take_finding() {
 }
 
 std::string agreement_text(int camera, const CameraMount& mount, const AgreementFinding& finding) {
-  using Kind = AgreementFinding::Kind;
   switch (finding.kind) {
     case Kind::kAgree:
       return fmt::format("camera {} and the gyro agree again", camera);
