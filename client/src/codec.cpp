@@ -213,6 +213,16 @@ std::vector<std::uint8_t> to_bytes(v1::Envelope& envelope) {
   return bytes;
 }
 
+/// In an arena, because the destructor of a message with a oneof deletes a pointer that was never
+/// set when the member's allocation has failed.
+template <typename Fill>
+std::vector<std::uint8_t> make_datagram(Fill&& fill) {
+  google::protobuf::Arena arena;
+  auto& envelope = *google::protobuf::Arena::CreateMessage<v1::Envelope>(&arena);
+  fill(envelope);
+  return to_bytes(envelope);
+}
+
 }  // namespace
 
 /// One arena in one block that fits every regular datagram; it grows for the others only while they
@@ -287,27 +297,26 @@ MessageKind Decoder::read(const Scratch& scratch) {
 }
 
 std::vector<std::uint8_t> encode(const SubscribeRequest& request) {
-  v1::Envelope envelope;
-  auto& out = *envelope.mutable_subscribe();
-  out.set_token(request.token);
-  out.set_nonce(request.nonce);
-  out.set_model_generation(request.model_generation);
-  out.set_client_name(request.client_name.substr(0, kMaxClientName));
-  out.set_frames_received(request.frames_received);
-  out.set_frames_lost(request.frames_lost);
-  if (!request.profile.is_default()) put(request.profile, *out.mutable_profile());
-  out.set_multicast(request.multicast);
-  out.set_clock_offset_ns(request.clock_offset);
-  out.set_clock_sigma_ns(static_cast<std::uint64_t>(request.clock_sigma));
-  out.set_latency_p99_ns(static_cast<std::uint64_t>(request.latency_p99));
-  if (envelope.ByteSizeLong() < kMinSubscribe) out.set_padding(std::string(kMinSubscribe, '\0'));
-  return to_bytes(envelope);
+  return make_datagram([&](v1::Envelope& envelope) {
+    auto& out = *envelope.mutable_subscribe();
+    out.set_token(request.token);
+    out.set_nonce(request.nonce);
+    out.set_model_generation(request.model_generation);
+    out.set_client_name(request.client_name.substr(0, kMaxClientName));
+    out.set_frames_received(request.frames_received);
+    out.set_frames_lost(request.frames_lost);
+    if (!request.profile.is_default()) put(request.profile, *out.mutable_profile());
+    out.set_multicast(request.multicast);
+    out.set_clock_offset_ns(request.clock_offset);
+    out.set_clock_sigma_ns(static_cast<std::uint64_t>(request.clock_sigma));
+    out.set_latency_p99_ns(static_cast<std::uint64_t>(request.latency_p99));
+    if (envelope.ByteSizeLong() < kMinSubscribe) out.set_padding(std::string(kMinSubscribe, '\0'));
+  });
 }
 
 std::vector<std::uint8_t> encode_unsubscribe(std::uint64_t token) {
-  v1::Envelope envelope;
-  envelope.mutable_unsubscribe()->set_token(token);
-  return to_bytes(envelope);
+  return make_datagram(
+      [&](v1::Envelope& envelope) { envelope.mutable_unsubscribe()->set_token(token); });
 }
 
 std::array<std::uint8_t, 64> encode_clock_query(std::uint64_t token, std::uint64_t number) {
@@ -329,10 +338,10 @@ std::array<std::uint8_t, 64> encode_clock_query(std::uint64_t token, std::uint64
 }
 
 std::vector<std::uint8_t> encode_discovery_query(std::uint64_t nonce) {
-  v1::Envelope envelope;
-  envelope.mutable_discovery_query()->set_nonce(nonce);
-  envelope.mutable_discovery_query()->set_padding(std::string(kMinDiscovery, '\0'));
-  return to_bytes(envelope);
+  return make_datagram([&](v1::Envelope& envelope) {
+    envelope.mutable_discovery_query()->set_nonce(nonce);
+    envelope.mutable_discovery_query()->set_padding(std::string(kMinDiscovery, '\0'));
+  });
 }
 
 }  // namespace fiducap::sdk

@@ -1,5 +1,7 @@
 #include "fiducap/control.hpp"
 
+#include <google/protobuf/arena.h>
+
 #include <utility>
 
 #include "proof/control_proof.hpp"
@@ -36,7 +38,25 @@ class Control::Impl {
  public:
   explicit Impl(ControlOptions options) : options_(std::move(options)) {}
 
-  Outcome run(const v1::ControlCommand& command, v1::ControlReply& reply) {
+  /// @param fill  sets the command's fields; strings by moving, because the arena destroys a string
+  ///              even if its copy has failed
+  template <typename Fill>
+  Outcome run(Fill&& fill) {
+    v1::ControlReply reply;
+    return run(std::forward<Fill>(fill), reply);
+  }
+  template <typename Fill>
+  Outcome run(Fill&& fill, v1::ControlReply& reply) {
+    google::protobuf::Arena arena;  // for a oneof, see `make_datagram`
+    auto& command = *google::protobuf::Arena::CreateMessage<v1::ControlCommand>(&arena);
+    fill(command);
+    return send(command, reply);
+  }
+
+ private:
+  using Deadline = sdk::MessageStream::Deadline;
+
+  Outcome send(const v1::ControlCommand& command, v1::ControlReply& reply) {
     const auto deadline = std::chrono::steady_clock::now() + options_.timeout;
     stream_.tcp().close_if_gone();
     const std::string problem = ask(command, reply, deadline);
@@ -44,9 +64,6 @@ class Control::Impl {
     if (reply.result() == v1::ControlReply::RESULT_DONE) return {true, {}};
     return {false, reply.text().empty() ? "the server refused" : reply.text()};
   }
-
- private:
-  using Deadline = sdk::MessageStream::Deadline;
 
   std::string where() const { return options_.server + ":" + std::to_string(options_.port) + ": "; }
 
@@ -88,10 +105,9 @@ Control::Control(ControlOptions options) : impl_(std::make_unique<Impl>(std::mov
 Control::~Control() = default;
 
 Outcome Control::list(ControlState& state) {
-  v1::ControlCommand command;
   v1::ControlReply reply;
-  command.mutable_list_bodies();
-  Outcome outcome = impl_->run(command, reply);
+  Outcome outcome =
+      impl_->run([](v1::ControlCommand& command) { command.mutable_list_bodies(); }, reply);
   if (!outcome) return outcome;
   state = {};
   for (const auto& body : reply.state().bodies()) state.bodies.push_back(to_body(body));
@@ -104,99 +120,83 @@ Outcome Control::list(ControlState& state) {
 }
 
 Outcome Control::set_enabled(int body_id, bool enabled) {
-  v1::ControlCommand command;
-  v1::ControlReply reply;
-  command.mutable_set_enabled()->set_body_id(static_cast<std::uint32_t>(body_id));
-  command.mutable_set_enabled()->set_enabled(enabled);
-  return impl_->run(command, reply);
+  return impl_->run([&](v1::ControlCommand& command) {
+    command.mutable_set_enabled()->set_body_id(static_cast<std::uint32_t>(body_id));
+    command.mutable_set_enabled()->set_enabled(enabled);
+  });
 }
 
 Outcome Control::rename(int body_id, const std::string& name) {
-  v1::ControlCommand command;
-  v1::ControlReply reply;
-  command.mutable_rename()->set_body_id(static_cast<std::uint32_t>(body_id));
-  command.mutable_rename()->set_name(name);
-  return impl_->run(command, reply);
+  return impl_->run([&](v1::ControlCommand& command) {
+    command.mutable_rename()->set_body_id(static_cast<std::uint32_t>(body_id));
+    command.mutable_rename()->set_name(std::string(name));
+  });
 }
 
 Outcome Control::set_pivot(int body_id, const std::array<double, 3>& position_m,
                            const std::array<double, 4>& orientation_wxyz) {
-  v1::ControlCommand command;
-  v1::ControlReply reply;
-  auto& pivot = *command.mutable_set_pivot();
-  pivot.set_body_id(static_cast<std::uint32_t>(body_id));
-  for (const double part : position_m) pivot.add_position(part);
-  for (const double part : orientation_wxyz) pivot.add_orientation_wxyz(part);
-  return impl_->run(command, reply);
+  return impl_->run([&](v1::ControlCommand& command) {
+    auto& pivot = *command.mutable_set_pivot();
+    pivot.set_body_id(static_cast<std::uint32_t>(body_id));
+    for (const double part : position_m) pivot.add_position(part);
+    for (const double part : orientation_wxyz) pivot.add_orientation_wxyz(part);
+  });
 }
 
 Outcome Control::set_mapping(bool mapping) {
-  v1::ControlCommand command;
-  v1::ControlReply reply;
-  command.mutable_set_map_mode()->set_mapping(mapping);
-  return impl_->run(command, reply);
+  return impl_->run(
+      [&](v1::ControlCommand& command) { command.mutable_set_map_mode()->set_mapping(mapping); });
 }
 
 Outcome Control::commit_map(const std::string& name) {
-  v1::ControlCommand command;
-  v1::ControlReply reply;
-  command.mutable_commit_map()->set_name(name);
-  return impl_->run(command, reply);
+  return impl_->run([&](v1::ControlCommand& command) {
+    command.mutable_commit_map()->set_name(std::string(name));
+  });
 }
 
 Outcome Control::name_version(std::int64_t version, const std::string& name) {
-  v1::ControlCommand command;
-  v1::ControlReply reply;
-  command.mutable_name_version()->set_version(version);
-  command.mutable_name_version()->set_name(name);
-  return impl_->run(command, reply);
+  return impl_->run([&](v1::ControlCommand& command) {
+    command.mutable_name_version()->set_version(version);
+    command.mutable_name_version()->set_name(std::string(name));
+  });
 }
 
 Outcome Control::roll_back(std::int64_t version) {
-  v1::ControlCommand command;
-  v1::ControlReply reply;
-  command.mutable_roll_back()->set_version(version);
-  return impl_->run(command, reply);
+  return impl_->run(
+      [&](v1::ControlCommand& command) { command.mutable_roll_back()->set_version(version); });
 }
 
 Outcome Control::align_map(const std::vector<MeasuredTag>& measured) {
-  v1::ControlCommand command;
-  v1::ControlReply reply;
-  command.mutable_align_map();
-  for (const MeasuredTag& tag : measured) {
-    auto& place = *command.mutable_align_map()->add_places();
-    place.set_tag_id(static_cast<std::uint32_t>(tag.tag_id));
-    for (const double part : tag.position_m) place.add_position(part);
-  }
-  return impl_->run(command, reply);
+  return impl_->run([&](v1::ControlCommand& command) {
+    command.mutable_align_map();
+    for (const MeasuredTag& tag : measured) {
+      auto& place = *command.mutable_align_map()->add_places();
+      place.set_tag_id(static_cast<std::uint32_t>(tag.tag_id));
+      for (const double part : tag.position_m) place.add_position(part);
+    }
+  });
 }
 
 Outcome Control::quarantine_tag(int tag_id) {
-  v1::ControlCommand command;
-  v1::ControlReply reply;
-  command.mutable_quarantine_tag()->set_tag_id(static_cast<std::uint32_t>(tag_id));
-  return impl_->run(command, reply);
+  return impl_->run([&](v1::ControlCommand& command) {
+    command.mutable_quarantine_tag()->set_tag_id(static_cast<std::uint32_t>(tag_id));
+  });
 }
 
 Outcome Control::forget_tag(int tag_id) {
-  v1::ControlCommand command;
-  v1::ControlReply reply;
-  command.mutable_forget_tag()->set_tag_id(static_cast<std::uint32_t>(tag_id));
-  return impl_->run(command, reply);
+  return impl_->run([&](v1::ControlCommand& command) {
+    command.mutable_forget_tag()->set_tag_id(static_cast<std::uint32_t>(tag_id));
+  });
 }
 
 Outcome Control::start_recording(const std::string& name) {
-  v1::ControlCommand command;
-  v1::ControlReply reply;
-  command.mutable_start_recording()->set_name(name);
-  return impl_->run(command, reply);
+  return impl_->run([&](v1::ControlCommand& command) {
+    command.mutable_start_recording()->set_name(std::string(name));
+  });
 }
 
 Outcome Control::stop_recording() {
-  v1::ControlCommand command;
-  v1::ControlReply reply;
-  command.mutable_stop_recording();
-  return impl_->run(command, reply);
+  return impl_->run([](v1::ControlCommand& command) { command.mutable_stop_recording(); });
 }
 
 }  // namespace fiducap

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
+#include <new>
 
 namespace fiducap {
 
@@ -32,5 +34,27 @@ class AllocationFault final {
   /// @return false: there were fewer allocations, none has failed
   static bool disarm();
 };
+
+/// Leaves no zeros on the stack below the caller.
+__attribute__((noinline)) inline void dirty_the_stack() {
+  std::array<volatile char, 16 * 1024> bytes;
+  for (auto& byte : bytes) byte = '\x5a';
+}
+
+/// Runs `work` until each of its operator new has failed once. It may throw bad_alloc.
+template <typename Work>
+void fail_each_allocation(Work&& work) {
+  AllocationFault::reach_this_thread();
+  bool failed = true;
+  for (int nth = 1; failed; ++nth) {
+    dirty_the_stack();
+    AllocationFault::arm(nth);
+    try {
+      work();
+    } catch (const std::bad_alloc&) {
+    }
+    failed = AllocationFault::disarm();
+  }
+}
 
 }  // namespace fiducap

@@ -1,5 +1,7 @@
 #include "streaming/native/codec.hpp"
 
+#include <google/protobuf/arena.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -10,6 +12,8 @@
 namespace fiducap::native {
 
 namespace {
+
+using google::protobuf::Arena;
 
 // Bytes for bodies in one Model datagram; its header has at most 60 bytes.
 constexpr std::size_t kModelBudget = kMaxDatagram - 80;
@@ -22,10 +26,15 @@ Datagram to_bytes(v1::Envelope& envelope) {
   return bytes;
 }
 
+/// Protobuf marks a member of a oneof as present before it allocates it. After a failed allocation
+/// the destructor would delete a pointer that was never set; messages in an arena are not deleted.
+v1::Envelope& envelope_in(Arena& arena) { return *Arena::CreateMessage<v1::Envelope>(&arena); }
+
 /// @param message  the accessor of an Envelope   @param fill  sets its fields
 template <class Message, class Fill>
 Datagram make_datagram(Message* (v1::Envelope::*message)(), Fill&& fill) {
-  v1::Envelope envelope;
+  Arena arena;
+  v1::Envelope& envelope = envelope_in(arena);
   fill(*(envelope.*message)());
   return to_bytes(envelope);
 }
@@ -81,7 +90,8 @@ SubscribeRequest to_request(const v1::Subscribe& in) {
 
 std::optional<Request> decode_request(std::span<const std::byte> datagram) {
   const std::size_t size = datagram.size();
-  v1::Envelope in;
+  Arena arena;
+  v1::Envelope& in = envelope_in(arena);
   if (size > kMaxDatagram || !in.ParseFromArray(datagram.data(), static_cast<int>(size)) ||
       in.protocol() != kProtocol) {
     return std::nullopt;
@@ -155,10 +165,11 @@ Datagram encode_notice(std::uint64_t session, std::uint64_t nonce, NoticeReason 
 std::vector<Datagram> encode_model(std::uint64_t session, const SceneModel& model,
                                    std::uint32_t profile) {
   FIDUCAP_ASSERT(model.bodies.size() <= kMaxBodies);
-  std::vector<v1::Envelope> parts;
+  Arena arena;
+  std::vector<v1::Envelope*> parts;
   std::size_t used = kModelBudget + 1;  // over the budget: the first body opens the first part
   const auto open_part = [&](std::size_t first_body) {
-    auto& out = *parts.emplace_back().mutable_model();
+    auto& out = *parts.emplace_back(&envelope_in(arena))->mutable_model();
     out.set_session(session);
     out.set_generation(model.generation);
     out.set_profile(profile);
@@ -168,19 +179,19 @@ std::vector<Datagram> encode_model(std::uint64_t session, const SceneModel& mode
     used = 0;
   };
   for (std::size_t i = 0; i < model.bodies.size(); ++i) {
-    v1::BodyDescription body;
-    body.set_id(static_cast<std::uint32_t>(model.bodies[i].id));
-    body.set_name(std::string(whole_characters(model.bodies[i].name, kMaxBodyName)));
-    const std::size_t size = body.ByteSizeLong() + 3;  // with tag and length
+    auto* body = Arena::CreateMessage<v1::BodyDescription>(&arena);
+    body->set_id(static_cast<std::uint32_t>(model.bodies[i].id));
+    body->set_name(std::string(whole_characters(model.bodies[i].name, kMaxBodyName)));
+    const std::size_t size = body->ByteSizeLong() + 3;  // with tag and length
     if (used + size > kModelBudget) open_part(i);
     used += size;
-    *parts.back().mutable_model()->add_bodies() = std::move(body);
+    parts.back()->mutable_model()->mutable_bodies()->UnsafeArenaAddAllocated(body);
   }
   if (parts.empty()) open_part(0);
   std::vector<Datagram> datagrams;
-  for (auto& part : parts) {
-    part.mutable_model()->set_part_count(static_cast<std::uint32_t>(parts.size()));
-    datagrams.push_back(to_bytes(part));
+  for (auto* part : parts) {
+    part->mutable_model()->set_part_count(static_cast<std::uint32_t>(parts.size()));
+    datagrams.push_back(to_bytes(*part));
   }
   return datagrams;
 }

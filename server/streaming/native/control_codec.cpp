@@ -117,7 +117,8 @@ Expected<ControlRequest> decode_control_request(std::span<const std::byte> messa
 }
 
 Expected<ControlAction> decode_control_command(const std::string& body) {
-  v1::ControlCommand in;
+  google::protobuf::Arena arena;  // it has a oneof: see `envelope_in`
+  auto& in = *google::protobuf::Arena::CreateMessage<v1::ControlCommand>(&arena);
   if (!in.ParseFromString(body)) return fail(ErrorCode::kTruncated, "expected a ControlCommand");
   switch (in.command_case()) {
     case v1::ControlCommand::kListBodies:

@@ -253,5 +253,14 @@ TEST_F(ClientCodec, RefusesImpossibleTimes) {
   EXPECT_EQ(decode(envelope), MessageKind::kNone);
 }
 
+TEST_F(ClientCodec, SurvivesEachFailedAllocation) {
+  SubscribeRequest request;
+  request.client_name = std::string(40, 'c');
+  request.profile.bodies = {std::string(40, 'b')};
+  fail_each_allocation([&] { (void)encode(request); });
+  fail_each_allocation([] { (void)encode_unsubscribe(1); });
+  fail_each_allocation([] { (void)encode_discovery_query(1); });
+}
+
 }  // namespace
 }  // namespace fiducap::sdk

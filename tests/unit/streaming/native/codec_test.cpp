@@ -5,7 +5,10 @@
 #include <optional>
 #include <set>
 
+#include "fiducap/v1/control.pb.h"
 #include "fiducap/v1/envelope.pb.h"
+#include "streaming/native/control_codec.hpp"
+#include "support/allocation_counter.hpp"
 #include "support/hex.hpp"
 
 namespace fiducap::native {
@@ -32,6 +35,23 @@ v1::Envelope parse(std::span<const std::byte> datagram) {
   v1::Envelope envelope;
   EXPECT_TRUE(envelope.ParseFromArray(datagram.data(), static_cast<int>(datagram.size())));
   return envelope;
+}
+
+TEST(NativeCodec, SurvivesEachFailedAllocation) {
+  fail_each_allocation([] { (void)decode_request(subscribe_bytes()); });
+  fail_each_allocation([] { (void)decode_request(from_hex(kUnsubscribeHex)); });
+  fail_each_allocation([] { (void)encode_challenge(1, 2, 3); });
+  fail_each_allocation([] {
+    (void)encode_discovery(1, 2, {std::string(40, 'h'), "0.1.0", 3, 100, 4});
+  });
+  SceneModel model;
+  for (int id = 1; id <= 40; ++id) model.bodies.push_back({id, std::string(40, 'n')});
+  fail_each_allocation([&] { (void)encode_model(1, model, 0); });
+  v1::ControlCommand rename;
+  rename.mutable_rename()->set_body_id(1);
+  rename.mutable_rename()->set_name(std::string(40, 'n'));
+  const std::string body = rename.SerializeAsString();
+  fail_each_allocation([&] { (void)decode_control_command(body); });
 }
 
 TEST(NativeCodec, DecodesRequests) {
