@@ -44,16 +44,24 @@ bool AllocationFault::disarm() { return g_until_fault.exchange(0) <= 0; }
 #define FIDUCAP_SANITIZED
 #endif
 
-// Eigen and C libraries call malloc itself. Sanitizers own malloc, so there only operator new is
-// counted.
+// Eigen and C libraries call malloc itself, newer versions of Asio aligned_alloc. Sanitizers own
+// both, so there only operator new is counted.
 #ifndef FIDUCAP_SANITIZED
 extern "C" {
 void* __libc_malloc(std::size_t size);
+void* __libc_memalign(std::size_t alignment, std::size_t size);
 void* malloc(std::size_t size) {
   ++fiducap::g_allocations;
   return __libc_malloc(size);
 }
+void* aligned_alloc(std::size_t alignment, std::size_t size) {
+  ++fiducap::g_allocations;
+  return fiducap::must_fail() ? nullptr : __libc_memalign(alignment, size);
 }
+}
+#define FIDUCAP_ALIGNED_ALLOC __libc_memalign
+#else
+#define FIDUCAP_ALIGNED_ALLOC std::aligned_alloc
 #endif
 
 bool fiducap::AllocationCounter::counts_malloc() {
@@ -68,7 +76,7 @@ namespace {
 void* try_counted(std::size_t size, std::size_t alignment) noexcept {
   ++fiducap::g_allocations;
   const std::size_t rounded = (size + alignment - 1) / alignment * alignment;
-  return std::aligned_alloc(alignment, rounded == 0 ? alignment : rounded);
+  return FIDUCAP_ALIGNED_ALLOC(alignment, rounded == 0 ? alignment : rounded);
 }
 void* counted(std::size_t size, std::size_t alignment) {
   if (fiducap::must_fail()) throw std::bad_alloc();

@@ -84,10 +84,10 @@ class PriorMaker final {
     }
     std::ranges::sort(near);
     std::vector<std::size_t> out;
-    for (const auto& [distance, k] : near) {
+    for (const auto& [distance, nearer] : near) {
       const bool all = std::ranges::all_of(
-          out, [&, k = k](std::size_t other) { return between_(k, other).has_value(); });
-      if (all) out.push_back(k);
+          out, [&, k = nearer](std::size_t other) { return between_(k, other).has_value(); });
+      if (all) out.push_back(nearer);
       if (out.size() == kNeighbours) break;
     }
     return out;

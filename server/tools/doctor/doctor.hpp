@@ -102,10 +102,10 @@ struct StoreFacts {
   FolderFacts folder;
 };
 
+enum class Grade { kOk, kWarning, kFault, kNote };
+
 /// What facts mean.
 struct Finding {
-  enum class Grade { kOk, kWarning, kFault, kNote };
-
   Grade grade{Grade::kOk};
   std::string text;
   std::string remedy{};  ///< Of warnings and faults, unless it is part of the text.

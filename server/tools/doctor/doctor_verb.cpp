@@ -12,8 +12,6 @@ namespace {
 
 constexpr std::chrono::milliseconds kFrameTimeout{1500};
 
-using Grade = Finding::Grade;
-
 /// Writes findings section by section and counts those that need a remedy; JSON is written at the
 /// end.
 class Report final {

@@ -109,7 +109,6 @@ Findings alarms_in(std::string_view state_json) {
   const auto events = state.value("events", nlohmann::json{});
   const auto standing = events.is_object() ? events.value("standing", nlohmann::json{}) : events;
   if (!standing.is_array()) return {};
-  using Grade = Finding::Grade;
   Findings alarms;
   for (const auto& one : standing) {
     if (!one.is_object()) continue;

@@ -8,8 +8,6 @@
 namespace fiducap {
 namespace {
 
-using Grade = Finding::Grade;
-
 constexpr std::size_t kLongToken = 16;
 constexpr long kServerPriority = 10;
 constexpr long long kSmallBuffer_bytes = 1 << 20;

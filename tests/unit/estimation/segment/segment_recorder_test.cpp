@@ -220,8 +220,8 @@ TEST_F(SegmentRecorderTest, BeginsAChainAfterTheFilterHasLostTheBody) {
     const int chain = segments_.back().chain;
     segments_.clear();
     const int before = shown_;
-    image({1}, [&, &change = change](UpdateReport& r) {
-      change(r);
+    image({1}, [&, &apply = change](UpdateReport& r) {
+      apply(r);
       same(r);
     });
     filter_.is_running = true;

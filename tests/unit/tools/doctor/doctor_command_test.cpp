@@ -151,9 +151,9 @@ TEST(ServerFacts, HaveTheAlarmsOfTheServer) {
   for (const std::string& json :
        {R"({"events":)" + list + "}", R"({"events":{"standing":)" + list + "}}"}) {
     EXPECT_THAT(alarms_in(json),
-                ElementsAre(FieldsAre(Finding::Grade::kFault, "map: not stored", "make room"),
-                            FieldsAre(Finding::Grade::kWarning, "drone: coasts", "show it a tag"),
-                            FieldsAre(Finding::Grade::kOk, "clock: was set", "")));
+                ElementsAre(FieldsAre(Grade::kFault, "map: not stored", "make room"),
+                            FieldsAre(Grade::kWarning, "drone: coasts", "show it a tag"),
+                            FieldsAre(Grade::kOk, "clock: was set", "")));
   }
 }
 

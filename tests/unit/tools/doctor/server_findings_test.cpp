@@ -11,7 +11,6 @@ using testing::Field;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Not;
-using Grade = Finding::Grade;
 
 const std::vector<NetworkInterface> kLab{{"lo", "127.0.0.1", true, true, false},
                                          {"eth0", "10.0.0.5", true, false, true}};
