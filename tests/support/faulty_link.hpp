@@ -116,10 +116,10 @@ class FaultyStream final {
   std::vector<std::pair<Instant, std::size_t>> arrives_;
 };
 
-/// Number of seeds of a test of the network: FIDUCAP_SEEDS, or `otherwise`.
-inline std::uint32_t seeds(std::uint32_t otherwise) {
+/// Number of seeds of a test of the network: FIDUCAP_SEEDS, or 100.
+inline std::uint32_t seeds() {
   const char* requested = std::getenv("FIDUCAP_SEEDS");
-  return requested == nullptr ? otherwise : static_cast<std::uint32_t>(std::atol(requested));
+  return requested == nullptr ? 100 : static_cast<std::uint32_t>(std::atol(requested));
 }
 
 }  // namespace fiducap

@@ -329,14 +329,17 @@ TEST_F(RecordingQueueTest, CountsImagesByTheirPixels) {
 }
 
 TEST_F(RecordingQueueTest, CountsItemsUntilTheyAreWritten) {
-  fill(ImuSample{});
+  const auto image = std::make_shared<GrayImage>();
+  image->resize(4000, 3000);
+  const SensorSample sample = CameraFrame{0, {}, image};
+  fill(sample);
   std::deque<RecordedItem> batch;
   queue_.take_all(batch);
   EXPECT_TRUE(queue_.empty());
-  EXPECT_FALSE(put(SensorSample(ImuSample{})));
+  EXPECT_FALSE(put(sample));
   for (const RecordedItem& item : batch) queue_.written(item);
   EXPECT_EQ(queue_.bytes(), 0u);
-  EXPECT_TRUE(put(SensorSample(ImuSample{})));
+  EXPECT_TRUE(put(sample));
 }
 
 }  // namespace

@@ -51,7 +51,7 @@ class MapBuildTest : public testing::Test {
   static void TearDownTestSuite() { recorded_.reset(); }
 
   static void simulate(const std::string& out, const char* seed, bool imu = true) {
-    std::vector<std::string> words{"simulate", "--room", "table",  "--seconds", "15",
+    std::vector<std::string> words{"simulate", "--room", "table",  "--seconds", "8",
                                    "--out",    out,      "--seed", seed};
     if (!imu) words.push_back("--no-imu");
     const auto run = run_fiducap(words);

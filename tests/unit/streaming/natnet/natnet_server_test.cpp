@@ -148,7 +148,9 @@ TEST_F(NatNetServerTest, ForgetsAClientWhoseSocketIsClosed) {
 }
 
 TEST_F(NatNetServerTest, SendsAThousandBodiesInOneDatagram) {
-  frame_ = make_scene_frame(std::vector<std::string>(1000, "x"));
+  std::vector<std::string> names;
+  for (int i = 0; i < 1000; ++i) names.push_back(std::to_string(i));
+  frame_ = make_scene_frame(names);
   start();
   client_.socket().set_option(asio::socket_base::receive_buffer_size(1 << 20));
   join(client_, server_->second_port(), connect({4, 1}, {4, 1}));

@@ -79,7 +79,7 @@ class NatNetNetwork : public DatagramNetwork {
 };
 
 TEST(NatNetNetwork, ServesARequestingClientOnceTheNetworkWorks) {
-  for (std::uint32_t seed = 1; seed <= seeds(1000); ++seed) {
+  for (std::uint32_t seed = 1; seed <= seeds(); ++seed) {
     NatNetNetwork network(seed);
     network.suffer();
     network.heal();
@@ -92,7 +92,7 @@ TEST(NatNetNetwork, ServesARequestingClientOnceTheNetworkWorks) {
 constexpr Duration kAutopilotClock = 1234567ms;  ///< The autopilot's minus the server's.
 
 TEST(MavlinkNetwork, SendsPosesAndTheClockErrorStaysWithinItsBound) {
-  for (std::uint32_t seed = 1; seed <= seeds(500); ++seed) {
+  for (std::uint32_t seed = 1; seed <= seeds(); ++seed) {
     std::mt19937 random(seed);
     FaultyLink up(random, LinkFaults::drawn(random));
     FaultyLink down(random, LinkFaults::drawn(random));

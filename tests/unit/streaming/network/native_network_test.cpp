@@ -127,7 +127,7 @@ class NativeNetwork : public DatagramNetwork {
 // Three seconds: the SDK's timeout (1 s), at worst one request per second, and replies that are
 // limited after a flood.
 TEST(NativeNetwork, ShowsWholeFramesOnceInOrderAndRecoversSoon) {
-  const std::uint32_t many = seeds(1000);
+  const std::uint32_t many = seeds();
   std::int64_t shown = 0;
   for (std::uint32_t seed = 1; seed <= many; ++seed) {
     NativeNetwork network(seed);
