@@ -1,5 +1,5 @@
 import { element, setText } from './dom';
-import { plural, timeOfDay } from './format';
+import { dateAndTime, plural, timeOfDay } from './format';
 import type { Events, ServerEvent, Severity } from './protocol';
 
 const RANK: Record<Severity, number> = { error: 0, warning: 1, info: 2 };
@@ -31,9 +31,8 @@ export function bySeverity(standing: ServerEvent[]): ServerEvent[] {
 
 /** `since 14:03:05`, with the date when that was another day. */
 export function since(utcMs: number, nowMs: number): string {
-  const begun = new Date(utcMs);
-  const sameDay = begun.toDateString() === new Date(nowMs).toDateString();
-  return `since ${sameDay ? '' : `${begun.toLocaleDateString('en-CA')} `}${timeOfDay(utcMs)}`;
+  const sameDay = new Date(utcMs).toDateString() === new Date(nowMs).toDateString();
+  return `since ${sameDay ? timeOfDay(utcMs) : dateAndTime(utcMs)}`;
 }
 
 function timeElement(utcMs: number, words: string): HTMLTimeElement {

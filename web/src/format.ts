@@ -59,10 +59,17 @@ export function count(value: number): string {
   return `${fixed(value / 1e6, 1)} M`;
 }
 
+const two = (part: number): string => String(part).padStart(2, '0');
+
 export function timeOfDay(utcMs: number): string {
   const date = new Date(utcMs);
-  const two = (part: number): string => String(part).padStart(2, '0');
   return `${two(date.getHours())}:${two(date.getMinutes())}:${two(date.getSeconds())}`;
+}
+
+/** `2026-09-21 14:13:20`, also where no locale has that form. */
+export function dateAndTime(utcMs: number): string {
+  const date = new Date(utcMs);
+  return `${date.getFullYear()}-${two(date.getMonth() + 1)}-${two(date.getDate())} ${timeOfDay(utcMs)}`;
 }
 
 export function plural(number: number, one: string, many: string): string {

@@ -1,6 +1,6 @@
 import { exaggeration } from './changes_view';
 import { element, setText } from './dom';
-import { compact, count, duration, fixed, timeOfDay, UNKNOWN } from './format';
+import { compact, count, dateAndTime, duration, fixed, UNKNOWN } from './format';
 import { button, type MapCommands } from './map_commands';
 import { parseDiff, parseVersions, type MapDiff, type MapTag, type MapVersion, type TagChange, type TagFit, type TagMap } from './protocol';
 
@@ -236,11 +236,6 @@ function ageWords(ms: number | null): string {
   if (ms !== null && ms > 2 * DAY_MS) return `${fixed(ms / DAY_MS, 0)} d ago`;
   const { value, unit } = duration(ms);
   return unit ? `${value} ${unit} ago` : value;
-}
-
-/** `2026-09-21 14:13:20` */
-function dateAndTime(utcMs: number): string {
-  return `${new Date(utcMs).toLocaleDateString('en-CA')} ${timeOfDay(utcMs)}`;
 }
 
 function changeRow(change: TagChange): HTMLTableRowElement {
