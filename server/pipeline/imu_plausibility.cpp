@@ -35,7 +35,7 @@ constexpr Duration kLongestTurn = std::chrono::milliseconds(1000);
 // A longer step is a gap of the gyro.
 constexpr Duration kLongestStep = std::chrono::milliseconds(100);
 // One tag's attitude is good to a degree or two.
-constexpr double kSmallestTurn_rad = 3 * kDegree;
+constexpr double kSmallestComparedTurn_rad = 3 * kDegree;
 constexpr double kTolerance_rad = 1.5 * kDegree;
 constexpr double kTolerance = 0.25;
 constexpr int kVotes = 8;
@@ -221,12 +221,12 @@ void ImuPlausibility::add(const TagObservations& seen, const CameraModel& camera
 void ImuPlausibility::compare(const TagView& before, const TagView& now,
                               const CameraModel& camera) {
   const double turned_rad = angle_between(before.turned, now.turned);
-  if (turned_rad < kSmallestTurn_rad) return;  // far too small in degrees, too
+  if (turned_rad < kSmallestComparedTurn_rad) return;  // far too small in degrees, too
   ++comparisons_;
   const Eigen::Quaterniond q_TV_before = solve_tag_pose(before.tag, camera)[0].X_VT.q.conjugate();
   const Eigen::Quaterniond q_TV_now = solve_tag_pose(now.tag, camera)[0].X_VT.q.conjugate();
   const double seen_rad = angle_between(q_TV_before, q_TV_now);
-  if (seen_rad < kSmallestTurn_rad) return;
+  if (seen_rad < kSmallestComparedTurn_rad) return;
   const double by_degrees_rad = angle_between(before.turned_by_degrees, now.turned_by_degrees);
   const bool radians = explains(turned_rad, seen_rad);
   const bool degrees = explains(by_degrees_rad, seen_rad);

@@ -10,6 +10,7 @@
 #include "base/expected.hpp"
 #include "base/time.hpp"
 #include "capture/camera_device.hpp"
+#include "capture/imu/imu_source_config.hpp"
 #include "capture/lens/camera_model.hpp"
 #include "capture/sensor_source.hpp"
 #include "simulation/simulation.hpp"
