@@ -18,14 +18,14 @@ tidy=$(command -v clang-tidy-$kMajor || command -v clang-tidy || true)
 "$tidy" --version | grep -q "version $kMajor\." || say_why_not "$tidy is not version $kMajor"
 [ -f "$build/compile_commands.json" ] || say_why_not "$build is not configured"
 
-# One line per source of the server and the client: file, tab, its flags without those of GCC and
-# of precompiled headers.
+# One line per source of the server and the client, but not as the tests compile some of them once more: file, tab, its
+# flags without those of GCC and of its precompiled headers.
 sources=$(awk '/"command":/ {sub(/^[^:]*: "/, ""); sub(/",?$/, ""); gsub(/\\"/, "\""); gsub(/\\\\/, "\\"); command = $0}
     /"file":/ {gsub(/^[^:]*: "|",?$/, ""); print $0 "\t" command}' "$build/compile_commands.json" |
   sed -E 's/\t[^ ]*ccache / /; s/ -o [^ ]+ -c [^ ]+//; s/ -include [^ ]*cmake_pch[^ ]*//
     s/ -(fpch-preprocess|Winvalid-pch|Wno-restrict|Wno-subobject-linkage)//g; s/\t[^ ]+ /\t/' |
   awk -F'\t' -v pattern="$pattern" '$1 ~ /\/(server|client\/src)\// && $1 ~ /\.(cpp|cxx)$/ && $1 !~ /precompiled/ &&
-    $1 ~ pattern && !seen[$1]++')
+    $1 ~ pattern && !/precompiled_[a-z_]*test/ && !seen[$1]++')
 [ -n "$sources" ] || say_why_not "no source is built in $build"
 
 # CI has no time for all sources: those that the newest commits have changed, and a third of the rest, another one with
