@@ -18,8 +18,8 @@ tidy=$(command -v clang-tidy-$kMajor || command -v clang-tidy || true)
 "$tidy" --version | grep -q "version $kMajor\." || say_why_not "$tidy is not version $kMajor"
 [ -f "$build/compile_commands.json" ] || say_why_not "$build is not configured"
 
-# One line per source of the server and the client, but not as the tests compile some of them once more: file, tab, its
-# flags without those of GCC and of its precompiled headers.
+# One line per source of the server and the client: file, tab, its flags without those of GCC and of its precompiled
+# headers. Entries of the tests are left out, which compile some of the sources again.
 sources=$(awk '/"command":/ {sub(/^[^:]*: "/, ""); sub(/",?$/, ""); gsub(/\\"/, "\""); gsub(/\\\\/, "\\"); command = $0}
     /"file":/ {gsub(/^[^:]*: "|",?$/, ""); print $0 "\t" command}' "$build/compile_commands.json" |
   sed -E 's/\t[^ ]*ccache / /; s/ -o [^ ]+ -c [^ ]+//; s/ -include [^ ]*cmake_pch[^ ]*//

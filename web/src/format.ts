@@ -66,7 +66,7 @@ export function timeOfDay(utcMs: number): string {
   return `${two(date.getHours())}:${two(date.getMinutes())}:${two(date.getSeconds())}`;
 }
 
-/** `2026-09-21 14:13:20`, also where no locale has that form. */
+/** `2026-09-21 14:13:20`. Not by a locale: Node of Debian 12 has none with this form. */
 export function dateAndTime(utcMs: number): string {
   const date = new Date(utcMs);
   return `${date.getFullYear()}-${two(date.getMonth() + 1)}-${two(date.getDate())} ${timeOfDay(utcMs)}`;
