@@ -245,7 +245,7 @@ Broken read_value(const YAML::Node& node, Pose& out) {
   for (const auto& entry : node) {
     const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : "";
     if (key == "p" && !read_value(entry.second, p)) continue;
-    if (key == "q_wxyz" && !read_value(entry.second, q)) continue;
+    if (key == "q_wxyz" && !read_numbers(entry.second, q)) continue;
     return rule;
   }
   Eigen::Quaterniond q_AB(q[0], q[1], q[2], q[3]);

@@ -70,9 +70,13 @@ template <typename Key, typename T>
   return '{' + comma_list(values, entry) + '}';
 }
 
+/// At most N numbers; the others are 0.
 template <std::size_t N>
 [[nodiscard]] Broken read_value(const YAML::Node& node, std::array<double, N>& out) {
-  return read_numbers(node, out);
+  const std::size_t count = node.IsSequence() ? node.size() : N + 1;
+  if (count > N) return "must be a list of at most " + std::to_string(N) + " numbers";
+  out = {};
+  return read_numbers(node, std::span(out).first(count));
 }
 template <std::size_t N>
 [[nodiscard]] std::string text_of(const std::array<double, N>& value) {

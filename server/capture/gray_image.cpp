@@ -1,6 +1,7 @@
 #include "capture/gray_image.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <fstream>
 
@@ -93,40 +94,12 @@ Expected<void> read_bytes(const std::filesystem::path& path, std::vector<std::ui
 }
 
 /// Before decoding: an image of a few bytes may claim gigabytes.
-Expected<void> check_size(const PixelSize& size, const GrayImage* wanted,
-                          const std::filesystem::path& file) {
+Expected<void> check_size(const PixelSize& size, const GrayDecoder::Size& wanted) {
   const std::string is = "is " + size_text(size);
-  if (wanted != nullptr && size != PixelSize{wanted->width, wanted->height})
-    return fail(ErrorCode::kInvalid,
-                is + ", the calibration is for " + size_text(wanted->width, wanted->height),
-                file.string());
+  if (wanted && size != *wanted)
+    return fail(ErrorCode::kInvalid, is + ", the calibration is for " + size_text(*wanted));
   if (std::int64_t{size.width} * size.height > kMostPixels)
-    return fail(ErrorCode::kInvalid, is + ": larger than any camera image", file.string());
-  return {};
-}
-
-/// Ignores the rotation tag of a JPEG: the calibration is for the image as it was read out.
-/// @param wanted  the size it must have; nullptr: any
-Expected<void> read_gray(const std::filesystem::path& file, std::vector<std::uint8_t>& scratch,
-                         const GrayImage* wanted, GrayImage& out) {
-  if (const auto read = read_bytes(file, scratch); !read) return tl::unexpected(read.error());
-  if (const auto size = encoded_size(std::as_bytes(std::span(scratch)))) {
-    if (const auto fits = check_size(*size, wanted, file); !fits)
-      return tl::unexpected(fits.error());
-  }
-  // Not decoded into `out`: OpenCV 4.6 leaves it unchanged without an error for broken bytes.
-  cv::Mat decoded;
-  try {
-    decoded = cv::imdecode(scratch, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
-  } catch (const cv::Exception& broken) {
-    return fail(ErrorCode::kInvalid, "is no image that can be read: " + broken.err, file.string());
-  }
-  if (decoded.empty())
-    return fail(ErrorCode::kInvalid, "is no image that can be read", file.string());
-  if (const auto fits = check_size({decoded.cols, decoded.rows}, wanted, file); !fits)
-    return tl::unexpected(fits.error());
-  out.resize(decoded.cols, decoded.rows);
-  decoded.copyTo(cv::Mat(out.height, out.width, CV_8UC1, out.pixels.data()));
+    return fail(ErrorCode::kInvalid, is + ": larger than any camera image");
   return {};
 }
 
@@ -178,14 +151,55 @@ void encode_jpeg(const GrayImage& image, std::vector<std::uint8_t>& bytes) {
   if (!cv::imencode(".jpg", pixels, bytes, {cv::IMWRITE_JPEG_QUALITY, kQuality})) bytes.clear();
 }
 
-Expected<void> read_gray_file(const std::filesystem::path& file, std::vector<std::uint8_t>& scratch,
-                              GrayImage& out) {
-  return read_gray(file, scratch, &out, out);
+Expected<void> GrayDecoder::decode(std::span<const std::uint8_t> encoded, Size wanted,
+                                   GrayImage& out) {
+  const auto size = encoded_size(std::as_bytes(encoded));
+  if (!size) return tl::unexpected(size.error());
+  // An image is at most as large as its pixels in 16-bit colour.
+  const auto most =
+      static_cast<std::size_t>(size->width) * static_cast<std::size_t>(size->height) * 8 + 65536;
+  if (encoded.size() > most) return fail(ErrorCode::kInvalid, "is larger than its pixels");
+  return decode_any(encoded, wanted, out);
 }
 
-Expected<void> read_gray_file_of_any_size(const std::filesystem::path& file,
-                                          std::vector<std::uint8_t>& scratch, GrayImage& out) {
-  return read_gray(file, scratch, nullptr, out);
+Expected<void> GrayDecoder::read_file(const std::filesystem::path& file, Size wanted,
+                                      GrayImage& out) {
+  if (const auto read = read_bytes(file, file_); !read) return tl::unexpected(read.error());
+  auto decoded = decode_any(file_, wanted, out);
+  if (!decoded) decoded.error().context = file.string();
+  return decoded;
+}
+
+/// Ignores the rotation tag of a JPEG: the calibration is for the image as it was read out.
+Expected<void> GrayDecoder::decode_any(std::span<const std::uint8_t> encoded, Size wanted,
+                                       GrayImage& out) {
+  if (const auto size = encoded_size(std::as_bytes(encoded)))
+    if (const auto fits = check_size(*size, wanted); !fits) return fits;
+  // Not decoded into `out`: OpenCV 4.6 leaves it unchanged without an error for broken bytes.
+  cv::Mat decoded;
+  try {
+    const cv::Mat bytes(1, static_cast<int>(encoded.size()), CV_8UC1,
+                        const_cast<std::uint8_t*>(encoded.data()));
+    decoded = cv::imdecode(
+        bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
+  } catch (const cv::Exception& broken) {
+    return fail(ErrorCode::kInvalid, "is no image that can be read: " + broken.err);
+  }
+  if (decoded.empty() || (decoded.type() != CV_8UC1 && decoded.type() != CV_16UC1))
+    return fail(ErrorCode::kInvalid, "is no image that can be read");
+  if (const auto fits = check_size({decoded.cols, decoded.rows}, wanted); !fits) return fits;
+  out.resize(decoded.cols, decoded.rows);
+  if (decoded.type() == CV_8UC1) {
+    decoded.copyTo(cv::Mat(out.height, out.width, CV_8UC1, out.pixels.data()));
+    return {};
+  }
+  saw_16_bits_ = true;
+  const auto values = cv::Mat_<std::uint16_t>(decoded);
+  for (const std::uint16_t value : values) bits_ = std::max<int>(bits_, std::bit_width(value));
+  std::transform(values.begin(), values.end(), out.pixels.begin(), [&](std::uint16_t value) {
+    return static_cast<std::uint8_t>(value >> (bits_ - 8));
+  });
+  return {};
 }
 
 Expected<std::uint64_t> write_gray_file(const std::filesystem::path& file,

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -51,16 +52,34 @@ void scale_down(const GrayImage& image, int width, GrayImage& out, std::vector<f
 /// @param bytes  replaced; empty when the image cannot be encoded
 void encode_jpeg(const GrayImage& image, std::vector<std::uint8_t>& bytes);
 
-/// Reads PNG, JPEG or another image file that OpenCV knows into `out`.
-/// @param out      its size is the size wanted; another size in the file is an error
-/// @param scratch  holds the file; kept by the caller so that its memory is reused
-[[nodiscard]] Expected<void> read_gray_file(const std::filesystem::path& file,
-                                            std::vector<std::uint8_t>& scratch, GrayImage& out);
+/// Decodes the image files of one camera to gray. Of 16-bit pixels it takes the eight highest bits
+/// that any image so far has used: sensors with 10, 12 or 14 bits leave the others zero.
+class GrayDecoder final {
+ public:
+  using Size = std::optional<PixelSize>;
 
-/// The same for a camera without calibration: `out` gets the size of the file.
-[[nodiscard]] Expected<void> read_gray_file_of_any_size(const std::filesystem::path& file,
-                                                        std::vector<std::uint8_t>& scratch,
-                                                        GrayImage& out);
+  /// @param bits  used at least
+  explicit GrayDecoder(int bits = 8) : bits_(bits) {}
+  /// PNG or JPEG, whose size is checked before decoding.
+  /// @param wanted  another size is an error; nullopt: any
+  [[nodiscard]] Expected<void> decode(std::span<const std::uint8_t> encoded, Size wanted,
+                                      GrayImage& out);
+  /// A file of any format that OpenCV knows.
+  [[nodiscard]] Expected<void> read_file(const std::filesystem::path& file, Size wanted,
+                                         GrayImage& out);
+  /// 8 to 16.
+  [[nodiscard]] int used_bits() const { return bits_; }
+  /// An image so far had 16-bit pixels.
+  [[nodiscard]] bool saw_16_bits() const { return saw_16_bits_; }
+
+ private:
+  [[nodiscard]] Expected<void> decode_any(std::span<const std::uint8_t> encoded, Size wanted,
+                                          GrayImage& out);
+
+  int bits_;
+  bool saw_16_bits_{false};
+  std::vector<std::uint8_t> file_;
+};
 
 /// Writes a PNG, lossless and quickly rather than small.
 /// @return its size in bytes

@@ -1,45 +1,60 @@
 #include "capture/ros_image.hpp"
 
 #include <algorithm>
-#include <opencv2/imgcodecs.hpp>
+#include <bit>
 #include <opencv2/imgproc.hpp>
 #include <tuple>
+
+#include "capture/lens/calibration_files.hpp"
 
 namespace fiducap::ros {
 namespace {
 
 constexpr std::string_view kCompressed = "/compressed";
 constexpr int kCopy = -1;
-constexpr int kHalve16 = -2;
 
 /// Conversion of an encoding of sensor_msgs to gray.
 struct Encoding {
   std::string_view name;
-  int bytes_per_pixel;
-  int type;
-  int conversion;  ///< Of OpenCV, or one of the above.
+  int channels;
+  int bytes;       ///< Per channel.
+  int conversion;  ///< Of OpenCV, of 8-bit channels, or kCopy.
 };
 
-constexpr std::array<Encoding, 18> kEncodings{{
-    {"mono8", 1, CV_8UC1, kCopy},
-    {"8UC1", 1, CV_8UC1, kCopy},
-    {"mono16", 2, CV_16UC1, kHalve16},
-    {"16UC1", 2, CV_16UC1, kHalve16},
-    {"bgr8", 3, CV_8UC3, cv::COLOR_BGR2GRAY},
-    {"8UC3", 3, CV_8UC3, cv::COLOR_BGR2GRAY},
-    {"rgb8", 3, CV_8UC3, cv::COLOR_RGB2GRAY},
-    {"bgra8", 4, CV_8UC4, cv::COLOR_BGRA2GRAY},
-    {"8UC4", 4, CV_8UC4, cv::COLOR_BGRA2GRAY},
-    {"rgba8", 4, CV_8UC4, cv::COLOR_RGBA2GRAY},
-    {"yuv422", 2, CV_8UC2, cv::COLOR_YUV2GRAY_UYVY},
-    {"uyvy", 2, CV_8UC2, cv::COLOR_YUV2GRAY_UYVY},
-    {"yuv422_yuy2", 2, CV_8UC2, cv::COLOR_YUV2GRAY_YUY2},
-    {"yuyv", 2, CV_8UC2, cv::COLOR_YUV2GRAY_YUY2},
-    // OpenCV names a pattern by its second row, ROS by its first.
-    {"bayer_rggb8", 1, CV_8UC1, cv::COLOR_BayerBG2GRAY},
-    {"bayer_bggr8", 1, CV_8UC1, cv::COLOR_BayerRG2GRAY},
-    {"bayer_gbrg8", 1, CV_8UC1, cv::COLOR_BayerGR2GRAY},
-    {"bayer_grbg8", 1, CV_8UC1, cv::COLOR_BayerGB2GRAY},
+// OpenCV names a pattern by its second row, ROS by its first. The first plane of NV12, NV21 and
+// NV24 is the brightness.
+constexpr std::array<Encoding, 31> kEncodings{{
+    {"mono8", 1, 1, kCopy},
+    {"8UC1", 1, 1, kCopy},
+    {"nv12", 1, 1, kCopy},
+    {"nv21", 1, 1, kCopy},
+    {"nv24", 1, 1, kCopy},
+    {"mono16", 1, 2, kCopy},
+    {"16UC1", 1, 2, kCopy},
+    {"bgr8", 3, 1, cv::COLOR_BGR2GRAY},
+    {"8UC3", 3, 1, cv::COLOR_BGR2GRAY},
+    {"rgb8", 3, 1, cv::COLOR_RGB2GRAY},
+    {"bgra8", 4, 1, cv::COLOR_BGRA2GRAY},
+    {"8UC4", 4, 1, cv::COLOR_BGRA2GRAY},
+    {"rgba8", 4, 1, cv::COLOR_RGBA2GRAY},
+    {"bgr16", 3, 2, cv::COLOR_BGR2GRAY},
+    {"16UC3", 3, 2, cv::COLOR_BGR2GRAY},
+    {"rgb16", 3, 2, cv::COLOR_RGB2GRAY},
+    {"bgra16", 4, 2, cv::COLOR_BGRA2GRAY},
+    {"16UC4", 4, 2, cv::COLOR_BGRA2GRAY},
+    {"rgba16", 4, 2, cv::COLOR_RGBA2GRAY},
+    {"yuv422", 2, 1, cv::COLOR_YUV2GRAY_UYVY},
+    {"uyvy", 2, 1, cv::COLOR_YUV2GRAY_UYVY},
+    {"yuv422_yuy2", 2, 1, cv::COLOR_YUV2GRAY_YUY2},
+    {"yuyv", 2, 1, cv::COLOR_YUV2GRAY_YUY2},
+    {"bayer_rggb8", 1, 1, cv::COLOR_BayerBG2GRAY},
+    {"bayer_bggr8", 1, 1, cv::COLOR_BayerRG2GRAY},
+    {"bayer_gbrg8", 1, 1, cv::COLOR_BayerGR2GRAY},
+    {"bayer_grbg8", 1, 1, cv::COLOR_BayerGB2GRAY},
+    {"bayer_rggb16", 1, 2, cv::COLOR_BayerBG2GRAY},
+    {"bayer_bggr16", 1, 2, cv::COLOR_BayerRG2GRAY},
+    {"bayer_gbrg16", 1, 2, cv::COLOR_BayerGR2GRAY},
+    {"bayer_grbg16", 1, 2, cv::COLOR_BayerGB2GRAY},
 }};
 
 const Encoding* find(std::string_view name) {
@@ -65,85 +80,73 @@ std::string without_compressed(const std::string& image_topic) {
                                     : image_topic;
 }
 
-Expected<void> read_distortion(const CameraInfo& info, CameraModel& model) {
-  const std::string_view name = info.distortion_model;
-  const std::size_t count = info.coefficients.size();
-  const bool is_fisheye = name == "equidistant" || name == "fisheye";
-  if (name == "plumb_bob" && (count == 4 || count == 5)) {
-    model.distortion = Distortion::kRadialTangential;
-  } else if (is_fisheye && (count == 4 || count == 0)) {
-    model.distortion = Distortion::kEquidistant;
-  } else if (count != 0) {
-    return fail(ErrorCode::kUnsupported,
-                "lens model \"" + printable(name) + "\" with " + std::to_string(count) +
-                    " coefficients is not supported (plumb_bob, equidistant)");
-  }
-  for (std::size_t i = 0; i < count; ++i) model.coefficients[i] = info.coefficients[i];
-  return {};
-}
-
-}  // namespace
-
-Expected<void> to_gray(const RawImage& image, const CameraModel& camera, GrayImage& out) {
-  if (const auto fits = check_size(image.width, image.height, camera); !fits) return fits;
+/// The encoding of an image whose bytes are there.
+Expected<const Encoding*> encoding_of(const RawImage& image) {
   const Encoding* encoding = find(image.encoding);
   if (encoding == nullptr)
     return fail(ErrorCode::kUnsupported,
                 "encoding \"" + printable(image.encoding) + "\" is not supported");
   const std::uint64_t row =
-      std::uint64_t{image.width} * static_cast<std::uint64_t>(encoding->bytes_per_pixel);
+      std::uint64_t{image.width} * static_cast<std::uint64_t>(encoding->channels * encoding->bytes);
   const std::uint64_t needed = std::uint64_t{image.step} * (std::uint64_t{image.height} - 1) + row;
-  if (image.step < row || image.data.size() < needed)
+  if (image.height == 0 || image.step < row || image.data.size() < needed)
     return fail(ErrorCode::kTruncated, "needs " + std::to_string(needed) +
                                            " bytes in rows of at least " + std::to_string(row) +
                                            ", received " + std::to_string(image.data.size()) +
                                            " in rows of " + std::to_string(image.step));
-  out.resize(camera.width, camera.height);
-  cv::Mat gray(camera.height, camera.width, CV_8UC1, out.pixels.data());
-  if (encoding->conversion == kHalve16) {
-    // The high byte; a row may begin at an odd address.
-    const std::size_t high = image.is_bigendian ? 0 : 1;
-    for (int y = 0; y < camera.height; ++y) {
-      const std::uint8_t* from =
-          image.data.data() + std::size_t{image.step} * static_cast<std::size_t>(y) + high;
-      std::uint8_t* to = gray.ptr(y);
-      for (int x = 0; x < camera.width; ++x) to[x] = from[2 * x];
-    }
-    return {};
-  }
-  const cv::Mat view(camera.height, camera.width, encoding->type,
-                     const_cast<std::uint8_t*>(image.data.data()), image.step);
-  if (encoding->conversion == kCopy) {
-    view.copyTo(gray);
-  } else {
-    cv::cvtColor(view, gray, encoding->conversion);
-  }
-  return {};
+  return encoding;
 }
 
-Expected<void> decode_gray(std::span<const std::uint8_t> encoded, const CameraModel& camera,
-                           GrayImage& out) {
-  const auto size = encoded_size(std::as_bytes(encoded));
-  if (!size) return tl::unexpected(size.error());
-  if (const auto fits = check_size(size->width, size->height, camera); !fits) return fits;
-  // An image is at most as large as its pixels in 16-bit colour.
-  const auto most =
-      static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height) * 8 + 65536;
-  if (encoded.size() > most) return fail(ErrorCode::kInvalid, "is larger than its pixels");
-  // Not into `out`: OpenCV leaves its target unchanged without an error when the header is broken.
-  cv::Mat decoded;
-  try {
-    const cv::Mat bytes(1, static_cast<int>(encoded.size()), CV_8UC1,
-                        const_cast<std::uint8_t*>(encoded.data()));
-    decoded = cv::imdecode(bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
-  } catch (const cv::Exception& failure) {
-    return fail(ErrorCode::kInvalid, "cannot be decoded: " + printable(failure.what()));
+/// Calls `take(row, column, value)` for all 16-bit channels. A row may begin at an odd address.
+template <typename Take>
+void each_16(const RawImage& image, const Encoding& encoding, Take take) {
+  const std::size_t high = image.is_bigendian ? 0 : 1;
+  const std::size_t columns =
+      std::size_t{image.width} * static_cast<std::size_t>(encoding.channels);
+  for (std::size_t y = 0; y < image.height; ++y) {
+    const std::uint8_t* from = image.data.data() + std::size_t{image.step} * y;
+    for (std::size_t x = 0; x < columns; ++x)
+      take(y, x, static_cast<unsigned>(from[2 * x + high]) << 8 | from[2 * x + 1 - high]);
   }
-  if (decoded.empty() || decoded.type() != CV_8UC1)
-    return fail(ErrorCode::kInvalid, "cannot be decoded");
-  if (const auto fits = check_size(decoded.cols, decoded.rows, camera); !fits) return fits;
+}
+
+}  // namespace
+
+int used_bits(const RawImage& image) {
+  const auto encoding = encoding_of(image);
+  if (!encoding || (*encoding)->bytes == 1) return 8;
+  unsigned largest = 255;
+  each_16(image, **encoding,
+          [&](std::size_t, std::size_t, unsigned value) { largest = std::max(largest, value); });
+  return std::bit_width(largest);
+}
+
+Expected<void> GrayConversion::convert(const RawImage& image, const CameraModel& camera,
+                                       GrayImage& out) {
+  if (const auto fits = check_size(image.width, image.height, camera); !fits) return fits;
+  const auto found = encoding_of(image);
+  if (!found) return tl::unexpected(found.error());
+  const Encoding& encoding = **found;
   out.resize(camera.width, camera.height);
-  decoded.copyTo(cv::Mat(camera.height, camera.width, CV_8UC1, out.pixels.data()));
+  cv::Mat gray(camera.height, camera.width, CV_8UC1, out.pixels.data());
+  const int type = CV_8UC(encoding.channels);
+  cv::Mat view(camera.height, camera.width, type, const_cast<std::uint8_t*>(image.data.data()),
+               image.step);
+  if (encoding.bytes == 2) {
+    bits_ = std::max(bits_, used_bits(image));
+    const std::size_t columns =
+        std::size_t{image.width} * static_cast<std::size_t>(encoding.channels);
+    if (encoding.conversion != kCopy) scratch_.resize(columns * image.height);
+    std::uint8_t* to = encoding.conversion == kCopy ? out.pixels.data() : scratch_.data();
+    each_16(image, encoding, [&](std::size_t y, std::size_t x, unsigned value) {
+      to[columns * y + x] = static_cast<std::uint8_t>(value >> (bits_ - 8));
+    });
+    view = cv::Mat(camera.height, camera.width, type, to);
+  }
+  if (encoding.conversion != kCopy)
+    cv::cvtColor(view, gray, encoding.conversion);
+  else if (view.data != gray.data)
+    view.copyTo(gray);
   return {};
 }
 
@@ -158,15 +161,25 @@ Expected<CameraModel> camera_model(const CameraInfo& info, bool of_rectified) {
   CameraModel model;
   model.width = static_cast<int>(info.width);
   model.height = static_cast<int>(info.height);
-  if (of_rectified && info.P[0] > 0 && info.P[5] > 0) {
+  const bool has_K = std::ranges::any_of(info.K, [](double k) { return k != 0; });
+  const bool has_P = info.P[0] > 0 && info.P[5] > 0;
+  if (!has_K && !has_P)
+    return fail(ErrorCode::kInvalid,
+                "camera_info has no lens (K is 0): the driver has no calibration of this camera");
+  if ((of_rectified || !has_K) && has_P) {
     std::tie(model.fu, model.fv, model.cu, model.cv) =
         std::tie(info.P[0], info.P[5], info.P[2], info.P[6]);
   } else {
     std::tie(model.fu, model.fv, model.cu, model.cv) =
         std::tie(info.K[0], info.K[4], info.K[2], info.K[5]);
-    if (const auto read = read_distortion(info, model); !read) return tl::unexpected(read.error());
+    // Drivers leave the list empty when nothing is bent.
+    constexpr std::array<double, 4> kZeros{};
+    const std::span<const double> given =
+        info.coefficients.empty() ? std::span<const double>(kZeros) : info.coefficients;
+    if (const auto set = set_lens(model, std::string(info.distortion_model), given); !set)
+      return tl::unexpected(set.error());
     const auto is_zero = [](double k) { return k == 0; };
-    if (of_rectified && !std::ranges::all_of(info.coefficients, is_zero))
+    if (of_rectified && !std::ranges::all_of(given, is_zero))
       return fail(ErrorCode::kUnsupported,
                   "the images are rectified, but camera_info has only the lens of the unrectified "
                   "ones (P is empty): use those, or describe the camera in the configuration");

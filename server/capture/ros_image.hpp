@@ -5,6 +5,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "base/expected.hpp"
 #include "capture/gray_image.hpp"
@@ -37,12 +38,24 @@ struct CameraInfo {
   std::uint32_t roi_y{};
 };
 
-/// @return Error for another size than the calibrated one, an unknown encoding or missing bytes
-[[nodiscard]] Expected<void> to_gray(const RawImage& image, const CameraModel& camera,
-                                     GrayImage& out);
-/// JPEG or PNG. The size is checked before decoding.
-[[nodiscard]] Expected<void> decode_gray(std::span<const std::uint8_t> encoded,
-                                         const CameraModel& camera, GrayImage& out);
+/// Bits that the values of a 16-bit image need, 8 to 16; 8 for any other image.
+[[nodiscard]] int used_bits(const RawImage& image);
+
+/// Converts the images of one camera to gray. Of 16-bit channels it takes the eight highest bits
+/// that any image so far has used: sensors with 10, 12 or 14 bits leave the others zero.
+class GrayConversion final {
+ public:
+  /// @param bits  used at least
+  explicit GrayConversion(int bits = 8) : bits_(bits) {}
+  /// @return Error for another size than the calibrated one, an unknown encoding or missing bytes
+  [[nodiscard]] Expected<void> convert(const RawImage& image, const CameraModel& camera,
+                                       GrayImage& out);
+
+ private:
+  int bits_;
+  std::vector<std::uint8_t> scratch_;
+};
+
 /// @return Error for an unknown lens model, for binned or cropped images, and for invalid numbers
 [[nodiscard]] Expected<CameraModel> camera_model(const CameraInfo& info, bool of_rectified = false);
 

@@ -76,13 +76,33 @@ std::string folded(std::string_view name) {
   return out;
 }
 
+/// What programs write before `36h11`: apriltag_detector, Kalibr, ROS, PhotonVision, WPILib,
+/// Limelight.
+constexpr std::array<std::string_view, 10> kBeforeCode{
+    "", "t", "tf", "tag", "ktag", "apriltag", "apriltags", "kapriltag", "apriltag2", "apriltag3"};
+
+/// @param written  folded
+bool is_apriltag(const TagFamilyFacts& family, std::string_view written) {
+  if (written.ends_with("classic")) written.remove_suffix(std::string_view("classic").size());
+  const std::string_view code = family.name.substr(family.name.find_first_of("0123456789"));
+  if (!written.ends_with(code)) return false;
+  written.remove_suffix(code.size());
+  for (const std::string_view kind : {"standard", "custom", "circle"})
+    if (written.ends_with(kind)) {
+      written.remove_suffix(kind.size());
+      break;
+    }
+  return std::ranges::find(kBeforeCode, written) != kBeforeCode.end();
+}
+
+/// OpenCV's turned AprilTags have only names with DICT or aruco: any other name is AprilTag's own.
 /// @param written  folded; for `DICT_4X4_50` any of its names
 bool is_named(const TagFamilyFacts& family, const std::string& written) {
+  if (family.dictionary < 0) return is_apriltag(family, written);
   const std::string name = folded(family.name);
-  if (written == name) return true;
-  if (family.dictionary < 0) return false;
   const std::string bare = name.substr(std::string_view("dict").size());
-  return written == bare || written == "aruco" + bare || written == "dictaruco" + bare;
+  return written == name || written == "aruco" + bare || written == "dictaruco" + bare ||
+         (written == bare && !bare.starts_with("apriltag"));
 }
 
 struct Maker {

@@ -29,7 +29,8 @@ struct TagFamilyFacts {
 /// All families that can be printed and detected.
 [[nodiscard]] std::span<const TagFamilyFacts> tag_families();
 
-/// Ignores case, `-`, `_` and blanks; `4x4_50` and `aruco_4x4_50` are `DICT_4X4_50`. Allocates
+/// Ignores case, `-`, `_` and blanks. `4x4_50` and `aruco_4x4_50` are `DICT_4X4_50`; `36h11`,
+/// `AprilTag 36h11`, `kTag36h11`, `tf36h11`, `apriltag3_36h11_classic` are `tag36h11`. Allocates
 /// nothing for a name as listed.
 /// @return nullptr for an unknown one
 [[nodiscard]] const TagFamilyFacts* find_tag_family(std::string_view name);

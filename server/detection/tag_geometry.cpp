@@ -103,7 +103,7 @@ CornerResidual corner_residual(const TagObservation& seen, const Pose& X_VT,
     const Eigen::Matrix2d raw_from_ideal = seen.ideal_from_raw[k].inverse();
     out.y.segment<2>(2 * i) = raw_from_ideal * (seen.corners_px[k] - camera.pinhole(p));
     Eigen::Matrix<double, 2, 3> J = raw_from_ideal * d_pixel_d_point;
-    const FirstBend bend(camera.distortion, p.head<2>() * iz);
+    const FirstBend bend(camera, p.head<2>() * iz);
     const Eigen::Vector2d focal(camera.fu, camera.fv);
     out.H_k1.segment<2>(2 * i) = focal.cwiseProduct(bend.point());
     if (k1 != 0) {

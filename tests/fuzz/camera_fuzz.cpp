@@ -10,8 +10,7 @@
 #include "capture/v4l2/pixel_format.hpp"
 #include "fuzz/memory_file.hpp"
 
-// Calibrations of other programs. The first byte chooses: one camera, Kalibr's cameras, Kalibr's
-// IMU.
+// Calibrations of other programs. The first byte chooses: one camera, several, Kalibr's IMU.
 FUZZ(calibration_fuzz, input) {
   static const MemoryFile file;
   const unsigned which = input.choose(3);
@@ -19,24 +18,25 @@ FUZZ(calibration_fuzz, input) {
   if (which == 0) {
     if (const auto camera = read_camera_calibration(file.path())) require(camera->check().empty());
   } else if (which == 1) {
-    const auto cameras = read_kalibr_camchain(file.path());
+    const auto cameras = read_calibration(file.path(), {});
     require(!cameras || !cameras->empty());
-    for (const CameraMount& camera : cameras.value_or(std::vector<CameraMount>{}))
-      require(camera.model.check().empty());
-  } else if (const auto imu = read_kalibr_imu(file.path())) {
+    for (const CalibratedCamera& camera : cameras.value_or(std::vector<CalibratedCamera>{}))
+      require(camera.mount.model.check().empty());
+  } else if (const auto imu = read_imu_noise(file.path())) {
     require(std::isfinite(imu->gyro_noise_rad_s_rtHz));
   }
 }
 
-// An image of a recording or a calibration: any file that OpenCV may accept.
+// An image of a recording, a calibration or a message: any file that OpenCV may accept.
 FUZZ(gray_file_fuzz, input) {
   static const MemoryFile file;
-  static std::vector<std::uint8_t> scratch;
   file.put(input.bytes);
+  GrayDecoder decoder;
   GrayImage image;
-  image.resize(8, 6);
-  (void)read_gray_file(file.path(), scratch, image);
-  if (!read_gray_file_of_any_size(file.path(), scratch, image)) return;
+  (void)decoder.read_file(file.path(), PixelSize{8, 6}, image);
+  (void)decoder.decode(
+      {reinterpret_cast<const std::uint8_t*>(input.bytes.data()), input.bytes.size()}, {}, image);
+  if (!decoder.read_file(file.path(), {}, image)) return;
   require(image.width > 0 && image.height > 0);
   require(image.pixels.size() ==
           static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
@@ -58,9 +58,9 @@ FUZZ(ros_image_fuzz, input) {
   CameraModel camera;
   camera.width = 1 + from.u8() % 64;
   camera.height = 1 + from.u8() % 64;
-  constexpr std::string_view kEncodings[] = {"mono8",       "mono16",      "bgr8",  "rgb8",
-                                             "bgra8",       "yuv422",      "yuyv",  "8UC3",
-                                             "bayer_rggb8", "bayer_gbrg8", "32FC1", ""};
+  constexpr std::string_view kEncodings[] = {
+      "mono8", "mono16",      "bgr8",        "rgb8",  "bgra8", "yuv422", "yuyv",
+      "8UC3",  "bayer_rggb8", "bayer_gbrg8", "32FC1", "",      "bgra16", "nv21"};
   ros::RawImage image;
   image.encoding = kEncodings[from.u8() % std::size(kEncodings)];
   const std::uint8_t wrong = from.u8();
@@ -71,7 +71,7 @@ FUZZ(ros_image_fuzz, input) {
   const auto rest = from.bytes(from.left());
   image.data = {reinterpret_cast<const std::uint8_t*>(rest.data()), rest.size()};
   GrayImage gray;
-  const auto converted = ros::to_gray(image, camera, gray);
+  const auto converted = ros::GrayConversion().convert(image, camera, gray);
   require(!converted ||
           gray.pixels.size() == static_cast<std::size_t>(camera.width * camera.height));
 }

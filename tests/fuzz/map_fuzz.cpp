@@ -38,6 +38,7 @@ FUZZ(map_tagslam_fuzz, input) { require_round_trip(MapFormat::kTagslam, input.te
 FUZZ(map_bundles_fuzz, input) { require_round_trip(MapFormat::kBundles, input.text()); }
 FUZZ(map_rcars_fuzz, input) { require_round_trip(MapFormat::kRcars, input.text()); }
 FUZZ(map_aruco_fuzz, input) { require_round_trip(MapFormat::kAruco, input.text()); }
+FUZZ(map_limelight_fuzz, input) { require_round_trip(MapFormat::kLimelight, input.text()); }
 
 FUZZ(map_yaml_fuzz, input) {
   if (const auto map = map_from_yaml(input.text(), "fuzz"))

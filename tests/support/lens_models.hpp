@@ -6,13 +6,19 @@
 
 namespace fiducap {
 
-inline CameraModel radial_tangential(CameraModel pinhole, const std::array<double, 5>& k) {
+inline CameraModel rational(CameraModel pinhole, const LensCoefficients& k) {
+  pinhole.distortion = Distortion::kRational;
+  pinhole.coefficients = k;
+  return pinhole;
+}
+
+inline CameraModel radial_tangential(CameraModel pinhole, const LensCoefficients& k) {
   pinhole.distortion = Distortion::kRadialTangential;
   pinhole.coefficients = k;
   return pinhole;
 }
 
-inline CameraModel equidistant(CameraModel pinhole, const std::array<double, 5>& k) {
+inline CameraModel equidistant(CameraModel pinhole, const LensCoefficients& k) {
   pinhole.distortion = Distortion::kEquidistant;
   pinhole.coefficients = k;
   return pinhole;

@@ -284,17 +284,12 @@ std::string to_kalibr_camchain(const std::vector<CameraMount>& cameras,
     out << "  - [0.0, 0.0, 0.0, 1.0]\n  camera_model: pinhole\n  intrinsics: [" << model.fu << ", "
         << model.fv << ", " << model.cu << ", " << model.cv << "]\n  resolution: [" << model.width
         << ", " << model.height << "]\n";
-    const bool radial = model.distortion == Distortion::kRadialTangential;
-    const std::size_t numbers = model.distortion == Distortion::kNone  ? 0
-                                : radial && model.coefficients[4] != 0 ? 5
-                                                                       : 4;
     // Kalibr's names.
-    out << "  distortion_model: "
-        << (numbers == 0 ? "none"
-            : radial     ? "radtan"
-                         : "equidistant")
+    const bool radial = model.distortion == Distortion::kRadialTangential;
+    out << "  distortion_model: " << (radial ? "radtan" : name_of(model.distortion))
         << "\n  distortion_coeffs: [";
-    for (std::size_t i = 0; i < numbers; ++i) out << (i == 0 ? "" : ", ") << model.coefficients[i];
+    const char* comma = "";
+    for (const double k : listed_coefficients(model)) out << std::exchange(comma, ", ") << k;
     out << "]\n  timeshift_cam_imu: " << to_seconds(camera.time_shift)
         << "  # s, t_imu = t_cam + shift\n";
   }

@@ -7,6 +7,7 @@
 
 #include "calibration/intrinsics/bundle.hpp"
 #include "calibration/intrinsics/lens_model.hpp"
+#include "capture/lens/calibration_files.hpp"
 
 namespace fiducap {
 namespace {
@@ -22,9 +23,10 @@ constexpr double kPerTerm = 4;
 // Relative sigma of the focal length below which the distortion is determined as well.
 constexpr double kDeterminedFocal = 0.01;
 
-const char* lens_name(Distortion kind) {
-  return kind == Distortion::kEquidistant ? "equidistant" : "radial-tangential";
-}
+/// All parameters of a radial-tangential lens, of which start values are known, and of a rational
+/// one.
+const std::vector<int> kThirdRadial{0, 1, 2, 3, 4, 5, 6, 7, 8};
+const std::vector<int> kAllOfRational{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11};
 
 auto targets_seen(const CalibrationData& data) {
   return std::ranges::count_if(count_sightings(data), [](int sightings) { return sightings > 0; });
@@ -46,14 +48,14 @@ Numbers without(Numbers free, std::initializer_list<int> gone) {
 /// One term fewer: the highest order, or both tangential ones.
 std::vector<Numbers> simpler_than(const Numbers& free, Distortion kind) {
   std::vector<Numbers> out;
-  const bool radial_tangential = kind == Distortion::kRadialTangential;
-  const Numbers orders = radial_tangential ? Numbers{8, 5, 4} : Numbers{7, 6, 5, 4};
+  const bool equidistant = kind == Distortion::kEquidistant;
+  const Numbers orders = equidistant ? Numbers{7, 6, 5, 4} : Numbers{11, 10, 9, 8, 5, 4};
   for (const int order : orders) {
     if (!has(free, order)) continue;
     out.push_back(without(free, {order}));
     break;
   }
-  if (radial_tangential && has(free, 6)) out.push_back(without(free, {6, 7}));
+  if (!equidistant && has(free, 6)) out.push_back(without(free, {6, 7}));
   return out;
 }
 
@@ -98,8 +100,7 @@ std::optional<Step> best_step(const LensFit& fit) {
 }
 
 LensFit with_third_radial(LensFit fit) {
-  if (fit.state.camera.distortion != Distortion::kRadialTangential) return fit;
-  LensFit freer = fit_third_radial(fit);
+  LensFit freer = fit_freer(fit, kThirdRadial);
   const auto uncertainty = uncertainty_of(freer.data, freer.state, freer.free, freer.sigma_px);
   const double k3 = freer.state.camera.coefficients[4];
   const bool significant =
@@ -108,12 +109,25 @@ LensFit with_third_radial(LensFit fit) {
   return significant && is_plausible(freer) ? freer : fit;
 }
 
+/// All terms of a rational lens, where together they explain more than chance.
+LensFit with_denominator(LensFit fit) {
+  LensFit freer = fit_freer(fit, kAllOfRational);
+  const auto terms = static_cast<double>(freer.free.size() - fit.free.size());
+  const double variance = freer.sigma_px * freer.sigma_px;
+  const double gain = (squares_of(fit) - squares_of(freer)) / variance / terms;
+  const bool kept_points = count_points(freer.data) >= count_points(fit.data);
+  return kept_points && gain > kPerTerm && is_plausible(freer) ? freer : fit;
+}
+
 /// Keeps the distortion terms that the images support. Frees the third radial coefficient of a
-/// radial-tangential lens where it is significant. When the images do not determine the lens, fixes
-/// terms at zero that explain little, or whose removal makes the lens plausible (can_be_a_lens):
-/// undetermined high orders fit the corners and fold the rest of the image.
+/// radial-tangential lens where it is significant, the denominator of a rational one. When the
+/// images do not determine the lens, fixes terms at zero that explain little, or whose removal
+/// makes the lens plausible (can_be_a_lens): undetermined high orders fit the corners and fold the
+/// rest of the image.
 LensFit with_supported_terms(LensFit fit) {
-  fit = with_third_radial(std::move(fit));
+  const Distortion kind = fit.state.camera.distortion;
+  if (kind == Distortion::kRadialTangential) fit = with_third_radial(std::move(fit));
+  if (kind == Distortion::kRational) fit = with_denominator(std::move(fit));
   for (;;) {
     if (is_plausible(fit) && is_determined(fit)) return fit;
     auto step = best_step(fit);
@@ -125,11 +139,11 @@ LensFit with_supported_terms(LensFit fit) {
 
 std::optional<LensFit> fit_lens(const CalibrationData& data, Distortion kind, bool join,
                                 const std::function<void(const std::string&)>& progress) {
-  progress(std::string("fitting a ") + lens_name(kind) + " lens");
+  progress("fitting a " + name_of(kind) + " lens");
   auto fit = fit_separate(data, kind);
   if (!fit) return std::nullopt;
   if (join && targets_seen(fit->data) > 1) {
-    progress(std::string("fitting a ") + lens_name(kind) + " lens and the poses of the tags");
+    progress("fitting a " + name_of(kind) + " lens and the poses of the tags");
     fit = fit_joined(*fit);
   }
   return with_supported_terms(std::move(*fit));

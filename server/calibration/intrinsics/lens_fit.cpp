@@ -25,7 +25,7 @@ constexpr double kRejectMin_px = 0.15;
 constexpr double kDisagreeRatio = 1.5;
 constexpr double kDisagreeMin_px = 0.1;
 
-// fu fv cu cv and four coefficients, for both lens kinds.
+// fu fv cu cv and four coefficients, for all lenses.
 const std::vector<int> kAllNumbers{0, 1, 2, 3, 4, 5, 6, 7};
 // From few parameters to all: a high order must not absorb errors of the start values.
 const std::vector<std::vector<int>> kStages{{0, 1}, {0, 1, 4}, {0, 1, 2, 3, 4, 5}, kAllNumbers};
@@ -195,9 +195,9 @@ LensFit fit_joined(const LensFit& separate) {
   return apart;
 }
 
-LensFit fit_third_radial(const LensFit& fit) {
+LensFit fit_freer(const LensFit& fit, const std::vector<int>& free) {
   LensFit freer = fit;
-  freer.free = {0, 1, 2, 3, 4, 5, 6, 7, 8};
+  freer.free = free;
   settle(freer, !fit.targets_joined);
   return freer;
 }

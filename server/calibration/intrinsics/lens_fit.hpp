@@ -30,8 +30,8 @@ struct LensFit {
 /// with `targets_disagree` set.
 [[nodiscard]] LensFit fit_joined(const LensFit& separate);
 
-/// Frees the third radial coefficient as well.
-[[nodiscard]] LensFit fit_third_radial(const LensFit& fit);
+/// The same with other free parameters, more of them.
+[[nodiscard]] LensFit fit_freer(const LensFit& fit, const std::vector<int>& free);
 
 /// The same sightings with fewer free parameters; fixed coefficients are zero.
 /// @param free  ascending, subset of `fit.free`

@@ -51,7 +51,7 @@ constexpr std::array<double, 7> kPixelAspects{1.0,       10.0 / 11, 12.0 / 11, 4
 LensVector numbers_of(const CameraModel& camera) {
   LensVector numbers;
   numbers << camera.fu, camera.fv, camera.cu, camera.cv,
-      Eigen::Map<const Eigen::Matrix<double, 5, 1>>(camera.coefficients.data());
+      Eigen::Map<const Eigen::Matrix<double, kLensNumbers - 4, 1>>(camera.coefficients.data());
   return numbers;
 }
 
@@ -60,7 +60,8 @@ void set_numbers(CameraModel& camera, const LensVector& numbers) {
   camera.fv = numbers(1);
   camera.cu = numbers(2);
   camera.cv = numbers(3);
-  for (int i = 0; i < 5; ++i) camera.coefficients[static_cast<std::size_t>(i)] = numbers(4 + i);
+  for (std::size_t i = 0; i < camera.coefficients.size(); ++i)
+    camera.coefficients[i] = numbers(4 + static_cast<Eigen::Index>(i));
 }
 
 LensDerivative differentiate(const CameraModel& camera, const Eigen::Vector3d& p_VP) {

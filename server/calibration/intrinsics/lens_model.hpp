@@ -1,6 +1,8 @@
 #pragma once
 
+#include <array>
 #include <cmath>
+#include <tuple>
 
 #include <Eigen/Core>
 
@@ -10,7 +12,7 @@ namespace fiducap {
 
 /// The parameters of a lens in the order of all matrices here: fu fv cu cv, then
 /// CameraModel::coefficients.
-inline constexpr int kLensNumbers = 9;
+inline constexpr int kLensNumbers = 4 + int{std::tuple_size_v<LensCoefficients>};
 using LensVector = Eigen::Matrix<double, kLensNumbers, 1>;
 
 [[nodiscard]] LensVector numbers_of(const CameraModel& camera);
@@ -19,7 +21,7 @@ void set_numbers(CameraModel& camera, const LensVector& numbers);
 /// CameraModel::project for any number type (automatic derivatives). Smooth for equidistant lenses
 /// beside and behind the camera; does not detect folded lenses.
 /// @param lens   as numbers_of
-/// @param point  camera axes V; radial-tangential lenses need z > 0
+/// @param point  camera axes V; other lenses than equidistant ones need z > 0
 template <typename T>
 void project_through(Distortion kind, const T* lens, const T* point, T* px) {
   using std::atan2;
@@ -41,7 +43,8 @@ void project_through(Distortion kind, const T* lens, const T* point, T* px) {
     const T a = point[0] / point[2];
     const T b = point[1] / point[2];
     const T s = a * a + b * b;
-    const T radial = T(1) + s * (k[0] + s * (k[1] + s * k[4]));
+    T radial = T(1) + s * (k[0] + s * (k[1] + s * k[4]));
+    if (kind == Distortion::kRational) radial /= T(1) + s * (k[5] + s * (k[6] + s * k[7]));
     x = a * radial + T(2) * k[2] * a * b + k[3] * (s + T(2) * a * a);
     y = b * radial + k[2] * (s + T(2) * b * b) + T(2) * k[3] * a * b;
   }

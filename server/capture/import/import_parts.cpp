@@ -17,6 +17,7 @@ struct CameraPart {
   std::vector<ListedImage> files;
   std::unique_ptr<SensorSource> source;  ///< Instead of files.
   Duration added{0};                     ///< To the stamps of `source`.
+  GrayDecoder decoder{};                 ///< Of files.
 };
 
 class PartsSource final : public SensorSource {
@@ -46,13 +47,13 @@ class PartsSource final : public SensorSource {
     return sample;
   }
 
-  Expected<std::optional<SensorSample>> from_files(const CameraPart& part) {
+  Expected<std::optional<SensorSample>> from_files(CameraPart& part) {
     const CameraMount& mount = mounts_[camera_];
+    const PixelSize size{mount.model.width, mount.model.height};
     while (next_file_ < part.files.size()) {
       const ListedImage& listed = part.files[next_file_++];
       auto image = pool_.acquire();
-      image->resize(mount.model.width, mount.model.height);
-      const auto read = read_gray_file(listed.file, scratch_, *image);
+      const auto read = part.decoder.read_file(listed.file, size, *image);
       if (read)
         return CameraFrame{static_cast<int>(camera_), instant_from_ns(listed.ns) + mount.time_shift,
                            std::move(image)};
@@ -68,7 +69,6 @@ class PartsSource final : public SensorSource {
   std::size_t next_imu_{0};
   std::size_t camera_{0};
   std::size_t next_file_{0};
-  std::vector<std::uint8_t> scratch_;
   GrayImagePool pool_;
   bool warned_{false};
 };
@@ -89,6 +89,20 @@ constexpr Duration kSameZero = std::chrono::minutes(1);
 class VideoImport final : public PartsImport {
  public:
   explicit VideoImport(const Clock* clock) : PartsImport(clock) {}
+
+  /// A table without a video.
+  Expected<void> look_at_imu(const std::string& path, const ImportOptions& options) {
+    auto table = read_imu_csv(path, options);
+    if (!table) return tl::unexpected(table.error());
+    remarks_ = std::move(table->remarks);
+    const Instant first = table->samples.front().sampled_at;
+    const Duration moved = first.time_since_epoch() > Duration{0} ? Duration{0} : kVideoBegins;
+    for (ImuSample& sample : table->samples) sample.sampled_at += moved + options.imu_offset;
+    table->found.first_ns = to_ns(table->samples.front().sampled_at);
+    table->found.last_ns = to_ns(table->samples.back().sampled_at);
+    add_imu(std::move(table->found), std::move(table->samples));
+    return {};
+  }
 
   Expected<void> look(const std::string& path, FoundStream video, const ImportOptions& options) {
     if (options.imu_csv.empty()) {
@@ -125,7 +139,8 @@ OpenedSource PartsImport::open(const ImportChoice& choice,
   std::vector<CameraPart> parts;
   for (std::size_t k = 0; k < choice.images.size(); ++k) {
     const Camera& camera = cameras_[choice.images[k]];
-    CameraPart part{camera.files, nullptr, camera.begins};
+    CameraPart part{camera.files, nullptr, camera.begins,
+                    GrayDecoder(streams_[choice.images[k]].used_bits)};
     if (!camera.video.empty()) {
       auto video = open_video_file(camera.video, cameras[k].model, *clock_);
       if (!video) return tl::unexpected(video.error());
@@ -139,15 +154,21 @@ OpenedSource PartsImport::open(const ImportChoice& choice,
 
 Expected<FoundStream> PartsImport::stream_of(std::string name,
                                              const std::vector<ListedImage>& files) {
-  std::vector<std::uint8_t> scratch;
+  constexpr std::size_t kLookedAt = 16;  // of 16 bits, for the bits that they use
+  GrayDecoder decoder;
   GrayImage image;
-  if (const auto read = read_gray_file_of_any_size(files.front().file, scratch, image); !read)
+  if (const auto read = decoder.read_file(files.front().file, {}, image); !read)
     return tl::unexpected(read.error());
+  const PixelSize size{image.width, image.height};
+  const std::size_t step = files.size() / kLookedAt + 1;
+  for (std::size_t i = step; i < files.size() && decoder.saw_16_bits(); i += step)
+    if (!decoder.read_file(files[i].file, size, image)) break;
   FoundStream found;
   found.name = std::move(name);
   found.type = "pictures";
-  found.mount.model.width = image.width;
-  found.mount.model.height = image.height;
+  found.mount.model.width = size.width;
+  found.mount.model.height = size.height;
+  found.used_bits = decoder.used_bits();
   found.count = files.size();
   found.first_ns = files.front().ns;
   found.last_ns = files.back().ns;
@@ -172,6 +193,11 @@ Expected<FoundStream> look_at_video(const std::string& path, const Clock& clock)
     if (step > Duration{0}) found.mount.rate_hz = 1 / to_seconds(step);
   }
   return found;
+}
+
+OpenedImport open_imu_import(const std::string& path, const ImportOptions& options) {
+  auto source = std::make_unique<VideoImport>(options.clock);
+  return source->look_at_imu(path, options).map([&] { return std::move(source); });
 }
 
 OpenedImport open_video_import(const std::string& path, const ImportOptions& options) {

@@ -14,12 +14,17 @@
 /// The kinds of imports, and their common parts.
 namespace fiducap {
 
-/// Messages of ROS from a bag, rosbag2 or MCAP.
-[[nodiscard]] OpenedImport open_log_import(const std::string& path, const ImportOptions& options,
+/// Messages of ROS from bags, rosbag2 or MCAP; several are one recording.
+[[nodiscard]] OpenedImport open_log_import(const std::vector<std::string>& paths,
+                                           const ImportOptions& options,
                                            const ImportProgress& progress);
 
-/// A EuRoC/ASL folder of another program, also without calibration or lists (TUM-VI).
+/// A folder of EuRoC (with or without the folder `mav0`), TUM-VI or Kalibr, also without
+/// calibration or lists. @pre is_asl_folder(path)
 [[nodiscard]] OpenedImport open_asl_import(const std::string& path, const ImportOptions& options);
+
+/// A table of an IMU, without images.
+[[nodiscard]] OpenedImport open_imu_import(const std::string& path, const ImportOptions& options);
 
 /// A video file, alone or with a table of an IMU (`options.imu_csv`).
 ///
@@ -35,6 +40,7 @@ namespace fiducap {
 [[nodiscard]] OpenedImport open_sensor_logger(const std::string& path,
                                               const ImportOptions& options);
 
+[[nodiscard]] bool is_asl_folder(const std::string& path);
 /// Gyroscope.csv is there.
 [[nodiscard]] bool is_sensor_logger_folder(const std::string& path);
 
@@ -96,10 +102,9 @@ class PartsImport : public ImportSource {
   std::vector<ImuSample> imu_;
 };
 
-/// Image files of a folder whose names are numbers, sorted by them.
-/// @param unit_ns  of the numbers
-[[nodiscard]] std::vector<ListedImage> pictures_by_number(const std::string& folder,
-                                                          std::int64_t unit_ns);
+/// Image files of a folder whose names are times, sorted by them.
+/// @param exponent  their unit is 10^this ns; −1: by stamp_exponent of the first
+[[nodiscard]] std::vector<ListedImage> pictures_by_time(const std::string& folder, int exponent);
 
 [[nodiscard]] Expected<FoundStream> look_at_video(const std::string& path, const Clock& clock);
 

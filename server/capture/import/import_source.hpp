@@ -10,7 +10,7 @@
 #include "base/expected.hpp"
 #include "base/time.hpp"
 #include "capture/imu_sample.hpp"
-#include "capture/lens/camera_model.hpp"
+#include "capture/lens/calibration_files.hpp"
 #include "capture/recording/recording.hpp"
 #include "capture/sensor_source.hpp"
 
@@ -31,13 +31,16 @@ struct FoundStream {
   std::uint64_t unreadable{0};  ///< Messages or lines.
   std::string first_fault;      ///< Fault of the first of them.
 
-  std::string encoding;                    ///< Of images, if known.
-  bool is_depth{false};                    ///< A depth image.
-  CameraMount mount = calibrated_mount();  ///< Size if known (else 0), and …
-  bool lens_known{false};                  ///< … the rest of the model,
-  std::string lens_fault;                  ///< … or why it is unknown;
-  bool place_known{false};                 ///< … X_BV and the clock.
+  std::string encoding;                      ///< Of images, if known.
+  int used_bits{8};                          ///< Of the channels of its images.
+  bool is_depth{false};                      ///< A depth image.
+  CameraMount mount = calibrated_mount();    ///< Size if known (else 0), and …
+  bool lens_known{false};                    ///< … the rest of the model,
+  std::string lens_fault;                    ///< … or why it is unknown;
+  CameraPlace place{CameraPlace::kUnknown};  ///< … X_BV and the clock.
   std::optional<ImuNoise> noise;
+  bool has_gyro{true};   ///< Of an IMU: any reading of it is not zero.
+  bool has_accel{true};  ///< … likewise.
 
   /// In messages: kind, name, count.
   [[nodiscard]] std::string text() const {
@@ -57,6 +60,7 @@ struct FoundStream {
 struct ImportChoice {
   std::vector<std::size_t> images;  ///< Indices among streams().
   std::optional<std::size_t> imu;
+  std::optional<std::size_t> accel;  ///< Of an IMU stream that has the gyroscope only.
 };
 
 /// A recording of another program.
@@ -96,13 +100,15 @@ struct ImportOptions {
 /// Called periodically while a source is read, with the share that is done.
 using ImportProgress = std::function<void(double share)>;
 
-/// Reads the content of a bag, MCAP, rosbag2, video, EuRoC folder or phone log.
+/// Reads the content of a bag, MCAP, rosbag2, video, EuRoC folder, phone log or table of an IMU;
+/// of several bags, MCAP or rosbag2 as one recording.
 /// @return Error with the expected formats
-[[nodiscard]] OpenedImport open_import(const std::string& path, const ImportOptions& options,
+[[nodiscard]] OpenedImport open_import(const std::vector<std::string>& paths,
+                                       const ImportOptions& options,
                                        const ImportProgress& progress);
 
-/// Replaces the calibration by files: Kalibr's camchain (lens, extrinsics, clock of all cameras),
-/// Kalibr's imu.yaml, or one file per camera in order (OpenCV, ROS, EuRoC with T_BS, JSON).
+/// Replaces the calibration by files: Kalibr's imu.yaml, and the cameras of files that
+/// read_calibration knows, in order: one file of all, or one for each. EuRoC's T_BS is used, too.
 /// @return Error with the file, also when it is for another size of images
 [[nodiscard]] Expected<void> apply_calibrations(const std::vector<std::string>& files,
                                                 std::vector<FoundStream>& cameras,

@@ -53,8 +53,10 @@ std::vector<std::string> words_of(std::string_view text) {
 int take_axis(std::vector<std::string>& words) {
   for (std::size_t i = words.size(); i-- > 0;) {
     const std::string& word = words[i];
-    if (word.size() != 1 || word[0] < 'x' || word[0] > 'z') continue;
-    const int axis = word[0] - 'x';
+    const bool is_letter_of_axis = word.size() == 1 && word[0] >= 'x' && word[0] <= 'z';
+    const bool is_number_of_axis = word.size() == 1 && word[0] >= '0' && word[0] <= '2';
+    if (!is_letter_of_axis && !is_number_of_axis) continue;
+    const int axis = word[0] - (is_letter_of_axis ? 'x' : '0');
     words.erase(words.begin() + static_cast<std::ptrdiff_t>(i));
     return axis;
   }
@@ -81,6 +83,8 @@ ColumnName column_name(std::string_view text) {
   }
   name.words = words_of(text);
   name.axis = take_axis(name.words);
+  if (name.axis < 0 && (name.unit == "0" || name.unit == "1" || name.unit == "2"))
+    name.axis = name.unit.front() - '0';  // PX4: gyro_rad[0]
   return name;
 }
 
@@ -94,8 +98,8 @@ ColumnKind kind_of(const ColumnName& name) {
     if (name.has("w") || name.has("g")) return ColumnKind::kGyro;
     return ColumnKind::kNone;
   }
-  const bool is_time =
-      name.mentions("time") || name.mentions("stamp") || name.has("t") || name.mentions("second");
+  const bool is_time = name.mentions("time") || name.mentions("stamp") || name.has("date") ||
+                       name.has("t") || name.mentions("second");
   return is_time ? ColumnKind::kTime : ColumnKind::kNone;
 }
 
@@ -172,7 +176,9 @@ Expected<ImuColumns> guessed_columns(const std::vector<std::string>& header) {
     const std::size_t place = kind == ColumnKind::kTime   ? 0
                               : kind == ColumnKind::kGyro ? 1 + static_cast<std::size_t>(name.axis)
                                                           : 4 + static_cast<std::size_t>(name.axis);
-    if (!found[place]) found[place] = i;
+    // SensorLog of iOS begins with a text; its numbers are more exact.
+    const bool better = place == 0 && found[0] && column_name(header[*found[0]]).unit == "txt";
+    if (!found[place] || better) found[place] = i;
   }
   constexpr std::array<const char*, 7> kWhat{"time",           "gyro x",          "gyro y",
                                              "gyro z",         "accelerometer x", "accelerometer y",
@@ -194,7 +200,10 @@ Expected<void> set_units(const std::vector<std::string>& header, const std::stri
   columns.time_exponent =
       unit_of(column_name(header[columns.time]), ImuColumns::kNotSaid, time_exponent_of);
   columns.gyro_unit = unit_of(column_name(header[columns.gyro[0]]), 0.0, gyro_unit_of);
-  columns.accel_unit = unit_of(column_name(header[columns.accel[0]]), 0.0, accel_unit_of);
+  const ColumnName accel = column_name(header[columns.accel[0]]);
+  columns.accel_unit = unit_of(accel, 0.0, accel_unit_of);
+  columns.is_apple =  // accelerometerAccelerationX(G)
+      accel.has("accelerometer") && accel.has("acceleration") && accel.unit == "g";
   if (units.empty()) return {};
   const std::vector<std::string> fields = split_header(units);
   if (fields.size() == 3) {
@@ -212,21 +221,29 @@ Expected<void> set_units(const std::vector<std::string>& header, const std::stri
 
 }  // namespace
 
-std::vector<std::string> split_header(std::string_view line) {
+char separator_of(std::string_view line) {
+  constexpr std::ptrdiff_t kSeven = 6;  // separators of seven columns
+  for (const char separator : {';', '\t', ','})
+    if (std::ranges::count(line, separator) >= kSeven) return separator;
+  return line.find(',') == std::string_view::npos ? ' ' : ',';
+}
+
+std::vector<std::string> split_header(std::string_view line, char separator) {
   constexpr std::string_view kAround = " \t\r\n\"'";
   std::vector<std::string> names;
   if (line.starts_with("\xef\xbb\xbf")) line.remove_prefix(3);
+  if (line.starts_with('#')) line.remove_prefix(1);
+  if (separator == ' ') line.remove_prefix(std::min(line.find_first_not_of(kAround), line.size()));
   while (true) {
-    const std::size_t comma = line.find(',');
-    std::string_view name = line.substr(0, comma);
+    const std::size_t end = separator == ' ' ? line.find_first_of(" \t") : line.find(separator);
+    std::string_view name = line.substr(0, end);
     const std::size_t first = name.find_first_not_of(kAround);
     name = first == std::string_view::npos
                ? std::string_view()
                : name.substr(first, name.find_last_not_of(kAround) - first + 1);
-    if (names.empty() && name.starts_with('#')) name.remove_prefix(1);
-    names.emplace_back(name);
-    if (comma == std::string_view::npos || names.size() == kMostHeaderColumns) return names;
-    line.remove_prefix(comma + 1);
+    if (!name.empty() || separator != ' ') names.emplace_back(name);
+    if (end == std::string_view::npos || names.size() == kMostHeaderColumns) return names;
+    line.remove_prefix(end + 1);
   }
 }
 

@@ -60,7 +60,11 @@ struct RawRow {
 };
 
 bool parse_row(std::span<const std::string_view> fields, const ImuColumns& columns, RawRow& row) {
-  if (fields.size() <= columns.last() || !parse_number(fields[columns.time], row.time))
+  if (fields.size() <= columns.last()) return false;
+  std::int64_t ns = 0;
+  if (parse_date(fields[columns.time], ns))
+    row.time = static_cast<double>(ns);
+  else if (!parse_number(fields[columns.time], row.time))
     return false;
   for (std::size_t i = 0; i < 3; ++i) {
     if (!parse_number(fields[columns.gyro[i]], row.w[static_cast<Eigen::Index>(i)]) ||
@@ -83,7 +87,7 @@ class ImuCsv final {
   Expected<ImuTable> read() {
     if (const auto found = find_columns(); !found) return tl::unexpected(found.error());
     if (const auto guessed = guess_units(); !guessed) return tl::unexpected(guessed.error());
-    auto rows = CsvReader::open(path_);
+    auto rows = CsvReader::open(path_, separator_);
     if (!rows) return tl::unexpected(rows.error());
     table_.found.kind = FoundKind::kImu;
     table_.found.name = std::filesystem::path(path_).filename().string();
@@ -91,7 +95,8 @@ class ImuCsv final {
     for (RawRow row; rows->next() && rows->line_is_complete();) {
       std::int64_t ns = 0;
       if (parse_row(rows->fields(), columns_, row) &&
-          parse_time(rows->fields()[columns_.time], columns_.time_exponent, ns)) {
+          (parse_date(rows->fields()[columns_.time], ns) ||
+           parse_time(rows->fields()[columns_.time], columns_.time_exponent, ns))) {
         if (table_.samples.size() == kMostImuRows)
           return fail(ErrorCode::kInvalid, "has more than 20 million lines", path_);
         add(ns, row);
@@ -108,7 +113,8 @@ class ImuCsv final {
   Expected<void> find_columns() {
     const auto line = first_line(path_);
     if (!line) return tl::unexpected(line.error());
-    std::vector<std::string> header = split_header(*line);
+    separator_ = separator_of(*line);
+    std::vector<std::string> header = split_header(*line, separator_);
     double number = 0;
     if (header.size() >= 7 && parse_number(header[1], number)) {
       has_header_ = false;
@@ -131,12 +137,14 @@ class ImuCsv final {
   }
 
   Expected<void> guess_units() {
-    auto rows = CsvReader::open(path_);
+    auto rows = CsvReader::open(path_, separator_);
     if (!rows) return tl::unexpected(rows.error());
     std::vector<double> steps, rates, forces;
     double last = std::numeric_limits<double>::quiet_NaN();
+    std::int64_t ns = 0;
     for (RawRow row; rates.size() < kRowsForGuess && rows->next();) {
       if (!parse_row(rows->fields(), columns_, row)) continue;
+      if (parse_date(rows->fields()[columns_.time], ns)) columns_.time_exponent = 0;
       if (row.time > last) steps.push_back(row.time - last);
       last = row.time;
       rates.push_back(row.w.cwiseAbs().maxCoeff());
@@ -148,6 +156,8 @@ class ImuCsv final {
     guess_time(steps);
     guess_gyro(rates);
     guess_accel(forces);
+    if (columns_.is_apple)
+      remark("the accelerometer is that of SensorLog on iOS: its sign is inverted");
     return {};
   }
 
@@ -197,8 +207,8 @@ class ImuCsv final {
     }
     if (table_.samples.empty()) found.first_ns = ns;
     found.last_ns = ns;
-    table_.samples.push_back(
-        {instant_from_ns(ns), row.w * columns_.gyro_unit, row.f * columns_.accel_unit});
+    table_.samples.push_back({instant_from_ns(ns), row.w * columns_.gyro_unit,
+                              row.f * (columns_.is_apple ? -1 : 1) * columns_.accel_unit});
   }
 
   void remark(const std::string& text) {
@@ -208,6 +218,7 @@ class ImuCsv final {
   std::string path_;
   const ImportOptions& options_;
   ImuColumns columns_;
+  char separator_{','};
   bool has_header_{true};
   ImuTable table_;
 };
@@ -233,6 +244,79 @@ bool parse_time(std::string_view field, int exponent, std::int64_t& ns) {
   digits.append(static_cast<std::size_t>(exponent) - behind.size(), '0');
   constexpr std::int64_t kFarthest = 4'000'000'000'000'000'000;
   return parse_number(digits, ns) && ns > -kFarthest && ns < kFarthest;
+}
+
+namespace {
+
+/// At most `most` digits at the front, which are removed. @return −1: there is none
+int take_digits(std::string_view& text, std::size_t most) {
+  int value = -1;
+  for (; most > 0 && !text.empty() && text[0] >= '0' && text[0] <= '9'; --most) {
+    value = 10 * std::max(value, 0) + (text[0] - '0');
+    text.remove_prefix(1);
+  }
+  return value;
+}
+
+bool take_one_of(std::string_view& text, std::string_view those) {
+  if (text.empty() || those.find(text[0]) == std::string_view::npos) return false;
+  text.remove_prefix(1);
+  return true;
+}
+
+/// `10:00` or `1000`, in minutes. @return −1: there is none
+int take_minutes(std::string_view& text) {
+  const int hours = take_digits(text, 2);
+  take_one_of(text, ":");
+  const int minutes = take_digits(text, 2);
+  return hours < 0 || hours > 23 || minutes < 0 || minutes > 59 ? -1 : hours * 60 + minutes;
+}
+
+/// Days since 1970 of `2026-11-29`. @return −1: there is none
+std::int64_t take_day(std::string_view& text) {
+  namespace chr = std::chrono;
+  const int year = take_digits(text, 4);
+  if (!take_one_of(text, "-/")) return -1;
+  const int month = take_digits(text, 2);
+  if (!take_one_of(text, "-/")) return -1;
+  const int day = take_digits(text, 2);
+  if (year < 1970 || month < 0 || day < 0 || !take_one_of(text, "T ")) return -1;
+  const chr::year_month_day date{chr::year(year), chr::month(static_cast<unsigned>(month)),
+                                 chr::day(static_cast<unsigned>(day))};
+  return date.ok() ? chr::sys_days(date).time_since_epoch().count() : -1;
+}
+
+}  // namespace
+
+bool parse_date(std::string_view text, std::int64_t& ns) {
+  constexpr std::int64_t kSecond_ns = 1'000'000'000;
+  std::string_view rest = text;
+  const std::int64_t day = take_day(rest);
+  if (day < 0) rest = text;  // a time of day
+  if (rest.find(':') == std::string_view::npos) return false;
+  const int minutes = take_minutes(rest);
+  const int seconds = take_one_of(rest, ":") ? take_digits(rest, 2) : -1;
+  if (minutes < 0 || seconds < 0 || seconds > 60) return false;
+  ns = ((std::max<std::int64_t>(day, 0) * 24 * 60 + minutes) * 60 + seconds) * kSecond_ns;
+  if (take_one_of(rest, ".,"))
+    for (std::int64_t unit = kSecond_ns / 10; !rest.empty(); unit /= 10) {
+      const int digit = take_digits(rest, 1);
+      if (digit < 0) break;
+      ns += digit * unit;
+    }
+  while (take_one_of(rest, " ")) continue;
+  if (take_one_of(rest, "Zz") || rest.empty()) return rest.empty();
+  const std::int64_t sign = rest.front() == '-' ? 1 : -1;
+  if (!take_one_of(rest, "+-")) return false;
+  const int zone = take_minutes(rest);
+  ns += sign * zone * 60 * kSecond_ns;
+  return zone >= 0 && rest.empty();
+}
+
+int stamp_exponent(std::string_view stamp) {
+  const std::size_t digits = stamp.find('.');
+  if (digits != std::string_view::npos || stamp.size() == 10) return 9;
+  return stamp.size() == 13 ? 6 : stamp.size() == 16 ? 3 : 0;
 }
 
 Expected<std::string> first_line(const std::string& path) {

@@ -24,6 +24,7 @@ struct ImuColumns {
   int time_exponent{kNotSaid};  ///< A unit of time is 10^this ns; kNotSaid: not in the header.
   double gyro_unit{0};          ///< In rad/s; 0: not in the header.
   double accel_unit{0};         ///< In m/s²; 0: not in the header.
+  bool is_apple{false};         ///< iOS: the accelerometer has the opposite sign.
 
   static constexpr int kNotSaid = -1;
   [[nodiscard]] std::size_t last() const {
@@ -39,8 +40,11 @@ struct ImuColumns {
                                                     const std::string& names,
                                                     const std::string& units);
 
+/// Of a table, by its first line: comma, semicolon, tab or blank.
+[[nodiscard]] char separator_of(std::string_view line);
+
 /// Fields of a line without blanks and quotes around them.
-[[nodiscard]] std::vector<std::string> split_header(std::string_view line);
+[[nodiscard]] std::vector<std::string> split_header(std::string_view line, char separator = ',');
 
 struct VectorReading {
   std::int64_t ns{};
@@ -75,6 +79,13 @@ struct ImuTable {
 
 /// A decimal number as whole nanoseconds. @param exponent  a unit is 10^this ns
 [[nodiscard]] bool parse_time(std::string_view field, int exponent, std::int64_t& ns);
+
+/// A date and time of day, `2026-11-29T10:00:00.123+01:00`, the day or the zone may be missing.
+[[nodiscard]] bool parse_date(std::string_view text, std::int64_t& ns);
+
+/// Unit of stamps by one of them: with a decimal point seconds; else the one that puts it after
+/// 2001, by its digits; a small number is in nanoseconds. @return the unit is 10^this ns
+[[nodiscard]] int stamp_exponent(std::string_view stamp);
 
 /// The first line with content: the header. Error: there is none.
 [[nodiscard]] Expected<std::string> first_line(const std::string& path);

@@ -27,7 +27,8 @@ struct SurveyedTopic {
   std::uint64_t count{0};
   Expected<CameraModel> lens = CameraModel{};  ///< Size 0: none came.
   Expected<CameraModel> rectified_lens = CameraModel{};
-  bool used{false};  ///< A lens of an image topic.
+  bool used{false};       ///< A lens of an image topic.
+  GrayDecoder decoder{};  ///< Of compressed images.
 };
 
 class LogSurveyor final {
@@ -60,12 +61,13 @@ class LogSurveyor final {
   void add_new_topics() {
     while (topics_.size() < log_.topics().size()) {
       const LoggedTopic& topic = log_.topics()[topics_.size()];
-      SurveyedTopic mine{ros_type(topic), survey_.streams.size(), 0, {}, {}};
+      SurveyedTopic mine{ros_type(topic), survey_.streams.size()};
       if (mine.type != RosType::kOther && mine.type != RosType::kCameraInfo) {
         FoundStream stream;
         stream.kind = mine.type == RosType::kImu ? FoundKind::kImu : FoundKind::kImages;
         stream.name = printable_name(topic.name);
         stream.type = printable_name(topic.type);
+        stream.has_gyro = stream.has_accel = stream.kind != FoundKind::kImu;
         survey_.streams.push_back(std::move(stream));
       }
       topics_.push_back(std::move(mine));
@@ -78,7 +80,7 @@ class LogSurveyor final {
     switch (topic.type) {
       case RosType::kImage:
       case RosType::kCompressedImage:
-        return image(survey_.streams[topic.stream], message, topic.type == RosType::kImage);
+        return image(topic, message);
       case RosType::kImu:
         return imu(survey_.streams[topic.stream], message);
       case RosType::kCameraInfo:
@@ -88,11 +90,17 @@ class LogSurveyor final {
     }
   }
 
-  void image(FoundStream& stream, const LoggedMessage& message, bool is_raw) {
+  void image(SurveyedTopic& topic, const LoggedMessage& message) {
+    FoundStream& stream = survey_.streams[topic.stream];
+    const bool is_raw = topic.type == RosType::kImage;
     const auto read = is_raw ? ros::read_image(format(message), message.bytes)
                              : ros::read_compressed(format(message), message.bytes);
     if (!read) return unreadable(stream, read.error());
     const ros::RawImage& raw = read->image;
+    if (is_raw)
+      stream.used_bits = std::max(stream.used_bits, ros::used_bits(raw));
+    else
+      look_at_bits(topic, raw, stream);
     if (stream.count == 0) {
       stream.encoding = printable_name(raw.encoding);
       stream.is_depth = is_depth_encoding(raw.encoding) ||
@@ -106,9 +114,19 @@ class LogSurveyor final {
     stamp(stream, read->stamp_ns, message.logged_ns);
   }
 
+  /// Decodes the first image, and of 16 bits one of eight.
+  void look_at_bits(SurveyedTopic& topic, const ros::RawImage& encoded, FoundStream& stream) {
+    constexpr std::uint64_t kOneOf = 8;
+    if (topic.count > 1 && (!topic.decoder.saw_16_bits() || topic.count % kOneOf != 0)) return;
+    if (topic.decoder.decode(encoded.data, {}, scratch_))
+      stream.used_bits = topic.decoder.used_bits();
+  }
+
   void imu(FoundStream& stream, const LoggedMessage& message) {
     const auto read = ros::read_imu(format(message), message.bytes);
     if (!read) return unreadable(stream, read.error());
+    stream.has_gyro = stream.has_gyro || !read->w.isZero(0);
+    stream.has_accel = stream.has_accel || !read->f.isZero(0);
     stamp(stream, read->stamp_ns, message.logged_ns);
   }
 
@@ -180,6 +198,7 @@ class LogSurveyor final {
   MessageLog& log_;
   bool log_stamps_;
   std::vector<SurveyedTopic> topics_;
+  GrayImage scratch_;
   LogSurvey survey_;
 };
 

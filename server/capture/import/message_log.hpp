@@ -63,7 +63,11 @@ class MessageLog {
 [[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_mcap(const std::string& path);
 /// One SQLite file of rosbag2, read-only; a damaged one is read up to there.
 [[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_db3(const std::string& path);
-/// A folder of rosbag2: its files in the order of `metadata.yaml`, else of their names.
+/// Several of them as one, in the order of their first messages: parts of one recording, or its
+/// camera and its IMU by two recorders.
+[[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_message_logs(
+    const std::vector<std::string>& paths);
+/// A folder of rosbag2: its files in the order of `metadata.yaml`; without it all logs in it.
 [[nodiscard]] Expected<std::unique_ptr<MessageLog>> open_rosbag2_folder(const std::string& path);
 
 /// `sensor_msgs/msg/Imu` → `sensor_msgs/Imu`.

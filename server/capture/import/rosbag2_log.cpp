@@ -129,15 +129,16 @@ class Db3Log final : public MessageLog {
   std::string failure_;
 };
 
-struct Rosbag2Parts {
+struct LogParts {
   std::vector<std::filesystem::path> files;
   bool messages_packed{false};
   std::vector<std::string> remarks;
 };
 
-class Rosbag2Folder final : public MessageLog {
+/// Several files as one log.
+class JoinedLog final : public MessageLog {
  public:
-  explicit Rosbag2Folder(Rosbag2Parts parts) : parts_(std::move(parts)) {}
+  explicit JoinedLog(LogParts parts) : parts_(std::move(parts)) {}
 
   Expected<void> begin() { return open_part(); }
 
@@ -181,14 +182,14 @@ class Rosbag2Folder final : public MessageLog {
  private:
   Expected<void> open_part() {
     const std::string path = parts_.files[part_].string();
-    auto log = path.ends_with(".mcap") ? open_mcap(path) : open_db3(path);
+    auto log = open_message_log(path);
     if (!log) return tl::unexpected(log.error());
     log_ = std::move(*log);
     of_part_.clear();
     return {};
   }
 
-  Rosbag2Parts parts_;
+  LogParts parts_;
   std::size_t part_{0};
   std::unique_ptr<MessageLog> log_;
   std::vector<std::size_t> of_part_;  ///< Our topic for each of the open file.
@@ -196,21 +197,42 @@ class Rosbag2Folder final : public MessageLog {
   std::uint64_t damaged_{0};
 };
 
-Expected<Rosbag2Parts> parts_by_name(const std::filesystem::path& folder) {
-  Rosbag2Parts parts;
+/// In the order of their first messages: names of parts do not sort by time (_10 before _2).
+Expected<void> sort_by_time(LogParts& parts) {
+  std::vector<std::pair<std::int64_t, std::filesystem::path>> begins;
+  for (const auto& file : parts.files) {
+    const auto log = open_message_log(file.string());
+    if (!log) return tl::unexpected(log.error());
+    LoggedMessage first;
+    const auto any = (*log)->next(first);
+    begins.emplace_back(any && *any ? first.logged_ns : 0, file);
+  }
+  std::ranges::sort(begins);
+  for (std::size_t i = 0; i < begins.size(); ++i) parts.files[i] = begins[i].second;
+  return {};
+}
+
+Expected<LogParts> parts_of_folder(const std::filesystem::path& folder) {
+  LogParts parts;
   std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(folder, error))
-    if (const auto& file = entry.path();
-        (file.extension() == ".db3" || file.extension() == ".mcap") && is_file(file))
-      parts.files.push_back(file);
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    const std::string ending = entry.path().extension().string();
+    const bool is_log = ending == ".db3" || ending == ".mcap" || ending == ".bag";
+    if (is_log ? is_file(entry.path()) : is_file(entry.path() / "metadata.yaml"))
+      parts.files.push_back(entry.path());
+  }
   if (error)
     return fail(ErrorCode::kUnavailable, "cannot be read: " + error.message(), folder.string());
-  std::ranges::sort(parts.files);
-  parts.remarks.emplace_back("has no metadata.yaml: its files were read in order of their names");
+  if (parts.files.empty())
+    return fail(ErrorCode::kNotFound, "contains no log of ROS (.bag, .db3, .mcap)",
+                folder.string());
+  if (const auto sorted = sort_by_time(parts); !sorted) return tl::unexpected(sorted.error());
+  parts.remarks.push_back("has no metadata.yaml: its " + std::to_string(parts.files.size()) +
+                          " files are read as one recording");
   return parts;
 }
 
-Expected<Rosbag2Parts> parts_by_metadata(const std::filesystem::path& folder) {
+Expected<LogParts> parts_by_metadata(const std::filesystem::path& folder) {
   const auto yaml = YamlSection::load(folder / "metadata.yaml");
   if (!yaml) return tl::unexpected(yaml.error());
   const YamlSection bag = yaml->section("rosbag2_bagfile_information");
@@ -219,7 +241,7 @@ Expected<Rosbag2Parts> parts_by_metadata(const std::filesystem::path& folder) {
   const std::string packing = bag.text("compression_format").value_or("");
   const std::string mode = bag.text("compression_mode").value_or("");
   if (const auto sound = yaml->check(); !sound) return tl::unexpected(sound.error());
-  Rosbag2Parts parts;
+  LogParts parts;
   parts.messages_packed = mode == "MESSAGE" || mode == "message";
   if (parts.messages_packed && packing != "zstd")
     return fail(ErrorCode::kUnsupported,
@@ -250,12 +272,21 @@ Expected<std::unique_ptr<MessageLog>> open_db3(const std::string& path) {
 
 Expected<std::unique_ptr<MessageLog>> open_rosbag2_folder(const std::string& path) {
   auto parts = is_file(std::filesystem::path(path) / "metadata.yaml") ? parts_by_metadata(path)
-                                                                      : parts_by_name(path);
+                                                                      : parts_of_folder(path);
   if (!parts) return tl::unexpected(parts.error());
   if (parts->files.empty())
     return fail(ErrorCode::kNotFound, "contains no file of rosbag2 (.db3, .mcap)", path);
-  auto folder = std::make_unique<Rosbag2Folder>(std::move(*parts));
+  auto folder = std::make_unique<JoinedLog>(std::move(*parts));
   return folder->begin().map([&] { return std::move(folder); });
+}
+
+Expected<std::unique_ptr<MessageLog>> open_message_logs(const std::vector<std::string>& paths) {
+  if (paths.size() == 1) return open_message_log(paths.front());
+  LogParts parts;
+  parts.files.assign(paths.begin(), paths.end());
+  if (const auto sorted = sort_by_time(parts); !sorted) return tl::unexpected(sorted.error());
+  auto joined = std::make_unique<JoinedLog>(std::move(parts));
+  return joined->begin().map([&] { return std::move(joined); });
 }
 
 }  // namespace fiducap

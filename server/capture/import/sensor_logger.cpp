@@ -11,14 +11,13 @@
 #include "base/text.hpp"
 #include "capture/import/imu_csv.hpp"
 #include "capture/import/input_file.hpp"
+#include "capture/reading_pairs.hpp"
 #include "capture/recording/csv_reader.hpp"
 #include "capture/recording/recording_layout.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr Duration kLongestPairGap = std::chrono::milliseconds(100);
-constexpr std::int64_t kMillisecond_ns = 1'000'000;
 constexpr std::size_t kMostPhoneRows = 20'000'000;
 
 /// A folder that the destructor removes.
@@ -141,7 +140,7 @@ class SensorLogger final : public PartsImport {
     if (metadata.empty())
       remarks_.emplace_back("no Metadata.csv: Android's signs (or standardised ones) are assumed");
     for (VectorReading& f : *force) f.v *= factor;
-    ImuPairs pairs = pair_readings(*gyro, *force, kLongestPairGap);
+    ImuPairs pairs = pair_readings(*gyro, *force, ReadingPairs::kLongestGap);
     remarks_.push_back("the accelerometer is interpolated at the times of the gyro" +
                        (pairs.alone == 0 ? std::string()
                                          : "; " + std::to_string(pairs.alone) +
@@ -177,7 +176,7 @@ class SensorLogger final : public PartsImport {
     if (!moved) return moved;
     const auto gravity = read_vectors(file("Gravity.csv"), found);
     if (!gravity) return gravity;
-    const ImuPairs pairs = pair_readings(*moved, *gravity, kLongestPairGap);
+    const ImuPairs pairs = pair_readings(*moved, *gravity, ReadingPairs::kLongestGap);
     std::vector<VectorReading> force;
     force.reserve(pairs.samples.size());
     for (const ImuSample& pair : pairs.samples)
@@ -191,7 +190,7 @@ class SensorLogger final : public PartsImport {
     const std::filesystem::path folder = folder_ / "Camera";
     Camera pictures;
     std::vector<Camera> videos;
-    for (ListedImage& image : pictures_by_number(folder.string(), kMillisecond_ns)) {
+    for (ListedImage& image : pictures_by_time(folder.string(), 6)) {
       const std::string ending = std::filesystem::path(image.file).extension().string();
       if (ending == ".mp4" || ending == ".mov")
         videos.push_back({{}, image.file, Duration(image.ns)});
@@ -223,7 +222,7 @@ class SensorLogger final : public PartsImport {
     found.mount.position_sigma_m = 0.05;
     found.mount.rotation_sigma_rad = 2 * kDegree;
     found.mount.time_shift_sigma_s = 0.05;
-    found.place_known = true;
+    found.place = CameraPlace::kOnBody;
     add_camera(std::move(found), std::move(camera));
   }
 

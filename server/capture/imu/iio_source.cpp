@@ -8,7 +8,7 @@
 #include "base/log.hpp"
 #include "base/text.hpp"
 #include "capture/imu/imu_source.hpp"
-#include "capture/imu/reading_pairs.hpp"
+#include "capture/reading_pairs.hpp"
 #include "capture/stamp_mapper.hpp"
 
 namespace fiducap {

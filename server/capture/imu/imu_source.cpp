@@ -90,6 +90,7 @@ OpenedSource open_topic(bool is_ros, const ImuTopicConfig& config, const ImuOpen
   if (is_ros) {
     const dds::RosSourceConfig ros{.images = {},
                                    .imu = config.topic,
+                                   .accel = config.accel,
                                    .reliable = config.reliable,
                                    .synchronized = config.synchronized};
     return dds::open_ros_source(std::move(*participant), ros, {}, opening.clock);

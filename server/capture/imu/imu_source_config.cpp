@@ -123,13 +123,18 @@ void IioConfig::check(Checker& checker) const {
 }
 
 void ImuTopicConfig::check(Checker& checker) const {
-  checker.require(dds::is_topic_name(topic), "topic", '"' + topic + '"',
-                  "must be a topic, e.g. /imu/data");
+  checker
+      .require(dds::is_topic_name(topic), "topic", '"' + topic + '"',
+               "must be a topic, e.g. /imu/data")
+      .require(accel.empty() || dds::is_topic_name(accel), "accel", '"' + accel + '"',
+               "must be a topic, e.g. /camera/accel/sample, or empty");
 }
 
 std::vector<ConfigError> ImuSourceConfig::check(const std::string& prefix) const {
   Checker checker{prefix};
   visit_imu_source(*this, [&](const auto& chosen) { chosen.check(checker); });
+  checker.require(px4.accel.empty(), "accel", '"' + px4.accel + '"',
+                  "must be empty: PX4's topic has both sensors");
   const bool is_frd = type == ImuSourceType::kMavlink || type == ImuSourceType::kPx4;
   checker.require(
       !is_frd || axes.written != "frd", "axes", axes.written,

@@ -87,7 +87,10 @@ void describe(V& v, IioConfig& c) {
 
 /// A topic with an IMU: `px4_msgs/SensorCombined` of PX4, or `sensor_msgs/Imu` of ROS 2.
 struct ImuTopicConfig {
-  std::string topic;     ///< Name of the topic.
+  std::string topic;  ///< Name of the topic.
+  /// Of ROS, where `topic` has the gyroscope only (RealSense): the accelerometer's topic, whose
+  /// readings are interpolated to the stamps of the gyroscope. Empty: `topic` has both.
+  std::string accel{};
   bool reliable{false};  ///< Reliable QoS; senders without it are not received then.
   /// The sender's clock is synchronised with this machine's; else stamps are placed by arrival.
   bool synchronized{true};
@@ -98,6 +101,7 @@ struct ImuTopicConfig {
 template <class V>
 void describe(V& v, ImuTopicConfig& c) {
   v.value("topic", c.topic);
+  v.value("accel", c.accel);
   v.value("reliable", c.reliable);
   v.value("synchronized", c.synchronized);
 }

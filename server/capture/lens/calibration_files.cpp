@@ -6,20 +6,12 @@
 #include <optional>
 #include <tuple>
 
+#include "base/whole_file.hpp"
 #include "base/yaml_section.hpp"
+#include "capture/lens/calibration_text.hpp"
 
 namespace fiducap {
 namespace {
-
-/// The first name of each model is the one that is written.
-constexpr std::array<std::pair<std::string_view, Distortion>, 7> kNames{
-    {{"none", Distortion::kNone},
-     {"radial-tangential", Distortion::kRadialTangential},
-     {"radtan", Distortion::kRadialTangential},
-     {"plumb_bob", Distortion::kRadialTangential},
-     {"equidistant", Distortion::kEquidistant},
-     {"equi", Distortion::kEquidistant},
-     {"fisheye", Distortion::kEquidistant}}};
 
 int pixels_of(double number) { return static_cast<int>(std::clamp(number, -1.0, 1e6)); }
 
@@ -47,22 +39,39 @@ void set_lens_of(const YamlSection& yaml, const std::string& key, const std::str
     yaml.add_fault(key, set.error().what);
 }
 
+/// The names that programs with OpenCV's matrices give them. PhotonVision wrote the distortion as
+/// `cameraExtrinsics` for years.
+constexpr std::array<const char*, 5> kMatrixKeys{"camera_matrix", "Camera_Matrix",
+                                                 "cameraIntrinsics", "cameraMatrix", "K"};
+constexpr std::array<const char*, 8> kDistortionKeys{"distortion_coefficients",
+                                                     "Distortion_Coefficients",
+                                                     "distCoeffs",
+                                                     "cameraExtrinsics",
+                                                     "dist_k1k2p1p2k3",
+                                                     "dist_coeffs",
+                                                     "dist_coeff",
+                                                     "D"};
+constexpr std::array<std::array<const char*, 2>, 3> kSizeKeys{
+    {{"image_width", "image_height"}, {"image_Width", "image_Height"}, {"width", "height"}}};
+
+/// @return the first key that is there; nullptr: none
+template <std::size_t N>
+const char* key_of(const YamlSection& yaml, const std::array<const char*, N>& keys) {
+  const auto* found = std::ranges::find_if(keys, [&](const char* key) { return yaml.has(key); });
+  return found == keys.end() ? nullptr : *found;
+}
+
 // Without a name of the lens the number of coefficients decides, unless it fits two lenses.
 std::string lens_of_opencv(const YamlSection& yaml) {
-  if (const auto name = yaml.text("distortion_model"))
-    return *name == "rational_polynomial" ? "plumb_bob" : *name;
   if (const auto fisheye = yaml.integer("fisheye_model"))
     return *fisheye != 0 ? "fisheye" : "plumb_bob";
-  if (yaml.numbers("distortion_coefficients").size() == 4)
-    yaml.add_fault(
-        "distortion_coefficients",
-        "has 4 numbers without a distortion_model: add distortion_model: plumb_bob or equidistant");
-  return "plumb_bob";
+  return yaml.text("distortion_model").value_or("");
 }
 
 std::vector<double> size_of_opencv(const YamlSection& yaml) {
-  if (yaml.has("image_width") || yaml.has("image_height"))
-    return {yaml.required_number("image_width"), yaml.required_number("image_height")};
+  for (const auto& [width, height] : kSizeKeys)
+    if (yaml.has(width) || yaml.has(height))
+      return {yaml.required_number(width), yaml.required_number(height)};
   for (const char* key : {"resolution", "img_size", "image_size"}) {
     if (!yaml.has(key)) continue;
     if (!yaml.is_map(key)) return yaml.required_numbers(key, 2);
@@ -74,72 +83,110 @@ std::vector<double> size_of_opencv(const YamlSection& yaml) {
   return {0, 0};
 }
 
-CameraModel read_opencv(const YamlSection& yaml) {
+CameraModel read_opencv(const YamlSection& yaml, const char* matrix) {
   CameraModel model;
-  set_pinhole(yaml, "camera_matrix", model);
+  set_pinhole(yaml, matrix, model);
   set_size(size_of_opencv(yaml), model);
-  set_lens_of(yaml, "distortion_coefficients", lens_of_opencv(yaml), model);
+  const char* distortion = key_of(yaml, kDistortionKeys);
+  if (distortion == nullptr)
+    yaml.add_fault("distortion_coefficients", "is missing");
+  else
+    set_lens_of(yaml, distortion, lens_of_opencv(yaml), model);
+  check_model(yaml, model);
   return model;
 }
 
-CameraModel read_plain_json(const YamlSection& yaml) {
-  CameraModel model;
-  set_pinhole(yaml, "K", model);
-  set_size({yaml.required_number("width"), yaml.required_number("height")}, model);
-  set_lens_of(yaml, "dist_k1k2p1p2k3", "plumb_bob", model);
-  return model;
-}
-
-// X_IV: the camera in IMU axes, from one of the equivalent keys.
-Pose read_extrinsics(const YamlSection& yaml, const std::optional<Pose>& X_IV_before) {
-  if (const auto T_cam_imu = yaml.pose("T_cam_imu")) return T_cam_imu->inverse();
-  if (const auto T_imu_cam = yaml.pose("T_imu_cam")) return *T_imu_cam;
-  if (X_IV_before) {
-    if (const auto T_cn_cnm1 = yaml.pose("T_cn_cnm1")) return *X_IV_before * T_cn_cnm1->inverse();
+/// The camera in IMU axes X_IV, or beside the camera before.
+void read_place(const YamlSection& yaml, const CalibratedCamera* before, CalibratedCamera& camera) {
+  if (const auto T_cam_imu = yaml.pose("T_cam_imu")) {
+    camera.mount.X_BV = T_cam_imu->inverse();
+    camera.place = CameraPlace::kOnBody;
+  } else if (const auto T_imu_cam = yaml.pose("T_imu_cam")) {
+    camera.mount.X_BV = *T_imu_cam;
+    camera.place = CameraPlace::kOnBody;
+  } else if (before != nullptr && yaml.has("T_cn_cnm1")) {
+    const auto T_cn_cnm1 = yaml.pose("T_cn_cnm1");
+    camera.mount.X_BV = before->mount.X_BV * T_cn_cnm1.value_or(Pose{}).inverse();
+    camera.place =
+        before->place == CameraPlace::kOnBody ? CameraPlace::kOnBody : CameraPlace::kBesideTheFirst;
   }
-  if (!yaml.has("T_cam_imu") && !yaml.has("T_imu_cam"))
-    yaml.add_fault("T_cam_imu",
-                   "is missing, and so is T_imu_cam: the result of Kalibr's camera-IMU calibration "
-                   "is needed (camchain-imucam); a camera-only camchain has no pose of the IMU");
-  return {};
+}
+
+void read_time_shift(double seconds, CameraMount& mount) {
+  constexpr double kLargest_s = 10;
+  mount.time_shift = from_seconds(std::clamp(seconds, -kLargest_s, kLargest_s));
+}
+
+/// Kalibr's camchain, also of cameras only, and TagSLAM's cameras.yaml: cam0, cam1, …
+std::vector<CalibratedCamera> read_camchain(const YamlSection& yaml, const CameraMount& otherwise) {
+  std::vector<CalibratedCamera> cameras;
+  for (std::size_t k = 0; yaml.has("cam" + std::to_string(k)); ++k) {
+    const YamlSection section = yaml.section("cam" + std::to_string(k));
+    CalibratedCamera camera{otherwise};
+    camera.mount.model = read_pinhole(section, "distortion_coeffs");
+    read_place(section, cameras.empty() ? nullptr : &cameras.back(), camera);
+    if (const auto shift = section.number("timeshift_cam_imu"))
+      read_time_shift(*shift, camera.mount);
+    cameras.push_back(std::move(camera));
+  }
+  return cameras;
+}
+
+CameraModel read_basalt_lens(const YamlSection& camera, const std::vector<double>& size) {
+  CameraModel model;
+  set_size(size, model);
+  const std::string type = camera.text("camera_type").value_or("");
+  const YamlSection numbers = camera.section("intrinsics");
+  model.fu = numbers.required_number("fx");
+  model.fv = numbers.required_number("fy");
+  model.cu = numbers.required_number("cx");
+  model.cv = numbers.required_number("cy");
+  std::vector<double> k;
+  std::vector<const char*> keys;
+  if (type == "kb4") keys = {"k1", "k2", "k3", "k4"};
+  if (type.starts_with("pinhole-radtan")) keys = {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
+  for (const char* key : keys) k.push_back(numbers.number(key).value_or(0));
+  if (const auto set = set_lens(model, keys.size() == 8 ? "radtan" : type, k); !set)
+    camera.add_fault("camera_type", set.error().what);
+  check_model(camera, model);
+  return model;
+}
+
+/// Basalt's calibration.json.
+std::vector<CalibratedCamera> read_basalt(const YamlSection& yaml, const CameraMount& otherwise) {
+  std::vector<CalibratedCamera> cameras;
+  const auto places = yaml.sections("T_imu_cam");
+  const auto lenses = yaml.sections("intrinsics");
+  const std::vector<double> sizes = yaml.numbers("resolution");
+  if (places.size() != lenses.size() || sizes.size() != 2 * lenses.size()) {
+    yaml.add_fault("resolution", "must have as many entries as intrinsics and T_imu_cam");
+    return cameras;
+  }
+  for (std::size_t k = 0; k < lenses.size(); ++k) {
+    CalibratedCamera camera{otherwise, CameraPlace::kOnBody};
+    camera.mount.model = read_basalt_lens(lenses[k], {sizes[2 * k], sizes[2 * k + 1]});
+    const auto number = [&](const char* key) { return places[k].required_number(key); };
+    Eigen::Quaterniond q(number("qw"), number("qx"), number("qy"), number("qz"));
+    if (!(std::abs(q.norm() - 1) < 1e-3))
+      places[k].add_fault("qw", "is of no unit quaternion");
+    else
+      camera.mount.X_BV = {q.normalized(), {number("px"), number("py"), number("pz")}};
+    read_time_shift(1e-9 * yaml.number("cam_time_offset_ns").value_or(0), camera.mount);
+    cameras.push_back(std::move(camera));
+  }
+  return cameras;
+}
+
+Expected<YamlSection> load_calibration(const std::string& path) {
+  constexpr std::size_t kLargest_bytes = 16 << 20;
+  const auto text = read_whole_file(path, kLargest_bytes);
+  if (!text) return tl::unexpected(text.error());
+  const auto node = calibration_node(*text);
+  if (!node) return YamlSection::load(path);
+  return YamlSection(*node, "", std::make_shared<YamlReading>(YamlReading{path}));
 }
 
 }  // namespace
-
-Expected<void> set_lens(CameraModel& camera, const std::string& name,
-                        const std::vector<double>& coefficients) {
-  const auto* known =
-      std::ranges::find_if(kNames, [&](const auto& entry) { return entry.first == name; });
-  if (known == kNames.end())
-    return fail(ErrorCode::kUnsupported,
-                "distortion model " + name +
-                    " is not supported; supported are none, radial-tangential (radtan, plumb_bob) "
-                    "and equidistant (fisheye)");
-  const Distortion kind = known->second;
-  camera.distortion = kind;
-  camera.coefficients = {};
-  const std::size_t n = coefficients.size();
-  const std::size_t most = kind == Distortion::kNone ? 0 : kind == Distortion::kEquidistant ? 4 : 5;
-  const std::size_t least = std::min<std::size_t>(most, 4);
-  const auto beyond = coefficients.begin() + static_cast<std::ptrdiff_t>(std::min(n, most));
-  if (!std::all_of(beyond, coefficients.end(), [](double k) { return k == 0; }))
-    return fail(ErrorCode::kUnsupported,
-                "distortion model " + name + " has " + std::to_string(most) +
-                    " coefficients here, the file has " + std::to_string(n) +
-                    " (rational, thin prism and tilted lenses are not supported)");
-  if (n < least)
-    return fail(ErrorCode::kInvalid, "distortion model " + name + " needs " +
-                                         std::to_string(least) + " coefficients, the file has " +
-                                         std::to_string(n));
-  std::copy(coefficients.begin(), beyond, camera.coefficients.begin());
-  return {};
-}
-
-std::string name_of(Distortion distortion) {
-  return std::string(std::ranges::find_if(kNames, [&](const auto& entry) {
-                       return entry.second == distortion;
-                     })->first);
-}
 
 CameraModel read_pinhole(const YamlSection& yaml, const std::string& coefficients_key) {
   CameraModel model;
@@ -180,72 +227,63 @@ void read_lens_sigmas(const YamlSection& yaml, CameraMount& mount) {
     yaml.add_fault("lens_error_px", "must be from 0 to 10");
 }
 
-Expected<CameraModel> read_camera_calibration(const std::string& path) {
-  const auto mount = read_camera_calibration(path, {});
-  if (!mount) return tl::unexpected(mount.error());
-  return mount->model;
-}
-
-Expected<CameraMount> read_camera_calibration(const std::string& path, CameraMount mount) {
-  const Expected<YamlSection> yaml = YamlSection::load(path);
+Expected<std::vector<CalibratedCamera>> read_calibration(const std::string& path,
+                                                         const CameraMount& otherwise) {
+  const Expected<YamlSection> yaml = load_calibration(path);
   if (!yaml) return tl::unexpected(yaml.error());
-  CameraModel& model = mount.model;
-  if (yaml->has("intrinsics") && yaml->has("resolution")) {
-    model = read_pinhole(*yaml, "distortion_coefficients");
-  } else if (yaml->has("camera_matrix")) {
-    model = read_opencv(*yaml);
-  } else if (yaml->has("K") && yaml->has("dist_k1k2p1p2k3")) {
-    model = read_plain_json(*yaml);
-  } else if (yaml->has("cam0")) {
-    return fail(ErrorCode::kInvalid,
-                "is a Kalibr camchain; configure it as such, it has extrinsics as well", path);
+  std::vector<CalibratedCamera> cameras;
+  if (yaml->has("cam0")) {
+    cameras = read_camchain(*yaml, otherwise);
+  } else if (yaml->has("value0")) {
+    cameras = read_basalt(yaml->section("value0"), otherwise);
   } else {
-    return fail(ErrorCode::kInvalid,
-                "is no camera calibration: expected the keys intrinsics + resolution (EuRoC), "
-                "camera_matrix + distortion_coefficients (OpenCV, ROS, WPILib) or K + "
-                "dist_k1k2p1p2k3",
-                path);
+    CalibratedCamera camera{otherwise};
+    const char* matrix = key_of(*yaml, kMatrixKeys);
+    if (yaml->has("intrinsics") && yaml->has("resolution")) {
+      camera.mount.model = read_pinhole(*yaml, "distortion_coefficients");
+    } else if (matrix != nullptr) {
+      camera.mount.model = read_opencv(*yaml, matrix);
+    } else {
+      return fail(ErrorCode::kInvalid,
+                  "is no camera calibration: expected the keys intrinsics + resolution (EuRoC), "
+                  "camera_matrix + distortion_coefficients (OpenCV, ROS, WPILib, PhotonVision), "
+                  "cam0 (Kalibr, TagSLAM), value0 (Basalt), or COLMAP's cameras.txt",
+                  path);
+    }
+    read_lens_sigmas(*yaml, camera.mount);
+    cameras.push_back(std::move(camera));
   }
-  check_model(*yaml, model);
-  read_lens_sigmas(*yaml, mount);
-  return yaml->check().map([&] { return std::move(mount); });
+  return yaml->check().map([&] { return std::move(cameras); });
 }
 
-Expected<std::vector<CameraMount>> read_kalibr_camchain(const std::string& path) {
-  const Expected<YamlSection> yaml = YamlSection::load(path);
-  if (!yaml) return tl::unexpected(yaml.error());
-  std::vector<CameraMount> mounts;
-  std::optional<Pose> X_IV_before;
-  for (std::size_t k = 0; yaml->has("cam" + std::to_string(k)); ++k) {
-    const YamlSection camera = yaml->section("cam" + std::to_string(k));
-    CameraMount mount;
-    mount.model = read_pinhole(camera, "distortion_coeffs");
-    mount.X_BV = read_extrinsics(camera, X_IV_before);
-    mount.time_shift =
-        from_seconds(std::clamp(camera.number("timeshift_cam_imu").value_or(0), -10.0, 10.0));
-    X_IV_before = mount.X_BV;
-    mounts.push_back(mount);
-  }
-  if (mounts.empty())
-    return fail(ErrorCode::kInvalid, "is no Kalibr camchain: it has no key cam0", path);
-  return yaml->check().map([&] { return std::move(mounts); });
+Expected<CameraModel> read_camera_calibration(const std::string& path) {
+  const auto cameras = read_calibration(path, {});
+  if (!cameras) return tl::unexpected(cameras.error());
+  if (cameras->size() == 1) return cameras->front().mount.model;
+  return fail(ErrorCode::kInvalid,
+              "has " + std::to_string(cameras->size()) + " cameras, expected is one", path);
 }
 
-Expected<ImuNoise> read_kalibr_imu(const std::string& path) {
+Expected<ImuNoise> read_imu_noise(const std::string& path) {
   const Expected<YamlSection> yaml = YamlSection::load(path);
   if (!yaml) return tl::unexpected(yaml.error());
+  const bool is_imu_utils = yaml->has("Gyr") && yaml->has("Acc");
   const YamlSection imu = yaml->has("imu0") ? yaml->section("imu0") : *yaml;
-  const auto positive = [&imu](const char* key) {
-    const double value = imu.required_number(key);
-    if (imu.has(key) && !(value > 0)) imu.add_fault(key, "must be > 0");
+  const YamlSection gyro = is_imu_utils ? yaml->section("Gyr").section("avg-axis") : imu;
+  const YamlSection accel = is_imu_utils ? yaml->section("Acc").section("avg-axis") : imu;
+  const auto positive = [](const YamlSection& section, const char* key) {
+    const double value = section.required_number(key);
+    if (section.has(key) && !(value > 0)) section.add_fault(key, "must be > 0");
     return value;
   };
   ImuNoise noise;
-  noise.accel_noise_m_s2_rtHz = positive("accelerometer_noise_density");
-  noise.accel_walk_m_s3_rtHz = positive("accelerometer_random_walk");
-  noise.gyro_noise_rad_s_rtHz = positive("gyroscope_noise_density");
-  noise.gyro_walk_rad_s2_rtHz = positive("gyroscope_random_walk");
-  noise.rate_hz = positive("update_rate");
+  noise.accel_noise_m_s2_rtHz =
+      positive(accel, is_imu_utils ? "acc_n" : "accelerometer_noise_density");
+  noise.accel_walk_m_s3_rtHz =
+      positive(accel, is_imu_utils ? "acc_w" : "accelerometer_random_walk");
+  noise.gyro_noise_rad_s_rtHz = positive(gyro, is_imu_utils ? "gyr_n" : "gyroscope_noise_density");
+  noise.gyro_walk_rad_s2_rtHz = positive(gyro, is_imu_utils ? "gyr_w" : "gyroscope_random_walk");
+  if (!is_imu_utils) noise.rate_hz = positive(imu, "update_rate");
   return yaml->check().map([&] { return std::move(noise); });
 }
 

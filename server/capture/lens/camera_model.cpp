@@ -47,10 +47,18 @@ std::vector<ConfigError> CameraModel::check() const {
   for (std::size_t i = 0; i < coefficients.size(); ++i)
     checker.require(std::isfinite(coefficients[i]), "coefficients[" + std::to_string(i) + "]",
                     coefficients[i], "must be finite");
-  if (distortion == Distortion::kEquidistant)
-    checker.require(coefficients[4] == 0, "coefficients[4]", coefficients[4],
-                    "must be 0: an equidistant lens has four coefficients");
+  const std::size_t used = coefficients_of(distortion);
+  for (std::size_t i = used; i < coefficients.size() && distortion != Distortion::kNone; ++i)
+    checker.require(coefficients[i] == 0, "coefficients[" + std::to_string(i) + "]",
+                    coefficients[i],
+                    "must be 0: this lens has " + std::to_string(used) + " coefficients");
   return checker.errors;
+}
+
+std::span<const double> listed_coefficients(const CameraModel& camera) {
+  const bool is_short =
+      camera.distortion == Distortion::kRadialTangential && camera.coefficients[4] == 0;
+  return std::span(camera.coefficients).first(is_short ? 4 : coefficients_of(camera.distortion));
 }
 
 std::optional<UndistortedPixel> undistort(const CameraModel& camera, const Eigen::Vector2d& raw_px,

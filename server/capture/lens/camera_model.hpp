@@ -2,11 +2,14 @@
 
 #include <array>
 #include <optional>
+#include <span>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "base/config_check.hpp"
+#include "base/expected.hpp"
 #include "base/pose.hpp"
 #include "base/time.hpp"
 
@@ -16,7 +19,17 @@ enum class Distortion {
   kNone,
   kRadialTangential,  ///< OpenCV / Kalibr `radtan`: k1 k2 p1 p2 [k3]
   kEquidistant,       ///< OpenCV fisheye / Kalibr `equidistant`: k1 k2 k3 k4
+  kRational,          ///< OpenCV, ROS `rational_polynomial`: k1 k2 p1 p2 k3 k4 k5 k6
 };
+
+/// In OpenCV's order.
+using LensCoefficients = std::array<double, 8>;
+
+/// Number of coefficients of a model.
+[[nodiscard]] constexpr std::size_t coefficients_of(Distortion distortion) {
+  constexpr std::array<std::size_t, 4> kOf{0, 5, 4, 8};
+  return kOf[static_cast<std::size_t>(distortion)];
+}
 
 /// Pinhole camera with a lens. π of the paper (II-C) is `pinhole`; `project` adds the distortion.
 /// Camera axes V: z forward, x right, y down. Pixel (0, 0) is the centre of the upper-left pixel.
@@ -25,7 +38,7 @@ struct CameraModel {
   int height{};                   ///< Of the images, pixels.
   double fu{}, fv{}, cu{}, cv{};  ///< Focal lengths and principal point, pixels.
   Distortion distortion{Distortion::kNone};
-  std::array<double, 5> coefficients{};  ///< Of the distortion, in OpenCV's order.
+  LensCoefficients coefficients{};  ///< Beyond coefficients_of(distortion) they are zero.
 
   /// Ideal pinhole pixel of a point in camera axes; @pre p_VP.z() > 0.
   [[nodiscard]] Eigen::Vector2d pinhole(const Eigen::Vector3d& p_VP) const {
@@ -38,6 +51,21 @@ struct CameraModel {
 
   [[nodiscard]] std::vector<ConfigError> check() const;
 };
+
+/// The coefficients as files list them: a k3 of zero is left out of a radial-tangential lens.
+[[nodiscard]] std::span<const double> listed_coefficients(const CameraModel& camera);
+
+/// Sets the distortion by the names that calibration files, ROS and COLMAP use: `radtan`,
+/// `plumb_bob`, `rational_polynomial`, `equidistant`, `fisheye`, `kb4`, … The numbers are in
+/// OpenCV's order. Longer lists are accepted when the rest is zero; 8 numbers are a rational lens
+/// by any radial name. Without a name, or by an unknown one, zeros are no distortion; without a
+/// name more than four numbers are OpenCV's.
+/// @return Error for other models (`omni`, `ds`, …) or another number of coefficients
+[[nodiscard]] Expected<void> set_lens(CameraModel& camera, const std::string& name,
+                                      std::span<const double> coefficients);
+
+/// The name that EuRoC or ROS uses.
+[[nodiscard]] std::string name_of(Distortion distortion);
 
 /// An ideal pinhole pixel and its derivative by the raw one.
 struct UndistortedPixel {

@@ -21,7 +21,7 @@ struct DistortedPoint {
 /// lenses, `fisheye::undistortPoints` clamps the angle, neither detects a folded polynomial and
 /// both allocate. This is a bracketed Newton iteration; tests compare it with OpenCV.
 ///
-/// "Radius" is the polynomial's variable: tan θ for radial-tangential, θ for equidistant lenses.
+/// "Radius" is the polynomial's variable: θ for equidistant lenses, tan θ for the others.
 class Lens final {
  public:
   /// @pre camera.distortion != Distortion::kNone
@@ -36,9 +36,13 @@ class Lens final {
                                                          double max_angle_rad) const;
 
  private:
-  /// 1 + k1 s + k2 s² …, s = radius²
-  using Polynomial = std::array<double, 5>;
+  /// c0 + c1 s + c2 s² …, s = radius²
+  using Polynomial = std::array<double, 7>;
 
+  [[nodiscard]] bool grows_at(double radius) const;
+  [[nodiscard]] double raw_radius(double radius) const;
+  /// Where the raw radius first stops growing, or `limit` when it does not before.
+  [[nodiscard]] double fold(double limit) const;
   [[nodiscard]] DistortedPoint distort_radial_tangential(const Eigen::Vector2d& ideal) const;
   [[nodiscard]] DistortedPoint distort_equidistant(const Eigen::Vector2d& ideal) const;
   /// Removes the radial part alone. @return the ideal point on the ray through `raw`.
@@ -46,8 +50,10 @@ class Lens final {
                                                                 double limit) const;
 
   Distortion kind_;
-  Polynomial scale_;  ///< raw radius = radius × scale
-  Polynomial slope_;  ///< d raw radius / d radius
+  // raw radius = radius × above / below; d raw radius / d radius = slope / below²
+  Polynomial above_;
+  Polynomial below_;
+  Polynomial slope_;
   double p1_;
   double p2_;
 };
@@ -55,15 +61,15 @@ class Lens final {
 /// Derivative of the raw point by k1, in which it is linear; focal length 1, centre (0, 0).
 class FirstBend final {
  public:
-  /// @param distortion  kNone: as radial-tangential
-  FirstBend(Distortion distortion, const Eigen::Vector2d& ideal);
+  /// @param camera  without distortion: as radial-tangential
+  FirstBend(const CameraModel& camera, const Eigen::Vector2d& ideal);
 
   [[nodiscard]] Eigen::Vector2d point() const { return along_ * ideal_; }
   [[nodiscard]] Eigen::Matrix2d raw_from_ideal() const;
 
  private:
   Eigen::Vector2d ideal_;
-  double along_;  ///< point / ideal: r², or θ³ / r
+  double along_;  ///< point / ideal: r², θ³ / r, or r² / (1 + k4 r² …)
   double slope_;  ///< d along / d r²
 };
 

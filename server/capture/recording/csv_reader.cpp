@@ -10,12 +10,13 @@ namespace fiducap {
 namespace {
 
 constexpr std::size_t kBufferSize = 1 << 16;
-constexpr std::string_view kBlanks = " \t\r";
+constexpr std::string_view kBlanks = " \t";
+constexpr std::string_view kAroundFields = " \t\r\"";
 
-std::string_view trimmed(std::string_view text) {
-  const std::size_t first = text.find_first_not_of(kBlanks);
+std::string_view trimmed(std::string_view text, std::string_view around) {
+  const std::size_t first = text.find_first_not_of(around);
   if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(kBlanks) - first + 1);
+  return text.substr(first, text.find_last_not_of(around) - first + 1);
 }
 
 constexpr std::int64_t kHour_ns = 3'600'000'000'000;
@@ -60,8 +61,9 @@ std::pair<std::int64_t, std::int64_t> largest_group(std::vector<std::int64_t> ns
 
 }  // namespace
 
-Expected<CsvReader> CsvReader::open(const std::filesystem::path& path) {
+Expected<CsvReader> CsvReader::open(const std::filesystem::path& path, char separator) {
   CsvReader reader(path.string());
+  reader.separator_ = separator;
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(path, ignored))
     return fail(ErrorCode::kNotFound, "no such file", path.string());
@@ -120,13 +122,19 @@ bool CsvReader::next() {
   constexpr std::size_t kMaxFields = 64;
   fields_.clear();
   for (std::string_view line; take_line(line);) {
-    line = trimmed(line);
+    line = trimmed(line, separator_ == '\t' ? " \r" : " \t\r");
     if (line.empty() || line.front() == '#') continue;
+    if (separator_ != ',') {
+      char* const begin = buffer_.data() + (line.data() - buffer_.data());
+      std::replace(begin, begin + line.size(), ',', '.');
+    }
     for (bool more = true; more && fields_.size() < kMaxFields;) {
-      const std::size_t comma = line.find(',');
-      fields_.push_back(trimmed(line.substr(0, comma)));
-      more = comma != std::string_view::npos;
-      if (more) line.remove_prefix(comma + 1);
+      std::size_t end = line.find(separator_);
+      if (separator_ == ' ') end = line.find_first_of(kBlanks);
+      fields_.push_back(trimmed(line.substr(0, end), kAroundFields));
+      more = end != std::string_view::npos;
+      if (more) line.remove_prefix(end + 1);
+      if (separator_ == ' ') line = trimmed(line, kBlanks);
     }
     return true;
   }

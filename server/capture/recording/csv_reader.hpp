@@ -15,11 +15,15 @@
 
 namespace fiducap {
 
-/// Reads a comma-separated text file line by line, with the memory of one buffer: a longer line is
-/// left out and counted as damaged. Empty lines and those that begin with `#` are skipped.
+/// Reads a text file of fields, separated by commas, line by line, with the memory of one buffer: a
+/// longer line is left out and counted as damaged. Empty lines and those that begin with `#` are
+/// skipped.
 class CsvReader final {
  public:
-  [[nodiscard]] static Expected<CsvReader> open(const std::filesystem::path& path);
+  /// @param separator  a blank: any number of blanks and tabs. A comma between digits is a decimal
+  /// point where commas do not separate.
+  [[nodiscard]] static Expected<CsvReader> open(const std::filesystem::path& path,
+                                                char separator = ',');
 
   /// Moves to the next line with content. @return false at the end of the file.
   bool next();
@@ -43,6 +47,7 @@ class CsvReader final {
   [[nodiscard]] bool take_line(std::string_view& line);
 
   std::string path_;
+  char separator_{','};
   std::ifstream file_;
   std::vector<char> buffer_;
   std::size_t begin_{0};

@@ -16,6 +16,8 @@
 
 namespace fiducap {
 
+class RecordingLayout;
+
 /// A tag with a given pose (`tags.yaml` known_tags).
 struct RecordedTag {
   int tag_id{};                 ///< Number of the tag in its family.
@@ -64,6 +66,10 @@ struct TruthSample {
   Eigen::Vector3d bias_f{Eigen::Vector3d::Zero()};
 };
 
+/// @param faults  of the files that cannot be used, each with its path: a camera among them has the
+/// size 0, noise and tags are those of no file
+[[nodiscard]] RecordingInfo read_recording_parts(const RecordingLayout& layout,
+                                                 std::vector<Error>& faults);
 /// @return Error naming the file and what is missing or broken in it.
 [[nodiscard]] Expected<RecordingInfo> read_recording_info(const std::string& folder);
 
@@ -74,9 +80,11 @@ struct TruthSample {
 [[nodiscard]] std::string extrinsics_yaml(const std::vector<Pose>& X_BV);
 
 /// `mav0/odom0` (stamp, pose; T_BS and noises in sensor.yaml), or `vio_odom.csv` of a phone.
-[[nodiscard]] Expected<std::optional<Odometry>> read_odometry(const std::string& folder);
-/// By time, without lines that go backwards. Empty when the recording has none.
+[[nodiscard]] Expected<std::optional<Odometry>> read_odometry(const RecordingLayout& layout);
+/// By time, without lines that go backwards: the state's estimate, else motion capture's poses of
+/// the body (`mocap0`, `vicon0`; T_BS in sensor.yaml). Empty when the recording has none.
 [[nodiscard]] Expected<std::vector<TruthSample>> read_truth(const std::string& folder);
+[[nodiscard]] Expected<std::vector<TruthSample>> read_truth(const RecordingLayout& layout);
 /// `truth/reference_poses.csv` of another program: velocity and biases zero. Empty: there is none.
 [[nodiscard]] Expected<std::vector<TruthSample>> read_reference_poses(const std::string& folder);
 /// `truth/tags.csv` (id,size,px,py,pz,qw,qx,qy,qz). Empty when there is none. Sigmas are zero.

@@ -1,4 +1,6 @@
+#include <array>
 #include <cmath>
+#include <fstream>
 #include <locale>
 #include <sstream>
 
@@ -56,16 +58,19 @@ Expected<void> read_imu(const std::filesystem::path& path, RecordingInfo& info) 
     if (!correction) return tl::unexpected(correction.error());
     noise.correction = *correction;
   }
-  info.imu = noise;
-  info.gravity_m_s2 = yaml->number("gravity_m_s2");
-  if (info.gravity_m_s2 && !(*info.gravity_m_s2 > 9 && *info.gravity_m_s2 < 11))
+  const auto gravity_m_s2 = yaml->number("gravity_m_s2");
+  if (gravity_m_s2 && !(*gravity_m_s2 > 9 && *gravity_m_s2 < 11))
     yaml->add_fault("gravity_m_s2", "must lie between 9 and 11");
-  info.X_BI = yaml->pose("T_BS").value_or(Pose{});
+  const auto X_BI = yaml->pose("T_BS");
+  if (const auto sound = yaml->check(); !sound) return sound;
+  info.imu = noise;
+  info.gravity_m_s2 = gravity_m_s2;
+  info.X_BI = X_BI.value_or(Pose{});
   if (info.X_BI.p.norm() > 1e-3)
     log::warning("capture", path.string() +
                                 ": the IMU is not in the origin of the body axes (T_BS); its "
                                 "samples are rotated into body axes, but the lever arm is ignored");
-  return yaml->check();
+  return {};
 }
 
 RecordedTag read_known_tag(const YamlSection& yaml, double default_size_m) {
@@ -106,21 +111,14 @@ Expected<void> read_tags(const std::filesystem::path& path, RecordingInfo& info)
   return yaml->check();
 }
 
-Expected<void> read_cameras(const RecordingLayout& layout, RecordingInfo& info) {
+void read_cameras(const RecordingLayout& layout, RecordingInfo& info, std::vector<Error>& faults) {
   for (std::size_t k = 0; is_folder(layout.camera(k)); ++k) {
-    Expected<CameraMount> mount = read_camera(layout.camera_yaml(k));
-    if (!mount) return tl::unexpected(mount.error());
-    info.cameras.push_back(*mount);
+    const Expected<CameraMount> mount = read_camera(layout.camera_yaml(k));
+    if (!mount) faults.push_back(mount.error());
+    info.cameras.push_back(mount.value_or(CameraMount{}));
     info.has_images.push_back(is_file(layout.images_csv(k)) && is_folder(layout.images(k)));
     info.has_corners.push_back(is_file(layout.corners_csv(k)));
-    if (is_folder(layout.images(k)) && !is_file(layout.images_csv(k)))
-      log::warning("capture", layout.images(k).string() +
-                                  " is not used: " + layout.images_csv(k).string() +
-                                  " with the times of its images is missing");
   }
-  if (!info.cameras.empty()) return {};
-  return fail(ErrorCode::kNotFound, "no camera: cam0/sensor.yaml is missing",
-              layout.mav().string());
 }
 
 // Numbers read back as the same double.
@@ -155,47 +153,93 @@ std::string matrix_of(const Pose& X, const std::string& indent) {
 
 }  // namespace
 
+std::string log_kind(const std::filesystem::path& path) {
+  if (is_folder(path)) {
+    if (is_file(path / "metadata.yaml")) return "a folder of rosbag2";
+    return is_file(path / "Gyroscope.csv") ? "a folder of Sensor Logger" : "";
+  }
+  constexpr std::array<std::pair<std::string_view, const char*>, 4> kHeads{
+      {{"#ROSBAG", "a bag of ROS 1"},
+       {"\x89MCAP", "an MCAP file"},
+       {"SQLite format 3", "a file of rosbag2"},
+       {"PK\x03\x04", kZipArchive}}};
+  std::array<char, 16> head{};
+  std::ifstream file(path, std::ios::binary);
+  file.read(head.data(), head.size());
+  const std::string_view bytes(head.data(), static_cast<std::size_t>(file.gcount()));
+  for (const auto& [begins, kind] : kHeads)
+    if (bytes.starts_with(begins)) return kind;
+  return "";
+}
+
 Expected<RecordingLayout> RecordingLayout::find(const std::filesystem::path& folder) {
-  if (!is_folder(folder)) return fail(ErrorCode::kNotFound, "no such folder", folder.string());
   if (is_folder(folder / "mav0")) return RecordingLayout(folder);
+  if (const std::string kind = log_kind(folder); !kind.empty())
+    return fail(ErrorCode::kInvalid,
+                "is " + kind + ", expected is the folder of a recording: `fiducap import " +
+                    folder.string() + " --out " + folder.stem().string() + "_recording` makes one",
+                folder.string());
+  if (is_file(folder))
+    return fail(ErrorCode::kInvalid,
+                "is a file, expected is the folder of a recording (with mav0); `fiducap import` "
+                "makes one of a bag, an MCAP file, a video or a log of a phone",
+                folder.string());
+  if (!is_folder(folder)) return fail(ErrorCode::kNotFound, "no such folder", folder.string());
   std::error_code ignored;
   const std::filesystem::path full = std::filesystem::weakly_canonical(folder, ignored);
   if (full.filename() == "mav0") return RecordingLayout(full.parent_path());
-  return fail(ErrorCode::kNotFound, "is not a recording in the EuRoC layout: it has no folder mav0",
+  std::string inside;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, ignored))
+    if (is_folder(entry.path() / "mav0")) inside = "; " + entry.path().string() + " has one";
+  return fail(ErrorCode::kNotFound,
+              "is not a recording in the EuRoC layout: it has no folder mav0" + inside,
               folder.string());
+}
+
+RecordingInfo read_recording_parts(const RecordingLayout& layout, std::vector<Error>& faults) {
+  const auto note = [&faults](const Expected<void>& read) {
+    if (!read) faults.push_back(read.error());
+  };
+  RecordingInfo info;
+  info.folder = layout.folder().string();
+  std::error_code ignored;
+  const std::filesystem::path full = std::filesystem::weakly_canonical(layout.folder(), ignored);
+  info.name = (full.has_filename() ? full : full.parent_path()).filename().string();
+  read_cameras(layout, info, faults);
+  if (is_file(layout.imu_csv())) note(read_imu(layout.imu_yaml(), info));
+  if (is_file(layout.tags_yaml())) {
+    RecordingInfo with_tags = info;
+    const auto read = read_tags(layout.tags_yaml(), with_tags);
+    note(read);
+    if (read) info = std::move(with_tags);
+  }
+  if (info.imu) return info;  // odometry is not needed
+  auto odometry = read_odometry(layout);
+  if (odometry && *odometry)
+    info.odometry = std::make_shared<const Odometry>(std::move(**odometry));
+  note(odometry.map([](const auto&) {}));
+  return info;
 }
 
 Expected<RecordingInfo> read_recording_info(const std::string& folder) {
   const Expected<RecordingLayout> layout = RecordingLayout::find(folder);
   if (!layout) return tl::unexpected(layout.error());
-  RecordingInfo info;
+  std::vector<Error> faults;
+  RecordingInfo info = read_recording_parts(*layout, faults);
   info.folder = folder;
-  std::error_code ignored;
-  info.name = std::filesystem::weakly_canonical(layout->folder(), ignored).filename().string();
-  if (info.name.empty())
-    info.name = std::filesystem::weakly_canonical(layout->folder(), ignored)
-                    .parent_path()
-                    .filename()
-                    .string();
-  if (const auto read = read_cameras(*layout, info); !read) return tl::unexpected(read.error());
-  if (is_file(layout->imu_csv())) {
-    if (const auto read = read_imu(layout->imu_yaml(), info); !read)
-      return tl::unexpected(read.error());
-  }
-  if (is_file(layout->tags_yaml())) {
-    if (const auto read = read_tags(layout->tags_yaml(), info); !read)
-      return tl::unexpected(read.error());
-  }
-  if (info.imu) return info;  // odometry is not needed
-  auto odometry = read_odometry(folder);
-  if (!odometry) return tl::unexpected(odometry.error());
-  if (*odometry) info.odometry = std::make_shared<const Odometry>(std::move(**odometry));
-  return info;
+  if (!faults.empty()) return tl::unexpected(faults.front());
+  for (std::size_t k = 0; k < info.cameras.size(); ++k)
+    if (is_folder(layout->images(k)) && !is_file(layout->images_csv(k)))
+      log::warning("capture", layout->images(k).string() +
+                                  " is not used: " + layout->images_csv(k).string() +
+                                  " with the times of its images is missing");
+  if (!info.cameras.empty()) return info;
+  return fail(ErrorCode::kNotFound, "no camera: cam0/sensor.yaml is missing",
+              layout->mav().string());
 }
 
 std::string camera_yaml(const CameraMount& mount) {
   const CameraModel& model = mount.model;
-  const std::size_t coefficients = model.distortion == Distortion::kRadialTangential ? 5 : 4;
   std::ostringstream out = exact_text();
   out << "sensor_type: camera\n"
       << matrix_of(mount.X_BV, "") << "rate_hz: " << mount.rate_hz << "\n"
@@ -204,9 +248,7 @@ std::string camera_yaml(const CameraMount& mount) {
       << "intrinsics: " << list_of(std::array{model.fu, model.fv, model.cu, model.cv})
       << "  # fu, fv, cu, cv\n"
       << "distortion_model: " << name_of(model.distortion) << "\n"
-      << "distortion_coefficients: "
-      << list_of(std::vector(model.coefficients.begin(), model.coefficients.begin() + coefficients))
-      << "\n"
+      << "distortion_coefficients: " << list_of(listed_coefficients(model)) << "\n"
       << "timeshift_cam_imu: " << to_seconds(mount.time_shift) << "  # s, t_imu = t_cam + shift\n"
       << "timeshift_sigma: " << mount.time_shift_sigma_s << "\n"
       << "readout: " << mount.readout_s << "  # s, rolling shutter, first row to last\n"

@@ -188,8 +188,8 @@ std::optional<SensorSample> ImageStream::next() {
       continue;
     }
     std::shared_ptr<GrayImage> image = pool_->acquire();
-    image->resize(mount_.model.width, mount_.model.height);
-    const Expected<void> decoded = read_gray_file(file, file_bytes_, *image);
+    const PixelSize size{mount_.model.width, mount_.model.height};
+    const Expected<void> decoded = decoder_.read_file(file, size, *image);
     if (decoded)
       return CameraFrame{camera_, instant_from_ns(ns) + mount_.time_shift, std::move(image)};
     if (dropped_++ == 0)

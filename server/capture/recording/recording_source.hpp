@@ -85,7 +85,7 @@ class ImageStream final {
   CameraMount mount_;
   int camera_;
   GrayImagePool* pool_;
-  std::vector<std::uint8_t> file_bytes_;
+  GrayDecoder decoder_;
   std::uint64_t dropped_{0};
 };
 

@@ -208,22 +208,35 @@ std::optional<Pose> Odometry::motion(Instant from, Instant to) const {
   return pose_at(from).inverse() * pose_at(to);
 }
 
-Expected<std::optional<Odometry>> read_odometry(const std::string& folder) {
-  const Expected<RecordingLayout> layout = RecordingLayout::find(folder);
-  if (!layout) return tl::unexpected(layout.error());
-  auto out = is_file(layout->odometry_csv())         ? read_sensor(*layout)
-             : is_file(layout->phone_odometry_csv()) ? read_phone(*layout)
-                                                     : std::optional<Odometry>{};
+Expected<std::optional<Odometry>> read_odometry(const RecordingLayout& layout) {
+  auto out = is_file(layout.odometry_csv())         ? read_sensor(layout)
+             : is_file(layout.phone_odometry_csv()) ? read_phone(layout)
+                                                    : std::optional<Odometry>{};
   if (out && *out && (*out)->poses.size() < 2) {
-    log::warning("capture", folder + ": its odometry has fewer than two poses and is not used");
+    log::warning("capture", layout.folder().string() +
+                                ": its odometry has fewer than two poses and is not used");
     out->reset();
   }
   return out;
 }
 
+Expected<std::vector<TruthSample>> read_truth(const RecordingLayout& layout) {
+  for (const auto& sensor : {layout.state(), layout.motion_capture(), layout.markers()}) {
+    if (!is_file(sensor / "data.csv")) continue;
+    auto truth = read_increasing(sensor / "data.csv");
+    if (!truth || !is_file(sensor / "sensor.yaml")) return truth;
+    const Expected<YamlSection> yaml = YamlSection::load(sensor / "sensor.yaml");
+    if (!yaml) return tl::unexpected(yaml.error());
+    const Pose X_SB = yaml->pose("T_BS").value_or(Pose{}).inverse();
+    for (TruthSample& sample : *truth) sample.X_WB = sample.X_WB * X_SB;
+    return yaml->check().map([&] { return std::move(*truth); });
+  }
+  return std::vector<TruthSample>{};
+}
+
 Expected<std::vector<TruthSample>> read_truth(const std::string& folder) {
   return RecordingLayout::find(folder).and_then(
-      [](const RecordingLayout& layout) { return read_increasing(layout.state_csv()); });
+      [](const RecordingLayout& layout) { return read_truth(layout); });
 }
 
 Expected<std::vector<TruthSample>> read_reference_poses(const std::string& folder) {

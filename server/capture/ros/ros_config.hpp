@@ -13,6 +13,9 @@ struct RosSourceConfig {
   /// One topic per camera: sensor_msgs/Image; CompressedImage if it ends in `/compressed`.
   std::vector<std::string> images;
   std::string imu;  ///< sensor_msgs/Imu, in the body's axes; empty: none.
+  /// Where `imu` has the gyroscope only (RealSense): the accelerometer's topic, sensor_msgs/Imu.
+  /// Its readings are interpolated to the stamps of the gyroscope.
+  std::string accel;
   /// Reliable QoS; drivers without it are not received then.
   bool reliable{false};
   /// The senders' clocks are synchronised with this machine's (PTP, NTP). Else: placed by arrival.
@@ -30,6 +33,7 @@ template <class V>
 void describe(V& v, RosSourceConfig& c) {
   v.value("images", c.images);
   v.value("imu", c.imu);
+  v.value("accel", c.accel);
   v.value("reliable", c.reliable);
   v.value("synchronized", c.synchronized);
   v.value("camera_info_wait_s", c.camera_info_wait_s);

@@ -8,6 +8,7 @@
 #include <fiducap_dds/ros_sensors.h>
 
 #include "base/log.hpp"
+#include "capture/reading_pairs.hpp"
 #include "capture/ros_image.hpp"
 
 namespace fiducap::dds {
@@ -24,7 +25,9 @@ std::vector<ConfigError> RosSourceConfig::check(const std::string& prefix) const
       .require(!images.empty() && images.size() <= 16, "images",
                std::to_string(images.size()) + " entries", "must be 1 to 16 topics")
       .require(imu.empty() || is_topic_name(imu), "imu", '"' + imu + '"',
-               "must be a topic, e.g. /imu/data");
+               "must be a topic, e.g. /imu/data")
+      .require(accel.empty() || (is_topic_name(accel) && !imu.empty()), "accel", '"' + accel + '"',
+               "must be a topic beside that of the gyroscope in imu, e.g. /camera/accel/sample");
   for (const auto& topic : images)
     checker.require(is_topic_name(topic), "images", '"' + topic + '"',
                     "must be topics, e.g. /camera/image_raw");
@@ -72,6 +75,8 @@ Expected<Reader> make_reader(const Participant& in, const std::string& topic,
 struct Camera {
   std::string topic;
   CameraMount mount;
+  ros::GrayConversion conversion{};  ///< Of raw images …
+  GrayDecoder decoder{};             ///< … and of compressed ones.
   bool warned{false};
 };
 
@@ -82,13 +87,14 @@ class RosSource final : public TopicSource {
       : TopicSource(std::move(participant), config.synchronized, clock, std::move(arrivals),
                     "the stamps of a ROS source are not of this machine's time: they are placed by "
                     "arrival now (synchronise the clocks by PTP or NTP)"),
-        has_imu_(!config.imu.empty()) {}
+        has_imu_(!config.imu.empty()),
+        has_accel_(!config.accel.empty()) {}
 
   Expected<void> subscribe_all(const RosSourceConfig& config,
                                const std::vector<CameraMount>& mounts) {
-    if (has_imu_) {
-      if (auto done =
-              subscribe(config.imu, sensor_msgs_msg_dds__Imu__desc, config.reliable, kImuDepth);
+    for (const std::string& topic : {config.imu, config.accel}) {
+      if (topic.empty()) continue;
+      if (auto done = subscribe(topic, sensor_msgs_msg_dds__Imu__desc, config.reliable, kImuDepth);
           !done)
         return done;
     }
@@ -111,14 +117,42 @@ class RosSource final : public TopicSource {
 
   std::optional<SensorSample> next_imu() {
     if (!has_imu_) return std::nullopt;
+    if (has_accel_) return next_pair();
     while (auto loan = readers().front().take()) {
       const auto& message = loan.as<sensor_msgs_msg_dds__Imu_>();
       const auto at = place(to_ns(message.header.stamp));
       if (!at) continue;
       const auto& w = message.angular_velocity;
       const auto& f = message.linear_acceleration;
+      warn_of_zeros(f.x == 0 && f.y == 0 && f.z == 0);
       return ImuSample{*at, {w.x, w.y, w.z}, {f.x, f.y, f.z}};
     }
+    return std::nullopt;
+  }
+
+  /// Once, when there was no acceleration so far: a gyroscope alone.
+  void warn_of_zeros(bool is_zero) {
+    constexpr int kEnough = 100;
+    if (!is_zero) zeros_ = kEnough + 1;
+    if (zeros_ <= kEnough && ++zeros_ == kEnough)
+      log::warning("capture",
+                   "the topic of the IMU has only zeros as accelerations: where the accelerometer "
+                   "has a topic of its own, name it in 'accel'");
+  }
+
+  std::optional<SensorSample> next_pair() {
+    while (auto loan = readers()[0].take()) {
+      const auto& message = loan.as<sensor_msgs_msg_dds__Imu_>();
+      const auto& w = message.angular_velocity;
+      pairs_.add_gyro({to_ns(message.header.stamp), {w.x, w.y, w.z}});
+    }
+    while (auto loan = readers()[1].take()) {
+      const auto& message = loan.as<sensor_msgs_msg_dds__Imu_>();
+      const auto& f = message.linear_acceleration;
+      pairs_.add_accel({to_ns(message.header.stamp), {f.x, f.y, f.z}});
+    }
+    while (const auto pair = pairs_.take())
+      if (const auto at = place(pair->stamp_ns)) return ImuSample{*at, pair->w, pair->f};
     return std::nullopt;
   }
 
@@ -126,7 +160,7 @@ class RosSource final : public TopicSource {
   std::optional<SensorSample> next_image() {
     for (std::size_t tried = 0; tried < cameras_.size(); ++tried) {
       const std::size_t k = turn_++ % cameras_.size();
-      auto loan = readers()[k + (has_imu_ ? 1 : 0)].take();
+      auto loan = readers()[k + (has_imu_ ? 1 : 0) + (has_accel_ ? 1 : 0)].take();
       if (!loan) continue;
       auto frame = ros::is_compressed(cameras_[k].topic)
                        ? read(k, loan.as<sensor_msgs_msg_dds__CompressedImage_>())
@@ -144,15 +178,16 @@ class RosSource final : public TopicSource {
                             message.step,
                             {message.data._buffer, message.data._length}};
     auto gray = pool_.acquire();
-    const auto converted = ros::to_gray(raw, cameras_[k].mount.model, *gray);
+    const auto converted = cameras_[k].conversion.convert(raw, cameras_[k].mount.model, *gray);
     return finish(k, message.header.stamp, converted, std::move(gray));
   }
 
   std::optional<SensorSample> read(std::size_t k,
                                    const sensor_msgs_msg_dds__CompressedImage_& message) {
     auto gray = pool_.acquire();
-    const auto converted = ros::decode_gray({message.data._buffer, message.data._length},
-                                            cameras_[k].mount.model, *gray);
+    const CameraModel& model = cameras_[k].mount.model;
+    const auto converted = cameras_[k].decoder.decode({message.data._buffer, message.data._length},
+                                                      PixelSize{model.width, model.height}, *gray);
     return finish(k, message.header.stamp, converted, std::move(gray));
   }
 
@@ -170,7 +205,10 @@ class RosSource final : public TopicSource {
     return CameraFrame{static_cast<int>(k), *at + cameras_[k].mount.time_shift, std::move(gray)};
   }
 
-  bool has_imu_;  ///< Its reader is the first one.
+  bool has_imu_;    ///< Its reader is the first one, …
+  bool has_accel_;  ///< … that of the accelerometer the second.
+  ReadingPairs pairs_;
+  int zeros_{0};
   std::vector<Camera> cameras_;
   GrayImagePool pool_;
   std::size_t turn_{0};

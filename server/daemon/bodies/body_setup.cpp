@@ -1,6 +1,5 @@
 #include "daemon/bodies/body_setup.hpp"
 
-#include <fstream>
 #include <sstream>
 #include <utility>
 
@@ -165,14 +164,6 @@ class FailedSource final : public SensorSource {
   Error error_;
 };
 
-/// Kalibr's camchain starts each camera with its name.
-bool is_camchain(const std::string& file) {
-  std::ifstream stream(file);
-  for (std::string line; std::getline(stream, line);)
-    if (line.rfind("cam0:", 0) == 0) return true;
-  return false;
-}
-
 /// The value that was read; a fault and `configured` when there is none.
 template <class Read, class T>
 T value_or(Expected<Read> read, T configured, std::vector<Error>& faults) {
@@ -185,21 +176,15 @@ T value_or(Expected<Read> read, T configured, std::vector<Error>& faults) {
 Expected<CameraMount> read_mount(const CameraConfig& camera, std::size_t place) {
   CameraMount mount = camera.mount;
   if (camera.calibration.empty()) return mount;
-  if (!is_camchain(camera.calibration)) return read_camera_calibration(camera.calibration, mount);
-  auto chain = read_kalibr_camchain(camera.calibration);
-  if (!chain) return tl::unexpected(chain.error());
-  // Camera K of the body is camK of the file.
-  const std::size_t which = chain->size() == 1 ? 0 : place;
-  if (which >= chain->size())
-    return fail(ErrorCode::kNotFound,
-                "has " + std::to_string(chain->size()) + " cameras, but the body's camera " +
-                    std::to_string(place) + " needs cam" + std::to_string(place),
-                camera.calibration);
-  const CameraMount& read = (*chain)[which];
-  mount.model = read.model;
-  mount.X_BV = read.X_BV;
-  mount.time_shift = read.time_shift;
-  return mount;
+  auto read = read_calibration(camera.calibration, mount);
+  if (!read) return tl::unexpected(read.error());
+  // Camera K of the body is camK of a file of several.
+  const std::size_t which = read->size() == 1 ? 0 : place;
+  if (which < read->size()) return (*read)[which].mount;
+  return fail(ErrorCode::kNotFound,
+              "has " + std::to_string(read->size()) + " cameras, but the body's camera " +
+                  std::to_string(place) + " needs cam" + std::to_string(place),
+              camera.calibration);
 }
 
 std::optional<ImuNoise> read_imu(const BodyConfig& body, const BodySetup& setup,
@@ -210,7 +195,7 @@ std::optional<ImuNoise> read_imu(const BodyConfig& body, const BodySetup& setup,
           : visit_source(body.source, [&](const auto& source) { return imu_of(source, setup); });
   if (!body.use_imu || !own) return std::nullopt;
   ImuNoise noise = body.imu ? *body.imu : *own;
-  if (!body.kalibr_imu.empty()) noise = value_or(read_kalibr_imu(body.kalibr_imu), noise, faults);
+  if (!body.kalibr_imu.empty()) noise = value_or(read_imu_noise(body.kalibr_imu), noise, faults);
   noise.correction = own->correction;  // of a recording
   if (!body.imu_correction.empty())
     noise.correction = value_or(read_imu_correction(body.imu_correction), noise.correction, faults);

@@ -25,10 +25,11 @@ inline constexpr std::array<Word<log::Level>, 4> kLogLevel{{{"debug", log::Level
                                                             {"error", log::Level::kError}}};
 inline constexpr std::array<Word<MapMode>, 2> kMapMode{
     {{"mapping", MapMode::kMapping}, {"frozen", MapMode::kFrozen}}};
-inline constexpr std::array<Word<Distortion>, 3> kDistortion{
+inline constexpr std::array<Word<Distortion>, 4> kDistortion{
     {{"none", Distortion::kNone},
      {"radial-tangential", Distortion::kRadialTangential},
-     {"equidistant", Distortion::kEquidistant}}};
+     {"equidistant", Distortion::kEquidistant},
+     {"rational_polynomial", Distortion::kRational}}};
 
 }  // namespace words
 

@@ -140,16 +140,12 @@ double scale_of(const YamlPlace& unit, const std::vector<std::pair<Marker, YamlP
   return *options.edge_m / first.edge;
 }
 
-/// Family of the dictionary; unknown: empty, with a remark.
-std::string family_of(const std::string& dictionary, std::vector<std::string>& remarks) {
+/// Family of the dictionary; an unknown one stays.
+std::string family_of(const std::string& dictionary) {
   for (const std::string_view one : kFamilies)
     if (dictionary == joined(kOfAruco, one) || dictionary == joined(kOfOpenCv, one))
       return joined("tag", one);
-  if (const TagFamilyFacts* listed = find_tag_family(dictionary)) return std::string(listed->name);
-  if (!dictionary.empty())
-    remarks.push_back("the dictionary " + dictionary +
-                      " is of no supported family: hang up tags with these ids instead");
-  return {};
+  return listed_tag_family(dictionary);
 }
 
 ImportedMap read_aruco(const YamlPlace& top, const MapImportOptions& options) {
@@ -157,7 +153,7 @@ ImportedMap read_aruco(const YamlPlace& top, const MapImportOptions& options) {
   std::vector<std::string> remarks;
   const std::string dictionary =
       top.has("aruco_bc_dict") ? top.at("aruco_bc_dict").text() : std::string();
-  const std::string family = family_of(dictionary, remarks);
+  const std::string family = family_of(dictionary);
   const bool is_turned = dictionary.starts_with(kOfOpenCv);
   if (is_turned)
     remarks.push_back("OpenCV prints " + dictionary +

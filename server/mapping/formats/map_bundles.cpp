@@ -1,5 +1,6 @@
 // apriltag_ros bundles. Tag axes x right, y up, z out, the pose takes them into the bundle's axes;
 // sizes are edges of the black square: so are ours. ROS asserts that a size is no whole number.
+#include <algorithm>
 #include <map>
 
 #include "mapping/formats/map_exchange.hpp"
@@ -51,7 +52,18 @@ void add_bundle(const YamlPlace& bundle, std::map<int, double>& standalone, Fore
   }
 }
 
+/// At the top, or below the name of a node and `ros__parameters`, as launch files load it.
+bool has_bundles(const YamlPlace& place) {
+  return place.has("tag_bundles") || place.has("standalone_tags") ||
+         std::ranges::any_of(place.members(), [](const auto& member) {
+           return member.second.is_map() && has_bundles(member.second);
+         });
+}
+
 ImportedMap read_bundles(const YamlPlace& top) {
+  if (!top.has("tag_bundles") && !top.has("standalone_tags"))
+    for (const auto& [name, inner] : top.members())
+      if (inner.is_map() && has_bundles(inner)) return read_bundles(inner);
   std::vector<std::string> remarks;
   const std::string family = top.has("tag_family") ? top.at("tag_family").text() : std::string();
   top.remark_others({"tag_family", "tag_bundles", "standalone_tags"}, remarks);

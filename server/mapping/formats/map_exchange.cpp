@@ -1,6 +1,9 @@
 #include "mapping/formats/map_exchange.hpp"
 
 #include <algorithm>
+#include <set>
+
+#include "detection/tag_family.hpp"
 
 namespace fiducap {
 
@@ -16,6 +19,10 @@ constexpr double kFarFromOrigin_m = 1e3;  // more than a hall; metres or millime
 constexpr double kBelowFloor_m = -0.05;
 constexpr double kNearFloor_m = 0.3;
 constexpr double kClearly = 0.7;  // cosine of 45 degrees
+// Nearer than that, in edges, two tags that face the same way cover each other. A smaller one may
+// stand in the middle of a larger one.
+constexpr double kOverlap = 0.9;
+constexpr double kSimilarSize = 0.5;
 constexpr std::size_t kMostNamed = 10;
 
 /// Numbers of tags on walls and near the floor, and of those that are upside down.
@@ -45,6 +52,32 @@ template <typename Measure>
 const MapTag& most_of(const TagMap& map, Measure measure) {
   return *std::ranges::max_element(
       map.tags, [&](const MapTag& a, const MapTag& b) { return measure(a) < measure(b); });
+}
+
+bool cover_each_other(const KnownTag& a, const KnownTag& b) {
+  const double edge_m = (a.edge_m + b.edge_m) / 2;
+  if (std::min(a.edge_m, b.edge_m) < kSimilarSize * std::max(a.edge_m, b.edge_m)) return false;
+  const Eigen::Vector3d normal = a.X_WT.q * Eigen::Vector3d::UnitZ();
+  return (a.X_WT.p - b.X_WT.p).norm() < kOverlap * edge_m &&
+         normal.dot(b.X_WT.q * Eigen::Vector3d::UnitZ()) > kClearly;
+}
+
+/// Tags that cover others, ascending, at most one more than a message names.
+std::vector<int> covered_tags(const TagMap& map) {
+  constexpr double kReach = kOverlap * (1 + 1 / kSimilarSize) / 2;  // in edges of the smaller
+  std::vector<const KnownTag*> by_x;
+  for (const MapTag& entry : map.tags) by_x.push_back(&entry.tag);
+  std::ranges::sort(by_x, {}, [](const KnownTag* tag) { return tag->X_WT.p.x(); });
+  std::set<int> covered;
+  for (std::size_t i = 0; i < by_x.size(); ++i)
+    for (std::size_t j = i + 1;
+         j < by_x.size() && by_x[j]->X_WT.p.x() - by_x[i]->X_WT.p.x() < kReach * by_x[i]->edge_m;
+         ++j) {
+      if (!cover_each_other(*by_x[i], *by_x[j])) continue;
+      covered.insert({by_x[i]->tag_id, by_x[j]->tag_id});
+      if (covered.size() > kMostNamed) return {covered.begin(), covered.end()};
+    }
+  return {covered.begin(), covered.end()};
 }
 
 std::string all_of(std::size_t count) { return "all " + std::to_string(count) + " tags "; }
@@ -117,10 +150,22 @@ std::vector<MapTag> ImportedTags::take() {
 Expected<ImportedMap> with_family(ImportedMap imported, const MapImportOptions& options,
                                   const std::string& context) {
   std::string& family = imported.map.family;
-  if (!family.empty() && !options.family.empty() && family != options.family)
-    return fail(ErrorCode::kInvalid,
-                "holds tags of the family " + family + ", not " + options.family, context);
-  if (family.empty()) family = options.family;
+  const std::string given = listed_tag_family(options.family);
+  if (!family.empty() && !is_tag_family(family)) {
+    if (given.empty())
+      return fail(ErrorCode::kUnsupported,
+                  "holds tags of the family " + family + ", which is not supported: it " +
+                      tag_family_rule(family) +
+                      "; if the tags on the wall are of another one, add --family NAME",
+                  context);
+    imported.remarks.push_back("the file names the family " + family +
+                               ", which is not supported: " + given + " is taken as given");
+    family = given;
+  }
+  if (!family.empty() && !given.empty() && family != given)
+    return fail(ErrorCode::kInvalid, "holds tags of the family " + family + ", not " + given,
+                context);
+  if (family.empty()) family = given;
   if (!family.empty()) return imported;
   family = TagMap{}.family;
   imported.remarks.push_back("the file does not name the family of its tags: " + family +
@@ -132,6 +177,21 @@ Expected<ImportedMap> checked_import(ImportedMap imported, const MapImportOption
                                      const std::string& context) {
   auto checked = with_family(std::move(imported), options, context);
   if (!checked) return checked;
+  for (const MapTag& entry : checked->map.tags) {
+    auto fault = unit_fault_of_edge(entry.tag.edge_m);
+    if (!fault) fault = unit_fault_of_place(entry.tag.X_WT.p);
+    if (fault)
+      return fail(ErrorCode::kInvalid, "tag " + std::to_string(entry.tag.tag_id) + ": " + *fault,
+                  context);
+  }
+  if (const auto covered = covered_tags(checked->map); !covered.empty()) {
+    const Eigen::Vector3d& p = checked->map.find(covered.front())->tag.X_WT.p;
+    return fail(ErrorCode::kInvalid,
+                tags_text(covered) + " cover each other, near " + shortest(p.x()) + ", " +
+                    shortest(p.y()) + ", " + shortest(p.z()) +
+                    " m: were their places never filled in, or copied?",
+                context);
+  }
   for (std::string& remark : plausibility_remarks(checked->map))
     checked->remarks.push_back(std::move(remark));
   return checked;

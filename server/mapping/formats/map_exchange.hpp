@@ -65,11 +65,13 @@ class ImportedTags final {
 
 /// Completes `imported.map.family`, the file's or empty, by the options, else by tag36h11, with a
 /// remark.
-/// @return Error when options and file contradict each other
+/// @return Error when options and file contradict each other, or the file's is not supported and
+/// none is given
 [[nodiscard]] Expected<ImportedMap> with_family(ImportedMap imported,
                                                 const MapImportOptions& options,
                                                 const std::string& context);
-/// The same, with plausibility_remarks().
+/// The same, with plausibility_remarks(). @return Error also for values that cannot be in metres
+/// and for tags that cover each other
 [[nodiscard]] Expected<ImportedMap> checked_import(ImportedMap imported,
                                                    const MapImportOptions& options,
                                                    const std::string& context);

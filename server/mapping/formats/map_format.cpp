@@ -28,16 +28,21 @@ std::string_view without_blanks(std::string_view text) {
   return text;
 }
 
-/// The first key at the beginning of a line that only one format has.
+/// The first key at the beginning of a line that only one format has; bundles also further in.
 std::optional<MapFormat> format_by_keys(std::string_view text) {
+  std::optional<MapFormat> indented;
   while (!text.empty()) {
     const std::string_view line = text.substr(0, text.find('\n'));
     const std::string_view key = without_blanks(line.substr(0, line.find(':')));
-    for (const TopKey& one : kTopKeys)
-      if (key.size() < line.size() && key == one.key) return one.format;
+    const std::size_t begin = std::min(key.find_first_not_of(" \t"), key.size());
+    for (const TopKey& one : kTopKeys) {
+      if (key.size() == line.size() || key.substr(begin) != one.key) continue;
+      if (begin == 0) return one.format;
+      if (one.format == MapFormat::kBundles) indented = one.format;
+    }
     text.remove_prefix(std::min(line.size() + 1, text.size()));
   }
-  return std::nullopt;
+  return indented;
 }
 
 std::optional<MapFormat> format_by_content(std::string_view text) {
@@ -45,8 +50,9 @@ std::optional<MapFormat> format_by_content(std::string_view text) {
   if (text.starts_with("id,")) return MapFormat::kCsv;
   const auto first = text.find_first_not_of(" \t\r\n");
   if (first != std::string_view::npos && text[first] == '{')
-    return text.find("fiducap-map") == std::string_view::npos ? MapFormat::kWpilib
-                                                              : MapFormat::kFiducap;
+    return text.find("fiducap-map") != std::string_view::npos     ? MapFormat::kFiducap
+           : text.find("\"fiducials\"") != std::string_view::npos ? MapFormat::kLimelight
+                                                                  : MapFormat::kWpilib;
   return format_by_keys(text);
 }
 
@@ -91,6 +97,13 @@ Expected<ImportedMap> read_wpilib(const std::string& text, const MapImportOption
   return imported;
 }
 
+Expected<ImportedMap> read_limelight(const std::string& text, const MapImportOptions& options,
+                                     const std::string& context) {
+  auto imported = map_from_limelight_json(text, context);
+  if (!imported) return imported;
+  return checked_import(std::move(*imported), options, context);
+}
+
 template <ExportedMap (*write)(const TagMap&)>
 ExportedMap write_as(const TagMap& map, std::optional<FieldSize> /*field*/) {
   return write(map);
@@ -108,7 +121,7 @@ struct FormatEntry {
   MapReader* read;
   Write* write;
 };
-constexpr std::array<FormatEntry, 7> kMapFormats{{
+constexpr std::array<FormatEntry, 8> kMapFormats{{
     {MapFormat::kFiducap, "fiducap", false, read_own_map, write_whole<map_to_yaml>},
     {MapFormat::kCsv, "csv", false, read_csv, write_whole<map_to_csv>},
     {MapFormat::kTagslam, "tagslam", false, map_from_tagslam_yaml, write_as<map_to_tagslam_yaml>},
@@ -117,6 +130,7 @@ constexpr std::array<FormatEntry, 7> kMapFormats{{
     {MapFormat::kRcars, "rcars", true, map_from_rcars_yaml, write_as<map_to_rcars_yaml>},
     {MapFormat::kAruco, "aruco", true, map_from_aruco_yaml, write_as<map_to_aruco_yaml>},
     {MapFormat::kWpilib, "wpilib", true, read_wpilib, map_to_wpilib_json},
+    {MapFormat::kLimelight, "limelight", false, read_limelight, map_to_limelight_json},
 }};
 
 /// In the order of MapFormat.
@@ -154,10 +168,12 @@ Expected<MapFormat> map_format_of(const std::string& file) {
   if (end == ".yaml" || end == ".yml") return MapFormat::kFiducap;
   if (end == ".csv") return MapFormat::kCsv;
   if (end == ".json") return MapFormat::kWpilib;
-  return fail(ErrorCode::kUnsupported,
-              "maps are written as .yaml or .csv (ours) or .json (WPILib), not '" + end +
-                  "'; or name the format with --format: " + map_format_names(),
-              file);
+  if (end == ".fmap") return MapFormat::kLimelight;
+  return fail(
+      ErrorCode::kUnsupported,
+      "maps are written as .yaml or .csv (ours), .json (WPILib) or .fmap (Limelight), not '" + end +
+          "'; or name the format with --format: " + map_format_names(),
+      file);
 }
 
 Expected<ImportedMap> read_map(MapFormat format, const std::string& text,

@@ -19,9 +19,10 @@ enum class MapFormat {
   kRcars,
   kAruco,  ///< ArUco library, MarkerMapper.
   kWpilib,
+  kLimelight,
 };
 
-/// `fiducap`, `csv`, `tagslam`, `apriltag_ros`, `rcars`, `aruco`, `wpilib`.
+/// `fiducap`, `csv`, `tagslam`, `apriltag_ros`, `rcars`, `aruco`, `wpilib`, `limelight`.
 [[nodiscard]] std::string_view name_of(MapFormat format);
 [[nodiscard]] std::optional<MapFormat> map_format_from(std::string_view name);
 /// For messages: all names, comma separated.
@@ -85,6 +86,12 @@ struct FieldSize {
                                                     const std::string& context);
 /// @param field  nullopt: as far as the tags reach from the origin
 [[nodiscard]] ExportedMap map_to_wpilib_json(const TagMap& map, std::optional<FieldSize> field);
+
+/// Limelight's .fmap, also of FTC: sizes in mm, 4 x 4 transforms row by row, the axes of WPILib
+/// with the origin in the middle of the field.
+[[nodiscard]] Expected<ImportedMap> map_from_limelight_json(const std::string& text,
+                                                            const std::string& context);
+[[nodiscard]] ExportedMap map_to_limelight_json(const TagMap& map, std::optional<FieldSize> field);
 
 // Formats of other programs. At least one tag, or an Error. Writers leave out tags that the map
 // itself does not trust, with a remark. Places are in workspace axes, tag axes are ours (x right, y

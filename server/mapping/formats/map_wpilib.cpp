@@ -1,7 +1,10 @@
-// Field layouts of WPILib and PhotonVision.
+// Field layouts of WPILib and PhotonVision, and of Limelight.
+
+#include <algorithm>
 
 #include <nlohmann/json.hpp>
 
+#include "detection/tag_family.hpp"
 #include "mapping/formats/map_exchange.hpp"
 #include "mapping/formats/map_format.hpp"
 
@@ -48,11 +51,28 @@ Pose field_pose(const JsonPlace& pose) {
   return X;
 }
 
-MapTag field_tag(const JsonPlace& tag, double edge_m) {
-  const json& id = tag.at("ID").value;
+/// A 4 x 4 matrix, row by row.
+Pose matrix_pose(const JsonPlace& matrix) {
+  constexpr double kRounded = 1e-3;
+  if (!matrix.value.is_array() || matrix.value.size() != 16 ||
+      !std::ranges::all_of(matrix.value, [](const json& one) { return one.is_number(); }))
+    matrix.refuse("must be 16 numbers, a 4 x 4 matrix row by row");
+  Eigen::Matrix<double, 4, 4, Eigen::RowMajor> X;
+  for (int i = 0; i < 16; ++i)
+    X.data()[i] = matrix.value[static_cast<std::size_t>(i)].get<double>();
+  const Eigen::Matrix3d R = X.topLeftCorner<3, 3>();
+  if (!((R.transpose() * R - Eigen::Matrix3d::Identity()).norm() < kRounded) ||
+      R.determinant() < 0 || !(X.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).isZero(kRounded))
+    matrix.refuse("is no rigid transform: 4 x 4, row by row, 0 0 0 1 in the last row");
+  return {Eigen::Quaterniond(R).normalized(), X.topRightCorner<3, 1>()};
+}
+
+/// @param id_key  ID of WPILib, id of Limelight
+MapTag field_tag(const JsonPlace& tag, const char* id_key, const Pose& X_WF, double edge_m) {
+  const json& id = tag.at(id_key).value;
   if (!id.is_number_integer() || id.get<double>() < 0 || id.get<double>() > kHighestId)
-    tag.refuse("'ID' = " + id.dump() + ": must be a whole number from 0 to 1000000");
-  const Pose X_WF = field_pose(tag.at("pose"));
+    tag.refuse("'" + std::string(id_key) + "' = " + id.dump() +
+               ": must be a whole number from 0 to 1000000");
   MapTag entry;
   entry.state = TagState::kSurveyed;
   entry.tag.tag_id = id.get<int>();
@@ -62,15 +82,17 @@ MapTag field_tag(const JsonPlace& tag, double edge_m) {
   return entry;
 }
 
-TagMap field_map(const json& layout, double edge_m, const std::string& context) {
+/// @param read  one tag
+template <typename Read>
+TagMap field_map(const json& layout, const std::string& key, const std::string& context,
+                 const Read& read) {
   const JsonPlace top{layout, context};
-  const json& tags = top.at("tags").value;
-  if (!tags.is_array()) top.refuse("'tags' must be a list");
+  const json& tags = top.at(key).value;
+  if (!tags.is_array()) top.refuse("'" + key + "' must be a list");
   ImportedTags imported;
   for (std::size_t i = 0; i < tags.size(); ++i) {
-    const JsonPlace place{tags[i], context + " /tags/" + std::to_string(i)};
-    if (auto added = imported.add(field_tag(place, edge_m), place.path); !added)
-      throw Error(added.error());
+    const JsonPlace place{tags[i], context + " /" + key + "/" + std::to_string(i)};
+    if (auto added = imported.add(read(place), place.path); !added) throw Error(added.error());
   }
   TagMap map;
   map.tags = imported.take();
@@ -93,18 +115,43 @@ FieldSize reach_of(const std::vector<const MapTag*>& tags, std::vector<std::stri
   return {most.x(), most.y()};
 }
 
-}  // namespace
-
-Expected<TagMap> map_from_wpilib_json(const std::string& text, double edge_m,
-                                      const std::string& context) {
+template <typename Read>
+Expected<TagMap> map_from_json(const std::string& text, const std::string& key,
+                               const std::string& context, const Read& read) {
   if (auto fits = check_length(text, context); !fits) return tl::unexpected<Error>(fits.error());
   try {
-    return field_map(json::parse(text), edge_m, context);
+    return field_map(json::parse(text), key, context, read);
   } catch (const json::exception& error) {
     return fail(ErrorCode::kInvalid, std::string("is not JSON: ") + error.what(), context);
   } catch (const Error& error) {
     return tl::unexpected<Error>(error);
   }
+}
+
+}  // namespace
+
+Expected<TagMap> map_from_wpilib_json(const std::string& text, double edge_m,
+                                      const std::string& context) {
+  return map_from_json(text, "tags", context, [&](const JsonPlace& tag) {
+    return field_tag(tag, "ID", field_pose(tag.at("pose")), edge_m);
+  });
+}
+
+Expected<ImportedMap> map_from_limelight_json(const std::string& text, const std::string& context) {
+  std::string family;
+  auto map = map_from_json(text, "fiducials", context, [&](const JsonPlace& tag) {
+    const json& named = tag.at("family").value;
+    const std::string its = named.is_string() ? listed_tag_family(named.get<std::string>()) : "";
+    if (its.empty()) tag.refuse("'family' must be a text");
+    if (family.empty()) family = its;
+    if (its != family) tag.refuse("family " + its + ": the tags before are " + family);
+    constexpr double kMillimetre = 1e-3;
+    return field_tag(tag, "id", matrix_pose(tag.at("transform")), kMillimetre * tag.number("size"));
+  });
+  if (!map) return tl::unexpected<Error>(map.error());
+  map->family = family;
+  return ImportedMap{std::move(*map),
+                     {"the origin is the middle of the field, that of WPILib's files a corner"}};
 }
 
 ExportedMap map_to_wpilib_json(const TagMap& map, std::optional<FieldSize> field) {
@@ -123,6 +170,30 @@ ExportedMap map_to_wpilib_json(const TagMap& map, std::optional<FieldSize> field
           {{"translation", {{"x", p.x()}, {"y", p.y()}, {"z", p.z()}}},
            {"rotation",
             {{"quaternion", {{"W", q.w()}, {"X", q.x()}, {"Y", q.y()}, {"Z", q.z()}}}}}}}});
+  }
+  exported.text = layout.dump(2) + "\n";
+  return exported;
+}
+
+ExportedMap map_to_limelight_json(const TagMap& map, std::optional<FieldSize> field) {
+  ExportedMap exported;
+  const auto tags = tags_to_export(map, {}, exported.remarks);
+  if (!field) field = reach_of(tags, exported.remarks);
+  nlohmann::ordered_json layout{{"fiducials", nlohmann::ordered_json::array()},
+                                {"fieldlength", field->length_m},
+                                {"fieldwidth", field->width_m},
+                                {"type", "frc"}};
+  const std::string code = map.family.starts_with("tag") ? map.family.substr(3) : map.family;
+  for (const MapTag* entry : tags) {
+    const Eigen::Matrix3d R = (entry->tag.X_WT.q * kq_FieldTag_Tag.conjugate()).toRotationMatrix();
+    const Eigen::Vector3d& p = entry->tag.X_WT.p;
+    layout["fiducials"].push_back({{"family", "apriltag3_" + code + "_classic"},
+                                   {"id", entry->tag.tag_id},
+                                   {"size", 1e3 * entry->tag.edge_m},
+                                   {"transform",
+                                    {R(0, 0), R(0, 1), R(0, 2), p.x(), R(1, 0), R(1, 1), R(1, 2),
+                                     p.y(), R(2, 0), R(2, 1), R(2, 2), p.z(), 0.0, 0.0, 0.0, 1.0}},
+                                   {"unique", true}});
   }
   exported.text = layout.dump(2) + "\n";
   return exported;

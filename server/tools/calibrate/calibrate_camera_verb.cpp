@@ -58,6 +58,7 @@ Expected<CameraOutcome> calibrate(const CalibrateCameraArguments& arguments,
   IntrinsicsOptions options;
   if (arguments.lens == "equidistant") options.lenses = {Distortion::kEquidistant};
   if (arguments.lens == "radial-tangential") options.lenses = {Distortion::kRadialTangential};
+  if (arguments.lens == "rational") options.lenses = {Distortion::kRational};
   options.join_targets = !arguments.loose;
   auto result =
       calibrate_intrinsics(data, options, [&](const std::string& what) { line.show(what); });
@@ -137,8 +138,9 @@ void add_calibrate_camera(CLI::App& calibrate, ChosenVerb& chosen) {
       "Folder of pictures, video file, or recording (EuRoC/ASL layout, images or corners)");
   add_corner_options(*verb, *input, a);
   add_camera_target_options(*verb, a);
-  verb->add_option("--lens", a.lens, "auto tries both and takes the one that explains the pictures")
-      ->check(CLI::IsMember({"auto", "radial-tangential", "equidistant"}))
+  verb->add_option("--lens", a.lens,
+                   "auto: radial-tangential or equidistant, which explains the pictures better")
+      ->check(CLI::IsMember({"auto", "radial-tangential", "equidistant", "rational"}))
       ->capture_default_str();
   verb->add_option("--camera", a.camera, "Which camera of a recording or of a file of corners")
       ->check(CLI::Range(0, 63))

@@ -219,7 +219,7 @@ int run_poses(const CalibrateImuArguments& arguments, const std::vector<ImuSampl
   return kExitOk;
 }
 
-/// Kalibr's imu.yaml, as read_kalibr_imu reads it; comments mark values that are upper bounds.
+/// Kalibr's imu.yaml, as read_imu_noise reads it; comments mark values that are upper bounds.
 std::string to_kalibr_imu(const StaticImuNoise& result, const std::string& heading) {
   std::ostringstream out;
   out.imbue(std::locale::classic());

@@ -49,6 +49,7 @@ class CalibrationImages final {
   /// @return Error with what was expected
   [[nodiscard]] static Expected<CalibrationImages> open(const std::string& path,
                                                         std::size_t camera) {
+    if (!log_kind(path).empty()) return tl::unexpected(RecordingLayout::find(path).error());
     if (is_folder(path))
       return RecordingLayout::find(path) ? open_recorded(path, camera) : open_folder(path);
     CameraDeviceConfig video;
@@ -113,7 +114,7 @@ class CalibrationImages final {
     while (next_file_ < files_.size()) {
       const std::filesystem::path& file = files_[next_file_++];
       auto image = std::make_shared<GrayImage>();
-      const auto read = read_gray_file_of_any_size(file, scratch_, *image);
+      const auto read = decoder_.read_file(file, {}, *image);
       if (read)
         return CalibrationImage{file.filename().string(), image, {}, image->width, image->height};
       if (left_out_++ == 0)
@@ -143,7 +144,7 @@ class CalibrationImages final {
 
   std::vector<std::filesystem::path> files_;
   std::size_t next_file_{0};
-  std::vector<std::uint8_t> scratch_;
+  GrayDecoder decoder_;
   std::unique_ptr<SensorSource> source_;
   std::optional<RecordingInfo> recording_;
   std::size_t camera_{0};

@@ -13,9 +13,8 @@ namespace fiducap {
 namespace {
 
 std::array<const char*, kLensNumbers> number_names(Distortion kind) {
-  if (kind == Distortion::kEquidistant)
-    return {"fu", "fv", "cu", "cv", "k1", "k2", "k3", "k4", "-"};
-  return {"fu", "fv", "cu", "cv", "k1", "k2", "p1", "p2", "k3"};
+  if (kind == Distortion::kEquidistant) return {"fu", "fv", "cu", "cv", "k1", "k2", "k3", "k4"};
+  return {"fu", "fv", "cu", "cv", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
 }
 
 const char* verdict_text(IntrinsicsGrade grade) {
@@ -50,7 +49,7 @@ std::vector<std::string> names_of(const std::vector<int>& numbers, Distortion ki
 std::vector<std::string> held_names(const IntrinsicsCalibration& c) {
   const Distortion kind = c.state.camera.distortion;
   std::vector<int> held;
-  for (int i = 4; i < (kind == Distortion::kEquidistant ? 8 : kLensNumbers); ++i)
+  for (int i = 4; i < 4 + static_cast<int>(coefficients_of(kind)); ++i)
     if (std::ranges::find(c.free, i) == c.free.end()) held.push_back(i);
   return names_of(held, kind);
 }
@@ -322,9 +321,7 @@ std::string to_camera_yaml(const IntrinsicsCalibration& calibration,
   for (const int i : calibration.free)
     sigmas += std::string(" ") + names[static_cast<std::size_t>(i)] + " " +
               fixed(std::sqrt(calibration.uncertainty.covariance(i, i)), i < 4 ? 4 : 6);
-  // OpenCV's order k1 k2 p1 p2 k3; EuRoC leaves k3 out where it is zero.
-  const int coefficients =
-      camera.distortion == Distortion::kRadialTangential && values(8) != 0 ? 5 : 4;
+  const int coefficients = static_cast<int>(listed_coefficients(camera).size());
   const auto list = [&](int first, int count, int decimals) {
     std::string text = "[";
     for (int i = first; i < first + count; ++i)

@@ -11,10 +11,11 @@
 namespace fiducap {
 
 struct ImportArguments {
-  std::string source;
-  std::string out;  ///< Empty: only list what is there.
+  std::vector<std::string> sources;  ///< Several: one recording in several files.
+  std::string out;                   ///< Empty: only list what is there.
   std::vector<std::string> images;
-  std::string imu;  ///< A topic, beside a video a file, or `none`.
+  /// A topic, gyroscope and accelerometer, beside a video a file, or `none`.
+  std::vector<std::string> imu;
   std::vector<std::string> calibrations;
   double tag_size_m{0};  ///< 0: that of the source.
   std::string tag_family;

@@ -62,6 +62,7 @@ std::vector<std::size_t> usable_images(const ImportSource& source) {
 
 Expected<void> choose_images(const ImportSource& source, const ImportArguments& arguments,
                              ImportChoice& choice) {
+  if (arguments.images == std::vector<std::string>{"none"}) return {};
   for (const std::string& name : arguments.images) {
     const auto found = find_stream(source, name, FoundKind::kImages);
     if (!found) return tl::unexpected(found.error());
@@ -72,6 +73,9 @@ Expected<void> choose_images(const ImportSource& source, const ImportArguments& 
   }
   if (!choice.images.empty()) return {};
   choice.images = usable_images(source);
+  const auto& streams = source.streams();
+  const auto is_imu = [](const FoundStream& stream) { return stream.kind == FoundKind::kImu; };
+  if (!streams.empty() && std::ranges::all_of(streams, is_imu)) return {};
   if (choice.images.empty())
     return fail(
         ErrorCode::kNotFound,
@@ -85,29 +89,72 @@ Expected<void> choose_images(const ImportSource& source, const ImportArguments& 
                                        " cameras. Choose those of the body:" + choices);
 }
 
+/// The accelerometer of a gyroscope that is a topic of its own (RealSense): the only one, or the
+/// only one below the same first part of the name.
+std::optional<std::size_t> accelerometer_of(const ImportSource& source, std::size_t gyro) {
+  const auto device = [](const std::string& name) { return name.substr(0, name.find('/', 1)); };
+  std::vector<std::size_t> all;
+  std::vector<std::size_t> beside;
+  for (std::size_t i = 0; i < source.streams().size(); ++i) {
+    const FoundStream& stream = source.streams()[i];
+    if (stream.kind != FoundKind::kImu || stream.has_gyro || !stream.has_accel) continue;
+    all.push_back(i);
+    if (device(stream.name) == device(source.streams()[gyro].name)) beside.push_back(i);
+  }
+  if (all.size() == 1) return all.front();
+  return beside.size() == 1 ? std::optional(beside.front()) : std::nullopt;
+}
+
+/// Completes a gyroscope by its accelerometer.
+Expected<void> take_imu(const ImportSource& source, std::size_t imu, ImportChoice& choice) {
+  const FoundStream& stream = source.streams()[imu];
+  choice.imu = imu;
+  if (stream.has_gyro && stream.has_accel) return {};
+  if (stream.has_gyro) choice.accel = accelerometer_of(source, imu);
+  if (choice.accel) return {};
+  return fail(
+      ErrorCode::kInvalid,
+      stream.name + " has only zeros as " +
+          (stream.has_gyro    ? "accelerations, and which topic is its accelerometer is unclear"
+           : stream.has_accel ? "turn rates: name the topic of the gyroscope, --imu TOPIC"
+                              : "readings") +
+          "; without an IMU: --imu none");
+}
+
 Expected<void> choose_imu(const ImportSource& source, const ImportArguments& arguments,
                           ImportChoice& choice) {
-  if (arguments.imu == "none") return {};
-  if (!arguments.imu.empty()) {
-    const auto found = find_stream(source, arguments.imu, FoundKind::kImu);
+  if (arguments.imu == std::vector<std::string>{"none"}) return {};
+  for (const std::string& name : arguments.imu) {
+    const auto found = find_stream(source, name, FoundKind::kImu);
     if (!found) return tl::unexpected(found.error());
-    choice.imu = *found;
-    return {};
+    const FoundStream& stream = source.streams()[*found];
+    auto& taken = stream.has_gyro || arguments.imu.size() == 1 ? choice.imu : choice.accel;
+    if (taken)
+      return fail(ErrorCode::kInvalid, "two IMUs are a gyroscope and an accelerometer; " +
+                                           comma_list(arguments.imu) + " are not");
+    taken = *found;
   }
+  if (choice.imu && choice.accel) return {};
+  if (choice.imu) return take_imu(source, *choice.imu, choice);
+  std::vector<std::size_t> whole;
+  std::vector<std::size_t> gyros;
   std::string choices;
-  std::size_t count = 0;
   for (std::size_t i = 0; i < source.streams().size(); ++i) {
     const FoundStream& stream = source.streams()[i];
     if (stream.kind != FoundKind::kImu || stream.count == 0) continue;
-    choice.imu = i;
+    if (stream.has_gyro) (stream.has_accel ? whole : gyros).push_back(i);
     choices += "\n  --imu " + stream.name + "   " + std::to_string(stream.count) + " readings, " +
-               fixed(stream.rate_hz(), 0) + " Hz";
-    ++count;
+               fixed(stream.rate_hz(), 0) + " Hz" +
+               (!stream.has_accel  ? ", gyroscope only"
+                : !stream.has_gyro ? ", accelerometer only"
+                                   : "");
   }
-  if (count <= 1) return {};
-  return fail(ErrorCode::kInvalid, "has " + std::to_string(count) +
-                                       " IMUs. Choose that of the body:" + choices +
-                                       "\n  --imu none");
+  const auto& candidates = whole.empty() ? gyros : whole;
+  if (candidates.size() == 1) return take_imu(source, candidates.front(), choice);
+  if (choices.empty()) return {};
+  return fail(ErrorCode::kInvalid,
+              "has " + std::to_string(candidates.size()) +
+                  " IMUs with a gyroscope. Choose that of the body:" + choices + "\n  --imu none");
 }
 
 /// Checks the stamps of a chosen stream. @return Error when none is usable
@@ -157,14 +204,14 @@ CameraMount camera_of(const FoundStream& camera, std::size_t k, bool has_imu,
                     "takes it over, or write intrinsics and distortion_coefficients there and "
                     "remove intrinsics_sigma");
   }
-  if (!camera.place_known && has_imu) {
+  if (camera.place != CameraPlace::kOnBody && has_imu) {
     mount.position_sigma_m = kUnknownPlace_m;
     mount.rotation_sigma_rad = kUnknownPlace_rad;
     to_do.push_back("place of " + camera.name + " on the IMU: not in the source. " + file +
                     " has T_BS for equal axes (x right, y down, z forward): write the rough one "
                     "there, then `fiducap calibrate extrinsics`; or --calibration "
                     "camchain-imucam.yaml");
-  } else if (!camera.place_known && k > 0) {
+  } else if (camera.place == CameraPlace::kUnknown && k > 0) {
     to_do.push_back("place of " + camera.name +
                     " beside the first camera: not in the source. "
                     "Write T_BS in " +
@@ -207,6 +254,8 @@ Expected<ImportChoice> choose_streams(const ImportSource& source,
     return tl::unexpected(chosen.error());
   if (const auto chosen = choose_imu(source, arguments, choice); !chosen)
     return tl::unexpected(chosen.error());
+  if (choice.images.empty() && !choice.imu)
+    return fail(ErrorCode::kInvalid, "has neither images nor an IMU to take");
   return choice;
 }
 
@@ -231,22 +280,29 @@ Expected<ImportPlan> plan_import(const ImportSource& source, const ImportArgumen
   for (std::size_t k = 0; k < cameras.size(); ++k) {
     if (const auto good = judge_stamps(cameras[k], by_header, plan.remarks); !good)
       return tl::unexpected(good.error());
+    if (const int bits = cameras[k].used_bits; bits > 8 && bits < 16)
+      plan.remarks.push_back(cameras[k].name + ": its 16-bit images use " + std::to_string(bits) +
+                             " bits, of which the highest eight are taken");
     plan.info.cameras.push_back(
         camera_of(cameras[k], k, choice->imu.has_value(), arguments.out, plan.to_do));
     plan.info.has_images.push_back(true);
     plan.info.has_corners.push_back(false);
   }
-  take_tags(source, arguments, plan);
+  if (!cameras.empty()) take_tags(source, arguments, plan);
   if (!choice->imu) return plan;
   const FoundStream& imu = source.streams()[*choice->imu];
   if (const auto good = judge_stamps(imu, by_header, plan.remarks); !good)
     return tl::unexpected(good.error());
-  if (!noise)
+  if (!noise && !cameras.empty())
     plan.to_do.push_back("noise of the IMU: not in the source. " + arguments.out +
                          "/mav0/imu0/sensor.yaml has that of a common MEMS unit: `fiducap "
                          "calibrate imu` finds it, --calibration imu.yaml takes it over");
   plan.info.imu = noise.value_or(ImuNoise{});
   if (imu.rate_hz() > 0) plan.info.imu->rate_hz = imu.rate_hz();
+  if (choice->accel)
+    plan.remarks.push_back(imu.name + " has the gyroscope only: the accelerometer of " +
+                           source.streams()[*choice->accel].name +
+                           " is interpolated to its stamps");
   return plan;
 }
 

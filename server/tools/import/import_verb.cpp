@@ -31,7 +31,10 @@ ImportOptions options_of(ImportArguments& arguments) {
   options.imu_offset = from_seconds(arguments.imu_offset_s);
   options.imu_columns = arguments.imu_columns;
   options.imu_units = arguments.imu_units;
-  if (is_file(arguments.imu)) options.imu_csv = std::exchange(arguments.imu, {});
+  if (arguments.imu.size() == 1 && is_file(arguments.imu.front())) {
+    options.imu_csv = arguments.imu.front();
+    arguments.imu.clear();
+  }
   return options;
 }
 
@@ -131,7 +134,7 @@ nlohmann::ordered_json stream_json(const FoundStream& stream) {
   json["width"] = stream.mount.model.width;
   json["height"] = stream.mount.model.height;
   json["lens_known"] = stream.lens_known;
-  json["place_known"] = stream.place_known;
+  json["place_known"] = stream.place == CameraPlace::kOnBody;
   return json;
 }
 
@@ -146,6 +149,7 @@ nlohmann::ordered_json source_json(const ImportSource& source, const std::string
 void print_imported(const ImportSource& source, const ImportPlan& plan, const Imported& done,
                     const Terminal& terminal) {
   terminal.out << plan.info.folder << ":";
+  if (done.images.empty()) terminal.out << " no images,";
   for (std::size_t k = 0; k < done.images.size(); ++k)
     terminal.out << " " << done.images[k] << " images of "
                  << source.streams()[plan.choice.images[k]].name << ",";
@@ -160,7 +164,9 @@ void print_imported(const ImportSource& source, const ImportPlan& plan, const Im
                  << "out\n";
   print_findings(terminal, done.findings);
   for (const std::string& item : plan.to_do) terminal.out << "  missing: " << item << "\n";
-  if (done.usable)
+  if (done.images.empty())
+    terminal.out << "next: fiducap calibrate imu " << plan.info.folder << "\n";
+  else if (done.usable)
     terminal.out << "next: fiducap replay " << plan.info.folder << " --out results\n";
 }
 
@@ -196,6 +202,7 @@ Expected<Imported> make_recording(ImportSource& source, const ImportPlan& plan,
       return fail(
           ErrorCode::kInvalid,
           "no image of " + source.streams()[plan.choice.images[k]].text() + " could be decoded");
+  if (done->images.empty()) return done;  // an IMU alone is no recording to replay
   auto checked = read_recording_info(plan.info.folder).and_then(check_recording);
   if (!checked) return tl::unexpected(checked.error());
   done->usable = checked->is_usable();
@@ -208,21 +215,22 @@ Expected<Imported> make_recording(ImportSource& source, const ImportPlan& plan,
 int run_import(const ImportArguments& given, const Terminal& terminal) {
   ImportArguments arguments = given;
   const auto refuse = [&](const Error& why) {
-    return report(terminal, in_context(why, given.source));
+    return report(terminal, in_context(why, comma_list(given.sources)));
   };
   const auto source = [&] {
     ProgressLine line(terminal);
-    return open_import(arguments.source, options_of(arguments), [&](double share) {
-      line.show("looking through " + arguments.source + ": " + fixed(100 * share, 0) + " %");
+    return open_import(arguments.sources, options_of(arguments), [&](double share) {
+      line.show("looking through " + comma_list(given.sources) + ": " + fixed(100 * share, 0) +
+                " %");
     });
   }();
   if (!source) return refuse(source.error());
-  if (!arguments.json) print_source(**source, given.source, terminal);
+  if (!arguments.json) print_source(**source, comma_list(given.sources), terminal);
   if (arguments.out.empty()) {
     const bool names_streams = !given.images.empty() || !given.imu.empty();  // they must exist
     if (const auto chosen = choose_streams(**source, arguments); !chosen && names_streams)
       return refuse(chosen.error());
-    if (arguments.json) print_json(terminal, source_json(**source, given.source));
+    if (arguments.json) print_json(terminal, source_json(**source, comma_list(given.sources)));
     return kExitOk;
   }
   const auto plan = plan_import(**source, arguments);
@@ -230,7 +238,7 @@ int run_import(const ImportArguments& given, const Terminal& terminal) {
   const auto done = make_recording(**source, *plan, terminal);
   if (!done) return refuse(done.error());
   if (arguments.json)
-    print_imported_json(source_json(**source, given.source), *plan, *done, terminal);
+    print_imported_json(source_json(**source, comma_list(given.sources)), *plan, *done, terminal);
   else
     print_imported(**source, *plan, *done, terminal);
   return done->usable ? kExitOk : kExitFailed;
@@ -240,17 +248,20 @@ void add_import(CLI::App& app, ChosenVerb& chosen) {
   auto* verb = app.add_subcommand(
       "import",
       "Make a recording of what another program recorded: bags of ROS 1 and 2, MCAP, a video with "
-      "an IMU's table, EuRoC folders, phones (Sensor Logger)");
+      "an IMU's table, folders of EuRoC and Kalibr, phones (Sensor Logger), an IMU alone");
   auto& a = arguments_of<ImportArguments>(*verb, chosen, run_import);
-  verb->add_option("SOURCE", a.source,
-                   "A .bag, .db3, .mcap, .zip or video file, or a folder of rosbag2, EuRoC or "
-                   "Sensor Logger")
+  verb->add_option("SOURCE", a.sources,
+                   "A .bag, .db3, .mcap, .zip, video or IMU's CSV file, or a folder of bags, "
+                   "rosbag2, EuRoC, Kalibr or Sensor Logger; several bags are one recording")
       ->required();
   verb->add_option("--out", a.out, "New folder for the recording; without it only list");
   verb->add_option("--image", a.images,
-                   "Images to take; several times for several cameras of one body")
+                   "Images to take, or 'none'; several times for several cameras of one body")
       ->allow_extra_args(false);
-  verb->add_option("--imu", a.imu, "IMU to take, or 'none'; beside a video: its table, a CSV file");
+  verb->add_option("--imu", a.imu,
+                   "IMU to take, or 'none'; two where gyroscope and accelerometer have a topic "
+                   "each; beside a video: its table, a CSV file")
+      ->allow_extra_args(false);
   verb->add_option("--calibration", a.calibrations,
                    "Lens, place or noise: a file per camera in their order (OpenCV, ROS, EuRoC), "
                    "Kalibr's camchain, Kalibr's imu.yaml")
@@ -269,7 +280,8 @@ void add_import(CLI::App& app, ChosenVerb& chosen) {
   verb->footer(
       "Example:\n"
       "  fiducap import flight.bag\n"
-      "  fiducap import flight.bag --out recordings/flight --image /cam0/image_raw --imu /imu0 "
+      "  fiducap import flight_0.bag flight_1.bag --out recordings/flight --image /cam0/image_raw "
+      "--imu /imu0 "
       "--tag-size 0.16\n"
       "  fiducap import walk.mp4 --imu walk.csv --imu-units ms,deg/s,g --out recordings/walk");
 }

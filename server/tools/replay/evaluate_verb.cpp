@@ -97,6 +97,8 @@ std::string evaluation_text(const Evaluation& e) {
   text += line("  pose           ", e.pose, "poses, first 5 s left out");
   text += line("  levelled pose  ", e.levelled_pose, "poses; tag's place and heading only, z up");
   text += line("  pose in W      ", e.world_pose, "poses");
+  text += line("  pose, fitted   ", e.fitted_pose,
+               "poses, first 5 s left out; best rigid fit of the positions");
   text += line("  tag map        ", e.map, "tags");
   text += line("  map, fitted    ", e.fitted_map, "tags; best rigid fit, shape alone");
   text += line("  extrinsics     ", e.extrinsics, "cameras");
@@ -119,6 +121,7 @@ nlohmann::ordered_json evaluation_json(const Evaluation& e) {
                               {"pose", json_of(e.pose)},
                               {"levelled_pose", json_of(e.levelled_pose)},
                               {"world_pose", json_of(e.world_pose)},
+                              {"fitted_pose", json_of(e.fitted_pose)},
                               {"map", json_of(e.map)},
                               {"fitted_map", json_of(e.fitted_map)},
                               {"extrinsics", json_of(e.extrinsics)}};
@@ -182,8 +185,8 @@ void add_evaluate(CLI::App& app, ChosenVerb& chosen) {
                    "Write a page with plots of errors, map and reprojection: .html");
   verb->add_flag("--json", a.json, "Numbers for scripts");
   verb->footer(
-      "Poses are compared in the axes of the reference tag, nothing is fitted, the first 5 s are "
-      "left out.\n"
+      "Poses are compared in the axes of the reference tag, nothing is fitted; where the truth has "
+      "no tags, after a rigid fit of the positions. The first 5 s are left out.\n"
       "Example:\n  fiducap evaluate results/hall.tum recordings/hall --json\n"
       "  fiducap evaluate results/hall.tum recordings/hall --plot hall.html");
 }

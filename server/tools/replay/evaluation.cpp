@@ -91,7 +91,13 @@ void compare(const RecordingInfo& info, const RunResults& run, const Reference& 
   evaluation.extrinsics = extrinsics_errors(run.X_BV, reference.X_BV);
   evaluation.fitted_map = fitted_map_errors(run.map, reference.map);
   choose_reference_tag(info, run, reference, evaluation);
-  if (!evaluation.reference_tag) return;
+  if (!evaluation.reference_tag) {
+    if (reference.poses.empty()) return;
+    const Instant from = reference.poses.front().at + kSettling;
+    if (const auto axes = fitted_axes(run.trajectory, reference.poses, from))
+      evaluation.fitted_pose = pose_errors(run.trajectory, reference.poses, *axes, Pose{}, from);
+    return;
+  }
   const Pose& ours = find_tag(run.map, *evaluation.reference_tag)->X_WT;
   const Pose& theirs = find_tag(reference.map, *evaluation.reference_tag)->X_WT;
   evaluation.map = map_errors(run.map, reference.map, *evaluation.reference_tag);

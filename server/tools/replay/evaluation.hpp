@@ -45,7 +45,7 @@ struct EvaluationTraces {
 };
 
 /// Errors of a run. Poses are compared in the axes of the reference tag, as each side places that
-/// tag; nothing is fitted.
+/// tag; nothing is fitted, unless the reference has no tags.
 struct Evaluation {
   enum class Against { kTruth, kOtherProgram, kNothing } against{Against::kNothing};
   std::optional<int> reference_tag;
@@ -56,6 +56,8 @@ struct Evaluation {
       levelled_pose;  ///< In axes at that tag with z up: its place and heading only. With IMU.
   std::optional<PoseErrors>
       world_pose;  ///< In W as both sides have it, when the recording fixes W by known tags.
+  std::optional<PoseErrors>
+      fitted_pose;  ///< Without a common tag: after a rigid fit over all positions.
   std::optional<PoseErrors> map;
   std::optional<PoseErrors> fitted_map;  ///< After a rigid fit over all tags: the shape alone.
   std::optional<PoseErrors> extrinsics;  ///< All cameras, against truth/extrinsics.yaml.

@@ -38,6 +38,13 @@ std::optional<double> quantile_of_all(std::vector<double> values, std::size_t co
   return quantile(std::move(values), share);
 }
 
+/// Takes the columns of `from` to those of `to`.
+Pose rigid_fit(const Eigen::Matrix3Xd& from, const Eigen::Matrix3Xd& to) {
+  const Eigen::Matrix4d fit = Eigen::umeyama(from, to, false);
+  return {Eigen::Quaterniond(Eigen::Matrix3d(fit.topLeftCorner<3, 3>())),
+          fit.topRightCorner<3, 1>()};
+}
+
 }  // namespace
 
 void ErrorSum::add(const Pose& estimated, const Pose& truth) {
@@ -100,6 +107,23 @@ PoseErrors pose_errors(std::span<const StampedPose> estimates, std::span<const T
   return sum.result();
 }
 
+std::optional<Pose> fitted_axes(std::span<const StampedPose> estimates,
+                                std::span<const TruthSample> truth, Instant from) {
+  std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> pairs;
+  for_each_pair(estimates, truth, Pose{}, Pose{}, from,
+                [&](Instant, const Pose& estimate, const Pose& true_pose) {
+                  pairs.emplace_back(true_pose.p, estimate.p);
+                });
+  if (pairs.size() < 3) return std::nullopt;
+  Eigen::Matrix3Xd theirs(3, pairs.size());
+  Eigen::Matrix3Xd ours(3, pairs.size());
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    theirs.col(static_cast<Eigen::Index>(i)) = pairs[i].first;
+    ours.col(static_cast<Eigen::Index>(i)) = pairs[i].second;
+  }
+  return rigid_fit(theirs, ours);
+}
+
 std::vector<PoseDifference> pose_differences(std::span<const StampedPose> estimates,
                                              std::span<const TruthSample> truth,
                                              const Pose& estimated_X_WA, const Pose& true_X_WA,
@@ -145,9 +169,7 @@ std::optional<PoseErrors> fitted_map_errors(std::span<const TagPlace> estimated,
       to.col(column) = true_tag->X_WT * tag_corner(corner, true_tag->edge_m);
     }
   }
-  const Eigen::Matrix4d fit = Eigen::umeyama(from, to, false);
-  const Pose moved{Eigen::Quaterniond(Eigen::Matrix3d(fit.topLeftCorner<3, 3>())),
-                   fit.topRightCorner<3, 1>()};
+  const Pose moved = rigid_fit(from, to);
   ErrorSum sum;
   for (const auto& [tag, true_tag] : pairs) sum.add(moved * tag->X_WT, true_tag->X_WT);
   return sum.result();

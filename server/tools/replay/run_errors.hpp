@@ -52,6 +52,11 @@ class ErrorSum final {
                                      std::span<const TruthSample> truth, const Pose& estimated_X_WA,
                                      const Pose& true_X_WA, Instant from);
 
+/// The truth's axes in those of the estimates by the best rigid fit of their positions (Umeyama,
+/// without scale). @return nullopt with fewer than three common poses
+[[nodiscard]] std::optional<Pose> fitted_axes(std::span<const StampedPose> estimates,
+                                              std::span<const TruthSample> truth, Instant from);
+
 /// One term of `pose_errors`: estimate minus truth, both vectors in axes A.
 struct PoseDifference {
   Instant at{};

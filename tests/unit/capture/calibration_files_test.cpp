@@ -39,8 +39,8 @@ cam1:
 
 class CalibrationFileTest : public testing::Test {
  protected:
-  Expected<std::vector<CameraMount>> camchain(const std::string& content) {
-    return read_kalibr_camchain(folder_.write("camchain.yaml", content));
+  Expected<std::vector<CalibratedCamera>> cameras(const std::string& content) {
+    return read_calibration(folder_.write("calibration", content), {});
   }
   Expected<CameraModel> camera(const std::string& content) {
     return read_camera_calibration(folder_.write("camera.yaml", content));
@@ -49,9 +49,9 @@ class CalibrationFileTest : public testing::Test {
 };
 
 TEST_F(CalibrationFileTest, ReadsKalibrCamerasRelativeToImuAndCamera) {
-  const auto mounts = value_of(camchain(kTwoCameras));
+  const auto mounts = value_of(cameras(kTwoCameras));
   ASSERT_EQ(mounts.size(), 2u);
-  const CameraMount& left = mounts[0];
+  const CameraMount& left = mounts[0].mount;
   EXPECT_NEAR((left.X_BV.p - Eigen::Vector3d(0.1, 0.02, 0.03)).norm(), 0, 1e-12);
   EXPECT_NEAR((left.X_BV.q * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitX()).norm(), 0, 1e-12);
   EXPECT_NEAR((left.X_BV.q * Eigen::Vector3d::UnitX() + Eigen::Vector3d::UnitY()).norm(), 0, 1e-12);
@@ -59,14 +59,108 @@ TEST_F(CalibrationFileTest, ReadsKalibrCamerasRelativeToImuAndCamera) {
   EXPECT_EQ(parts_of(left.model), parts_of(radial_tangential({848, 480, 400.5, 401.5, 420, 238},
                                                              {-0.05, 0.03, -0.0004, 0.0005})));
   // 0.11 m along the left camera's x, which is -y of the IMU
-  EXPECT_NEAR((mounts[1].X_BV.p - Eigen::Vector3d(0.1, -0.09, 0.03)).norm(), 0, 1e-12);
-  EXPECT_EQ(mounts[1].model.distortion, Distortion::kEquidistant);
+  EXPECT_NEAR((mounts[1].mount.X_BV.p - Eigen::Vector3d(0.1, -0.09, 0.03)).norm(), 0, 1e-12);
+  EXPECT_EQ(mounts[1].mount.model.distortion, Distortion::kEquidistant);
 }
 
 TEST_F(CalibrationFileTest, ReadsTheInversePoseOfOpenVins) {
   const auto one =
-      value_of(camchain("%YAML:1.0\n---\n" + replaced(kTwoCameras, "T_cam_imu", "T_imu_cam")));
-  EXPECT_NEAR((one[0].X_BV.p - Eigen::Vector3d(0.02, 0.03, -0.1)).norm(), 0, 1e-12);
+      value_of(cameras("%YAML:1.0\n---\n" + replaced(kTwoCameras, "T_cam_imu", "T_imu_cam")));
+  EXPECT_NEAR((one[0].mount.X_BV.p - Eigen::Vector3d(0.02, 0.03, -0.1)).norm(), 0, 1e-12);
+}
+
+TEST_F(CalibrationFileTest, TakesTheLensOfCamerasWithoutAPlace) {
+  const std::string no_imu = replaced(kTwoCameras, "T_cam_imu", "T_other");
+  CameraMount otherwise;
+  otherwise.X_BV.p = {1, 2, 3};
+  const auto read = value_of(read_calibration(folder_.write("camchain.yaml", no_imu), otherwise));
+  ASSERT_EQ(read.size(), 2u);
+  EXPECT_EQ(read[0].place, CameraPlace::kUnknown);
+  EXPECT_EQ(read[0].mount.X_BV.p, otherwise.X_BV.p) << "as configured";
+  EXPECT_EQ(read[0].mount.model.fu, 400.5);
+  EXPECT_EQ(read[1].place, CameraPlace::kBesideTheFirst);
+  EXPECT_NEAR((read[1].mount.X_BV.p - Eigen::Vector3d(1.11, 2, 3)).norm(), 0, 1e-12);
+  // TagSLAM's cameras.yaml
+  const auto tagslam = value_of(
+      cameras("cam0:\n  camera_model: pinhole\n  distortion_model: plumb_bob\n"
+              "  distortion_coeffs: [0.1, 0.2, 0, 0, 0]\n  intrinsics: [500, 500, 320, 240]\n"
+              "  resolution: [640, 480]\n  tagtopic: /tags\n  frame_id: cam0\n"));
+  EXPECT_EQ(tagslam[0].mount.model.coefficients[1], 0.2);
+}
+
+TEST_F(CalibrationFileTest, ReadsTheFilesOfPhotonVision) {
+  for (const char* key : {"cameraExtrinsics", "distCoeffs"}) {  // old and new
+    const CameraModel lens =
+        value_of(camera(
+            R"({"resolution": {"width": 640.0, "height": 480.0},
+      "cameraIntrinsics": {"rows": 3, "cols": 3, "type": 6,
+                           "data": [505.7, 0.0, 322.7, 0.0, 504.3, 254.2, 0.0, 0.0, 1.0]},
+      ")" + std::string(key) +
+            R"(": {"rows": 1, "cols": 5, "type": 6, "data": [0.1373, -0.2904, 8e-4, -4e-4, 0.09]},
+      "perViewErrors": [0.47]})"));
+    EXPECT_EQ(parts_of(lens), parts_of(radial_tangential({640, 480, 505.7, 504.3, 322.7, 254.2},
+                                                         {0.1373, -0.2904, 8e-4, -4e-4, 0.09})));
+  }
+}
+
+TEST_F(CalibrationFileTest, ReadsIniOfRosAndXmlOfOpenCv) {
+  const CameraModel wanted =
+      radial_tangential({640, 480, 500, 501, 319.5, 239.5}, {0.01, -0.002, 1e-4, -2e-4, 0.5});
+  const std::string ini =
+      "# oST version 5.0 parameters\n\n[image]\n\nwidth\n640\n\nheight\n480\n\n"
+      "[narrow_stereo/left]\n\ncamera matrix\n500.0 0.0 319.5\n0.0 501.0 239.5\n0.0 0.0 1.0\n\n"
+      "distortion\n0.01 -0.002 0.0001 -0.0002 0.5\n\nrectification\n1 0 0\n0 1 0\n0 0 1\n\n"
+      "projection\n501 0 319.5 0\n0 501 239.5 0\n0 0 1 0\n";
+  const std::string xml =
+      "<?xml version=\"1.0\"?>\n<opencv_storage>\n"
+      "<calibration_time>\"Mon 23 Nov 2026\"</calibration_time>\n<!-- a <comment> -->\n"
+      "<image_width>640</image_width>\n<image_height>480</image_height>\n<empty/>\n"
+      "<camera_matrix type_id=\"opencv-matrix\">\n  <rows>3</rows>\n  <cols>3</cols>\n"
+      "  <dt>d</dt>\n  <data>\n    5.0e+02 0. 319.5 0.\n    501. 239.5 0. 0. 1.</data>"
+      "</camera_matrix>\n"
+      "<distortion_coefficients type_id=\"opencv-matrix\">\n  <rows>5</rows>\n  <cols>1</cols>\n"
+      "  <dt>d</dt>\n  <data>1.e-02 -0.002 0.0001 -0.0002 0.5</data></distortion_coefficients>\n"
+      "</opencv_storage>\n";
+  std::string dos;
+  for (const char c : ini) dos += c == '\n' ? std::string("\r\n") : std::string(1, c);
+  const std::string old =
+      replaced(replaced(xml, "<image_width>640</image_width>", "<image_Width>640</image_Width>"),
+               "<image_height>480</image_height>", "<image_Height>480</image_Height>");
+  for (const std::string& text : {ini, dos, xml, old})
+    EXPECT_EQ(parts_of(camera(text).value_or(CameraModel{})), parts_of(wanted)) << text;
+  EXPECT_THAT(error_of(camera("<?xml version=\"1.0\"?><opencv_storage><a></b>")),
+              HasSubstr("is no camera calibration"));
+  EXPECT_THAT(error_of(camera("[image]\nwidth\n640\n")), HasSubstr("is no camera calibration"));
+}
+
+TEST_F(CalibrationFileTest, ReadsTheCamerasOfColmapWithItsOriginOfPixels) {
+  const auto read = value_of(
+      cameras("# Camera list\n# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+              "1 SIMPLE_RADIAL 640 480 500 320 240 0.1\n3 OPENCV_FISHEYE 640 480 300 301 320 240 1 "
+              "2 3 4\n4 FULL_OPENCV 640 480 300 301 320 240 1 2 3 4 5 6 7 8\n"));
+  ASSERT_EQ(read.size(), 3u);
+  EXPECT_EQ(parts_of(read[0].mount.model),
+            parts_of(radial_tangential({640, 480, 500, 500, 319.5, 239.5}, {0.1})));
+  EXPECT_EQ(parts_of(read[1].mount.model),
+            parts_of(equidistant({640, 480, 300, 301, 319.5, 239.5}, {1, 2, 3, 4})));
+  EXPECT_EQ(parts_of(read[2].mount.model),
+            parts_of(rational({640, 480, 300, 301, 319.5, 239.5}, {1, 2, 3, 4, 5, 6, 7, 8})));
+  EXPECT_THAT(error_of(cameras("1 FOV 640 480 500 500 320 240 0.9\n")), HasSubstr("is FOV"));
+}
+
+TEST_F(CalibrationFileTest, ReadsTheCalibrationOfBasalt) {
+  constexpr const char* kBasalt = R"({"value0": {
+    "T_imu_cam": [{"px": 0.1, "py": 0.2, "pz": 0.3, "qx": 0, "qy": 0, "qz": 1, "qw": 0}],
+    "intrinsics": [{"camera_type": "kb4", "intrinsics": {"fx": 300, "fy": 301, "cx": 320, "cy": 240,
+                    "k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4}}],
+    "resolution": [[640, 480]], "cam_time_offset_ns": 5000000}})";
+  const auto read = value_of(cameras(kBasalt));
+  EXPECT_EQ(parts_of(read[0].mount.model),
+            parts_of(equidistant({640, 480, 300, 301, 320, 240}, {0.1, 0.2, 0.3, 0.4})));
+  EXPECT_EQ(read[0].mount.X_BV.p, Eigen::Vector3d(0.1, 0.2, 0.3));
+  EXPECT_EQ(read[0].place, CameraPlace::kOnBody);
+  EXPECT_EQ(read[0].mount.time_shift, std::chrono::milliseconds(5));
+  EXPECT_THAT(error_of(cameras(replaced(kBasalt, "kb4", "ds"))), HasSubstr("pinhole-equi"));
 }
 
 TEST_F(CalibrationFileTest, RefusesAFaultyCamchainWithTheReason) {
@@ -75,16 +169,15 @@ TEST_F(CalibrationFileTest, RefusesAFaultyCamchainWithTheReason) {
   } kCases[] = {{"camera_model: pinhole", "camera_model: omni", "cam0.camera_model is omni"},
                 {"camera_model: pinhole", "camera_model: ds", "cam0.camera_model is ds"},
                 {"camera_model: pinhole", "camera_model: eucm", "cam0.camera_model is eucm"},
-                {"radtan", "fov", "fov is not supported"},
-                {"T_cam_imu", "T_other", "T_cam_imu is missing"},
+                {"radtan", "fov", "lens model fov is not supported"},
                 {"[0.0, -1.0, 0.0, 0.02]", "[0.0, -1.0, 0.0]", "has 15"},
                 {"[1.0, 0.0, 0.0, -0.1]", "[0.5, 0.0, 0.0, -0.1]", "no rotation"},
                 {"400.5", "-400.5", "must be finite and > 0"}};
   for (const auto& [from, to, reason] : kCases)
-    EXPECT_THAT(error_of(camchain(replaced(kTwoCameras, from, to))), HasSubstr(reason)) << to;
-  EXPECT_THAT(error_of(camchain("imu0: {}\n")), HasSubstr("no key cam0"));
-  EXPECT_THAT(error_of(camchain("cam0: 3\n")), HasSubstr("cam0 must be a section"));
-  EXPECT_THAT(error_of(read_kalibr_camchain("/nowhere.yaml")), HasSubstr("no such file"));
+    EXPECT_THAT(error_of(cameras(replaced(kTwoCameras, from, to))), HasSubstr(reason)) << to;
+  EXPECT_THAT(error_of(cameras("imu0: {}\n")), HasSubstr("is no camera calibration"));
+  EXPECT_THAT(error_of(cameras("cam0: 3\n")), HasSubstr("cam0 must be a section"));
+  EXPECT_THAT(error_of(read_calibration("/nowhere.yaml", {})), HasSubstr("no such file"));
 }
 
 TEST_F(CalibrationFileTest, ReadsKalibrImuFlatAndBelowImu0) {
@@ -96,10 +189,10 @@ TEST_F(CalibrationFileTest, ReadsKalibrImuFlatAndBelowImu0) {
       "imu0:\n  accelerometer_noise_density: 0.002\n  accelerometer_random_walk: 0.0004\n"
       "  gyroscope_noise_density: 0.0002\n  gyroscope_random_walk: 1.0e-05\n  update_rate: 400\n";
   for (const std::string& content : {flat, nested}) {
-    const auto noise = value_of(read_kalibr_imu(folder_.write("imu.yaml", content)));
+    const auto noise = value_of(read_imu_noise(folder_.write("imu.yaml", content)));
     EXPECT_THAT(noise, testing::FieldsAre(0.0002, 1e-5, 0.002, 0.0004, 400, _, _, _));
   }
-  EXPECT_THAT(error_of(read_kalibr_imu(folder_.write("imu.yaml", "update_rate: -1\n"))),
+  EXPECT_THAT(error_of(read_imu_noise(folder_.write("imu.yaml", "update_rate: -1\n"))),
               testing::AllOf(HasSubstr("accelerometer_noise_density is missing"),
                              HasSubstr("update_rate must be > 0")));
 }
@@ -160,16 +253,30 @@ TEST_F(CalibrationFileTest, ReadsJsonInBothShapes) {
   EXPECT_EQ(wpilib.coefficients[4], 0.1);
 }
 
+TEST_F(CalibrationFileTest, ReadsEightCoefficientsAsARationalLens) {
+  for (const char* name : {"", "distortion_model: rational_polynomial\n",
+                           "distortion_model: plumb_bob\n", "distortion_model: OPENCV8\n"}) {
+    const CameraModel lens = value_of(camera(
+        std::string("image_width: 640\nimage_height: 480\n"
+                    "camera_matrix: {rows: 3, cols: 3, data: [500, 0, 320, 0, 500, 240, 0, 0, 1]}\n"
+                    "distortion_coefficients: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8]\n") +
+        name));
+    EXPECT_EQ(parts_of(lens), parts_of(rational({640, 480, 500, 500, 320, 240},
+                                                {0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8})))
+        << name;
+  }
+}
+
 TEST_F(CalibrationFileTest, RefusesOtherFilesAndLensesWithTheReason) {
   const std::pair<std::string, const char*> kCases[] = {
       {R"({"camera_matrix": [1, 0, 9, 0, 1, 9, 0, 0, 1], "resolution": [20, 20],
-           "distortion_coefficients": [0.1, 0.1, 0, 0, 0.1, 0.2, 0.3, 0.4]})",
-       "the file has 8"},
+           "distortion_coefficients": [0.1, 0.1, 0, 0, 0.1, 0.2, 0.3, 0.4, 0, 0, 0, 0, 0.1, 0]})",
+       "thin prism, tilt"},
       {R"({"camera_matrix": [1, 0.5, 9, 0, 1, 9, 0, 0, 1], "resolution": [20, 20],
            "distortion_coefficients": [0, 0, 0, 0, 0]})",
        "skew"},
       {"a: 1\n", "is no camera calibration"},
-      {kTwoCameras, "Kalibr camchain"},
+      {kTwoCameras, "has 2 cameras"},
       {R"({"camera_matrix": [1, 0, 9, 0, 1, 9, 0, 0, 1]})", "image_width is missing"},
       {std::string("\x89PNG\r\n\x1a\n\0\0\0", 11), "YAML"},
       {"", "is not a YAML map"}};

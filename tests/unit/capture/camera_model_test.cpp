@@ -37,13 +37,20 @@ const NamedCamera kWebcam{"RadTanWebcam",
 const NamedCamera kEuroc{"RadTanStrongBarrel",
                          radial_tangential({752, 480, 458.654, 457.296, 367.215, 248.375},
                                            {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05})};
+// An Azure Kinect and an OAK-D: numerator and denominator nearly cancel.
+const NamedCamera kKinect{"RationalKinect", rational({1280, 720, 612.9, 612.7, 638.3, 367.2},
+                                                     {0.4516, -2.5119, 0.00049, -0.00016, 1.4511,
+                                                      0.3305, -2.3321, 1.3794})};
+const NamedCamera kOak{"RationalOak", rational({1280, 720, 788.9, 788.9, 637.2, 365.8},
+                                               {-2.5119, 17.4131, -0.00016, -0.00068, -16.8012,
+                                                -2.6028, 17.5437, -16.9405})};
 const NamedCamera kPlain{"NoDistortion", {752, 480, 460, 455, 376, 240}};
 
 cv::Mat matrix_of(const CameraModel& c) {
   return (cv::Mat_<double>(3, 3) << c.fu, 0, c.cu, 0, c.fv, c.cv, 0, 0, 1);
 }
 cv::Mat coefficients_of(const CameraModel& c) {
-  const int n = c.distortion == Distortion::kEquidistant ? 4 : 5;
+  const int n = static_cast<int>(listed_coefficients(c).size());
   cv::Mat k(1, n, CV_64F);
   for (int i = 0; i < n; ++i) k.at<double>(i) = c.coefficients[static_cast<std::size_t>(i)];
   return k;
@@ -92,7 +99,8 @@ class LensTest : public testing::TestWithParam<NamedCamera> {
 };
 
 INSTANTIATE_TEST_SUITE_P(Cameras, LensTest,
-                         testing::Values(kFisheye, kTangential, kWebcam, kEuroc, kPlain),
+                         testing::Values(kFisheye, kTangential, kWebcam, kEuroc, kKinect, kOak,
+                                         kPlain),
                          [](const auto& tested) { return std::string(tested.param.name); });
 
 TEST_P(LensTest, ProjectsAnUndistortedPixelToTheRawPixel) {

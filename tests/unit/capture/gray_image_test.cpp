@@ -127,17 +127,50 @@ class GrayFileTest : public testing::Test {
   }
 
   TemporaryFolder folder_;
-  std::vector<std::uint8_t> scratch_;
+  GrayDecoder decoder_;
   GrayImage image_;
 };
 
 TEST_F(GrayFileTest, DecodesNoSmallFileThatClaimsGigabytes) {
   const std::string file = png_claiming(30'000, 30'000);
-  EXPECT_THAT(error_of(read_gray_file_of_any_size(file, scratch_, image_)),
+  EXPECT_THAT(error_of(decoder_.read_file(file, {}, image_)),
               HasSubstr("is 30000 x 30000: larger than any camera image"));
-  image_.resize(8, 6);
-  EXPECT_THAT(error_of(read_gray_file(file, scratch_, image_)),
+  EXPECT_THAT(error_of(decoder_.read_file(file, PixelSize{8, 6}, image_)),
               HasSubstr("is 30000 x 30000, the calibration is for 8 x 6"));
+}
+
+TEST_F(GrayFileTest, DecodesImagesOfTheCalibratedSize) {
+  for (const char* ending : {".png", ".jpg"}) {
+    std::vector<std::uint8_t> bytes;
+    cv::imencode(ending, cv::Mat(48, 64, CV_8UC1, cv::Scalar(77)), bytes);
+    ASSERT_TRUE(decoder_.decode(bytes, PixelSize{64, 48}, image_));
+    EXPECT_THAT(image_.pixels, testing::Each(testing::AllOf(testing::Ge(76), testing::Le(78))));
+    EXPECT_FALSE(decoder_.decode(bytes, PixelSize{48, 64}, image_));
+    if (ending == std::string_view(".png")) {
+      auto huge = bytes;
+      huge[16] = huge[20] = 0x7f;  // width and height
+      EXPECT_FALSE(decoder_.decode(huge, PixelSize{64, 48}, image_));
+    }
+    bytes.resize(40);
+    EXPECT_FALSE(decoder_.decode(bytes, PixelSize{64, 48}, image_));
+  }
+}
+
+TEST_F(GrayFileTest, TakesTheHighestBitsThatAreUsed) {
+  const auto png = [](int value) {
+    std::vector<std::uint8_t> bytes;
+    cv::imencode(".png", cv::Mat(4, 4, CV_16UC1, cv::Scalar(value)), bytes);
+    return bytes;
+  };
+  const struct {
+    int value, bits, gray;
+  } kCases[] = {{200, 8, 200}, {800, 10, 200}, {400, 10, 100}, {12800, 14, 200}, {51200, 16, 200}};
+  for (const auto& [value, bits, gray] : kCases) {
+    ASSERT_TRUE(decoder_.decode(png(value), {}, image_));
+    EXPECT_EQ(decoder_.used_bits(), bits);
+    EXPECT_THAT(image_.pixels, testing::Each(gray)) << value;
+  }
+  EXPECT_TRUE(decoder_.saw_16_bits());
 }
 
 }  // namespace

@@ -131,7 +131,7 @@ TEST_F(RecordingTest, NamesAllFaultsOfCalibrationTagsAndOdometry) {
       "camera_model: pinhole\nresolution: [40]\nintrinsics: [1, 2, x, 4]\ndistortion_model: ds\n"
       "T_BS: {rows: 4, cols: 4, data: [2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}\n");
   for (const char* fault : {"resolution needs 2 numbers, has 1", "intrinsics must be a list",
-                            "distortion model ds is not supported", "T_BS has no rotation"})
+                            "lens model ds is not supported", "T_BS has no rotation"})
     EXPECT_THAT(info_error(), HasSubstr(fault));
   folder_.write("mav0/cam0/sensor.yaml", "a: [1, 2\nb: }");
   EXPECT_THAT(info_error(), HasSubstr("is not YAML"));

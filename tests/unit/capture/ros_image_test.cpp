@@ -11,6 +11,7 @@ namespace fiducap::ros {
 namespace {
 
 using testing::ElementsAre;
+using testing::ElementsAreArray;
 
 CameraModel camera(int width, int height) {
   return {width, height, 100, 100, width / 2.0, height / 2.0};
@@ -20,10 +21,12 @@ class RosImageTest : public testing::Test {
  protected:
   Expected<void> convert(std::string_view encoding, std::uint32_t step,
                          const std::vector<std::uint8_t>& data, bool big = false) {
-    return to_gray({static_cast<std::uint32_t>(model_.width),
-                    static_cast<std::uint32_t>(model_.height), encoding, big, step, data},
-                   model_, gray_);
+    return conversion_.convert(
+        {static_cast<std::uint32_t>(model_.width), static_cast<std::uint32_t>(model_.height),
+         encoding, big, step, data},
+        model_, gray_);
   }
+  GrayConversion conversion_{16};
   CameraModel model_ = camera(2, 2);
   GrayImage gray_;
 };
@@ -46,6 +49,33 @@ TEST_F(RosImageTest, ReadsTheBrightnessOfEachEncoding) {
     ASSERT_TRUE(convert(encoding, step, data, big)) << encoding;
     EXPECT_EQ(gray_.pixels, grays) << encoding;
   }
+}
+
+TEST_F(RosImageTest, TakesTheBitsThatSixteenBitImagesUse) {
+  conversion_ = GrayConversion();
+  ASSERT_TRUE(convert("mono16", 4, {0xff, 0x03, 0x00, 0x02, 0x00, 0x01, 0x04, 0x00}));  // 10 bits
+  EXPECT_THAT(gray_.pixels, ElementsAre(255, 128, 64, 1));
+  ASSERT_TRUE(convert("16UC1", 4, {0x00, 0x08, 0x00, 0x02, 0x00, 0x01, 0x10, 0x00}));  // 12 bits
+  EXPECT_THAT(gray_.pixels, ElementsAre(128, 32, 16, 1));
+  ASSERT_TRUE(convert("mono16", 4, {0xff, 0x03, 0x00, 0x02, 0x00, 0x01, 0x04, 0x00}));
+  EXPECT_THAT(gray_.pixels, ElementsAre(63, 32, 16, 0)) << "as bright as before";
+}
+
+TEST_F(RosImageTest, ReadsSixteenBitColoursAndTheFirstPlaneOfOthers) {
+  std::vector<std::uint8_t> red;
+  for (int i = 0; i < 4; ++i) red.insert(red.end(), {0xff, 0xff, 0, 0, 0, 0});
+  ASSERT_TRUE(convert("rgb16", 12, red));
+  EXPECT_THAT(gray_.pixels, testing::Each(76));
+  for (const char* encoding : {"nv12", "nv21", "nv24"}) {
+    ASSERT_TRUE(convert(encoding, 2, {1, 2, 3, 4, 128, 128}));
+    EXPECT_THAT(gray_.pixels, ElementsAre(1, 2, 3, 4)) << encoding;
+  }
+  model_ = camera(8, 8);
+  std::vector<std::uint8_t> bayer(128, 0);
+  for (std::size_t y = 0; y < 8; y += 2)
+    for (std::size_t x = 0; x < 8; x += 2) bayer[16 * y + 2 * x + 1] = 255;
+  ASSERT_TRUE(convert("bayer_rggb16", 16, bayer));
+  EXPECT_NEAR(gray_.pixels[8 * 4 + 4], 76, 1);
 }
 
 TEST_F(RosImageTest, ReadsBayerPatternsByTheirFirstColour) {
@@ -74,26 +104,8 @@ TEST_F(RosImageTest, RefusesSizesThatTheDataDoNotHave) {
   EXPECT_FALSE(convert("bgra8", 8, std::vector<std::uint8_t>(15)));
   EXPECT_FALSE(convert("32FC1", 8, std::vector<std::uint8_t>(16)));
   const RawImage huge{kMost, kMost, "mono8", false, 4, {}};
-  EXPECT_THAT(error_of(to_gray(huge, model_, gray_)),
+  EXPECT_THAT(error_of(conversion_.convert(huge, model_, gray_)),
               testing::HasSubstr("4294967295 x 4294967295, the calibration is for 2 x 2"));
-}
-
-TEST_F(RosImageTest, DecodesCompressedImagesOfTheCalibratedSize) {
-  model_ = camera(64, 48);
-  for (const char* ending : {".png", ".jpg"}) {
-    std::vector<std::uint8_t> bytes;
-    cv::imencode(ending, cv::Mat(48, 64, CV_8UC1, cv::Scalar(77)), bytes);
-    ASSERT_TRUE(decode_gray(bytes, model_, gray_));
-    EXPECT_THAT(gray_.pixels, testing::Each(testing::AllOf(testing::Ge(76), testing::Le(78))));
-    EXPECT_FALSE(decode_gray(bytes, camera(48, 64), gray_));
-    if (ending == std::string_view(".png")) {
-      auto huge = bytes;
-      huge[16] = huge[20] = 0x7f;  // width and height
-      EXPECT_FALSE(decode_gray(huge, model_, gray_));
-    }
-    bytes.resize(40);
-    EXPECT_FALSE(decode_gray(bytes, model_, gray_));
-  }
 }
 
 class RosLens : public testing::Test {
@@ -115,7 +127,7 @@ class RosLens : public testing::Test {
 TEST_F(RosLens, ReadsPlumbBobAndEquidistantLenses) {
   const CameraModel lens = value_of(camera_model(info_));
   EXPECT_EQ(lens.distortion, Distortion::kRadialTangential);
-  EXPECT_THAT(lens.coefficients, ElementsAre(-0.28, 0.07, 1e-4, 2e-4, 0.01));
+  EXPECT_THAT(lens.coefficients, ElementsAre(-0.28, 0.07, 1e-4, 2e-4, 0.01, 0, 0, 0));
   EXPECT_EQ(lens.fv, 457);
   EXPECT_EQ(lens.cu, 320);
   info_.distortion_model = "equidistant";
@@ -123,6 +135,42 @@ TEST_F(RosLens, ReadsPlumbBobAndEquidistantLenses) {
     use_coefficients(count);
     EXPECT_EQ(value_of(camera_model(info_)).distortion, Distortion::kEquidistant) << count;
   }
+}
+
+TEST_F(RosLens, ReadsRationalLensesByAnyRadialName) {
+  use_coefficients(8);
+  for (const char* name : {"rational_polynomial", "plumb_bob", ""}) {
+    info_.distortion_model = name;
+    const CameraModel lens = value_of(camera_model(info_));
+    EXPECT_EQ(lens.distortion, Distortion::kRational) << name;
+    EXPECT_THAT(lens.coefficients, ElementsAreArray(coefficients_)) << name;
+  }
+}
+
+TEST_F(RosLens, ReadsPaddedZerosAndUnnamedLenses) {
+  // The T265's driver pads four numbers to five; Azure Kinect's and OAK's drivers pad to 12 or 14.
+  const std::vector<double> fisheye{-0.009, 0.047, -0.045, 0.008, 0};
+  info_.distortion_model = "equidistant";
+  info_.coefficients = fisheye;
+  EXPECT_EQ(value_of(camera_model(info_)).distortion, Distortion::kEquidistant);
+  std::vector<double> padded(coefficients_, coefficients_ + 8);
+  padded.resize(14);
+  info_.distortion_model = "rational_polynomial";
+  info_.coefficients = padded;
+  EXPECT_EQ(value_of(camera_model(info_)).distortion, Distortion::kRational);
+  padded[9] = 0.01;  // thin prism
+  EXPECT_THAT(error_of(camera_model(info_)), testing::HasSubstr("thin prism"));
+  const std::vector<double> zeros(8);
+  info_.coefficients = zeros;
+  for (const char* name : {"", "plumb_bob", "rational_polynomial", "unknown"}) {
+    info_.distortion_model = name;
+    EXPECT_THAT(value_of(camera_model(info_)).coefficients, testing::Each(0)) << name;
+  }
+  info_.distortion_model = "";
+  use_coefficients(5);
+  EXPECT_EQ(value_of(camera_model(info_)).distortion, Distortion::kRadialTangential);
+  use_coefficients(4);
+  EXPECT_FALSE(camera_model(info_)) << "a lens or a fisheye";
 }
 
 TEST_F(RosLens, ReadsTheLensOfRectifiedImagesFromP) {
@@ -137,11 +185,10 @@ TEST_F(RosLens, ReadsTheLensOfRectifiedImagesFromP) {
 }
 
 TEST_F(RosLens, RefusesUnsupportedLensesAndSizes) {
-  use_coefficients(8);
-  info_.distortion_model = "rational_polynomial";
-  EXPECT_FALSE(camera_model(info_));
-  info_.distortion_model = "";
-  EXPECT_FALSE(camera_model(info_));
+  info_.distortion_model = "ds";
+  EXPECT_THAT(error_of(camera_model(info_)), testing::HasSubstr("pinhole-equi"));
+  info_.distortion_model = "equidistant";
+  EXPECT_FALSE(camera_model(info_)) << "the fifth number is not zero";
   use_coefficients(0);
   info_.width = 0;
   EXPECT_FALSE(camera_model(info_));

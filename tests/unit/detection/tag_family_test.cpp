@@ -178,7 +178,14 @@ TEST(TagFamily, IsFoundByAnyOfItsSpellings) {
     EXPECT_EQ(listed_tag_family(name), "DICT_4X4_50") << name;
   EXPECT_EQ(listed_tag_family("TAG36H11"), "tag36h11");
   EXPECT_EQ(listed_tag_family("aruco_original"), "DICT_ARUCO_ORIGINAL");
-  EXPECT_EQ(listed_tag_family("apriltag_36h11"), "DICT_APRILTAG_36h11");
+  for (const char* name : {"36h11", "AprilTag 36h11", "apriltag_36h11", "kAprilTag36h11",
+                           "kTag36h11", "tf36h11", "t36h11", "apriltag3_36h11_classic"})
+    EXPECT_EQ(listed_tag_family(name), "tag36h11") << name;
+  for (const char* name : {"Standard41h12", "tfStandard41h12", "41h12"})
+    EXPECT_EQ(listed_tag_family(name), "tagStandard41h12") << name;
+  for (const char* name : {"DICT_APRILTAG_36H11", "aruco_apriltag_36h11"})
+    EXPECT_EQ(listed_tag_family(name), "DICT_APRILTAG_36h11") << name;
+  EXPECT_FALSE(is_tag_family("apriltag_136h11"));
   EXPECT_EQ(listed_tag_family("Tag99"), "Tag99");
 }
 

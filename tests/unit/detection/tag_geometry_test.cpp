@@ -133,7 +133,9 @@ class CornerResidualBent : public testing::TestWithParam<Distortion> {};
 TEST_P(CornerResidualBent, AccountsForTheFirstCoefficientOfALens) {
   CameraModel configured = camera();
   configured.distortion = GetParam();
-  if (GetParam() != Distortion::kNone) configured.coefficients = {-0.2, 0.03, 0, 0, 0};
+  if (GetParam() != Distortion::kNone) configured.coefficients = {-0.2, 0.03};
+  if (GetParam() == Distortion::kRational)
+    configured.coefficients = {-0.2, 0.03, 1e-3, -1e-3, 0.01, 0.3, -0.1, 0.02};
   constexpr double kMore = -0.07;
   const CameraModel bent = LensOffset{.k1 = kMore}.applied_to(configured);
   const Pose X_VT{exp_so3({0.4, -0.3, 0.2}) * kFacing, {0.4, -0.3, 1.2}};
@@ -161,14 +163,14 @@ TEST_P(CornerResidualBent, AccountsForTheFirstCoefficientOfALens) {
 
 INSTANTIATE_TEST_SUITE_P(Lenses, CornerResidualBent,
                          testing::Values(Distortion::kNone, Distortion::kRadialTangential,
-                                         Distortion::kEquidistant));
+                                         Distortion::kEquidistant, Distortion::kRational));
 
 TEST(LensOffset, GivesALensWithoutDistortionNothingButItsOwn) {
   CameraModel none = camera();
   none.coefficients = {-0.3, 0.1, 0, 0, 0};  // not used while there is no distortion
   const CameraModel bent = LensOffset{.k1 = -0.07}.applied_to(none);
   EXPECT_EQ(bent.distortion, Distortion::kRadialTangential);
-  EXPECT_EQ(bent.coefficients, (std::array<double, 5>{-0.07, 0, 0, 0, 0}));
+  EXPECT_EQ(bent.coefficients, (LensCoefficients{-0.07}));
   EXPECT_EQ(LensOffset{.focal = 0.1}.applied_to(none).distortion, Distortion::kNone);
 }
 

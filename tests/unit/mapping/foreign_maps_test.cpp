@@ -77,7 +77,8 @@ TEST_P(ForeignMaps, OmitsAndNamesUnusableTags) {
 }
 
 TEST_P(ForeignMaps, RefusesAFileWithoutTags) {
-  if (GetParam() == MapFormat::kWpilib) GTEST_SKIP() << "an empty field is one";
+  if (GetParam() == MapFormat::kWpilib || GetParam() == MapFormat::kLimelight)
+    GTEST_SKIP() << "an empty field is one";
   EXPECT_THAT(error_of(back(TagMap{})), HasSubstr("no tag whose place and size are known"));
 }
 
@@ -100,10 +101,37 @@ TEST_P(ForeignMaps, DoesNotMoveTagsOfATruncatedText) {
 
 INSTANTIATE_TEST_SUITE_P(All, ForeignMaps,
                          testing::Values(MapFormat::kTagslam, MapFormat::kBundles,
-                                         MapFormat::kRcars, MapFormat::kAruco, MapFormat::kWpilib),
+                                         MapFormat::kRcars, MapFormat::kAruco, MapFormat::kWpilib,
+                                         MapFormat::kLimelight),
                          [](const auto& info) { return std::string(name_of(info.param)); });
 
 // --- doubts ---
+
+TEST(ImpossiblePlaces, AreRefused) {
+  for (const std::string tag : {"0.16,-1e308,0,1", "0.16,0,2e6,1", "160,0,0,1", "0.0001,0,0,1"})
+    EXPECT_THAT(
+        error_of(read_map(MapFormat::kCsv, "id,size,px,py,pz,qw,qx,qy,qz\n3," + tag + ",1,0,0,0\n",
+                          {}, "tags.csv")),
+        HasSubstr("tag 3: "))
+        << tag;
+}
+
+TEST(CoveredTags, AreRefused) {
+  const auto read_csv = [](double step_m) {
+    std::string text = "id,size,px,py,pz,qw,qx,qy,qz\n";
+    for (int id = 0; id < 8; ++id)
+      text += std::to_string(id) + ",0.16," + std::to_string(step_m * id) + ",0,1,1,0,0,0\n";
+    return read_map(MapFormat::kCsv, text, {}, "tags.csv");
+  };
+  EXPECT_THAT(error_of(read_csv(0)), HasSubstr("cover each other, near 0, 0, 1 m"));
+  EXPECT_THAT(error_of(read_csv(0.1)), HasSubstr("cover each other"));
+  EXPECT_TRUE(read_csv(0.2));
+  EXPECT_TRUE(read_map(MapFormat::kCsv,
+                       "id,size,px,py,pz,qw,qx,qy,qz\n1,0.5,0,0,1,1,0,0,0\n"
+                       "2,0.1,0,0,1,1,0,0,0\n3,0.5,0,0,1,0,1,0,0\n",
+                       {}, "tags.csv"))
+      << "a small tag in the middle of a large one, and one on its back";
+}
 
 TagMap two_tags(const Eigen::Quaterniond& q_WT, double z_m) {
   TagMap map;

@@ -49,6 +49,17 @@ TEST(MapBundles, UsesTheIdentityByDefault) {
   EXPECT_THAT(box.remarks, Contains("standalone tag 5 left out: no place is given"));
 }
 
+TEST(MapBundles, MayBeBelowTheNameOfANode) {
+  std::string indented = std::string("    ") + kBundle;
+  for (std::size_t at = 0; (at = indented.find('\n', at) + 1) < indented.size() && at > 0;)
+    indented.insert(at, "    ");
+  for (const std::string above : {"detector:\n", "/**:\n  ros__parameters:\n"}) {
+    const std::string text = above + indented;
+    EXPECT_EQ(value_of(map_format_of("tags.yaml", text)), MapFormat::kBundles) << text;
+    EXPECT_EQ(value_of(read_bundle(text)).map.tags.size(), 2u);
+  }
+}
+
 TEST(MapBundles, NamesMistakes) {
   const auto refused = [](const char* from, const char* to) {
     return error_of(read_bundle(replaced(kBundle, from, to)));
@@ -191,14 +202,20 @@ TEST(MapAruco, FollowsTheCornersOfTheFile) {
   EXPECT_TRUE(map.remarks.empty());
 }
 
-TEST(MapAruco, TurnsOpenCvDictionariesByHalfATurnAndRemarksOthers) {
+TEST(MapAruco, TurnsOpenCvDictionariesByHalfATurn) {
   const auto map = value_of(read_markers(replaced(kMarkers, "TAG36h11", "DICT_APRILTAG_36h11")));
   EXPECT_EQ(map.map.family, "tag36h11");
   EXPECT_LT(corner_off_m(map.map.find(7)->tag, 1, {-0.1, 0.1, 0}), 1e-8);
   EXPECT_THAT(map.remarks, Contains(HasSubstr("turned back")));
-  const auto other = value_of(read_markers(replaced(kMarkers, "TAG36h11", "ARUCO_MIP_36h12")));
-  EXPECT_THAT(other.remarks, Contains(HasSubstr("ARUCO_MIP_36h12 is of no supported family")));
-  EXPECT_THAT(other.remarks, Contains(HasSubstr("tag36h11 is assumed")));
+}
+
+TEST(MapAruco, RefusesAnUnknownDictionaryUnlessAFamilyIsGiven) {
+  const std::string unknown = replaced(kMarkers, "TAG36h11", "ARUCO_MIP_36h12");
+  EXPECT_THAT(error_of(read_markers(unknown)),
+              AllOf(HasSubstr("ARUCO_MIP_36h12, which is not supported"), HasSubstr("--family")));
+  const auto given = value_of(read_map(MapFormat::kAruco, unknown, {.family = "Tag25h9"}, ""));
+  EXPECT_EQ(given.map.family, "tag25h9");
+  EXPECT_THAT(given.remarks, ElementsAre(HasSubstr("tag25h9 is taken as given")));
 }
 
 TEST(MapAruco, ScalesPixelsByTheGivenSize) {

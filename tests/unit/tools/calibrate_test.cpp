@@ -67,7 +67,7 @@ TEST_F(CalibrateImu, WritesConfigurationPageAndJsonAndKeepsAnEarlierOne) {
   run(run_calibrate_imu);
   EXPECT_EQ(content_of(folder_.file("out/imu.yaml.before")), "of another IMU\n");
   EXPECT_THAT(err_, HasSubstr("is kept as"));
-  const auto noise = value_of(read_kalibr_imu(folder_.file("out/imu.yaml")));
+  const auto noise = value_of(read_imu_noise(folder_.file("out/imu.yaml")));
   // 3 axes of 20 000 samples: √(3/4n) is 0.35 %, four sigma.
   EXPECT_NEAR(noise.gyro_noise_rad_s_rtHz / kTrue.gyro_noise_rad_s_rtHz, 1, 0.014);
   EXPECT_NEAR(noise.accel_noise_m_s2_rtHz / kTrue.accel_noise_m_s2_rtHz, 1, 0.014);
@@ -156,9 +156,9 @@ class CalibrateExtrinsics : public VerbTest<CalibrateExtrinsicsArguments> {
 TEST_F(CalibrateExtrinsics, FindsPoseAndTimeShiftWithinTheSigmas) {
   record(40);
   const auto camera = calibrate()["cameras"][0];
-  const auto chain = value_of(read_kalibr_camchain(folder_.file("out/camchain-imucam.yaml")));
+  const auto chain = value_of(read_calibration(folder_.file("out/camchain-imucam.yaml"), {}));
   ASSERT_EQ(chain.size(), 1U);
-  const Pose& found = chain.front().X_BV;
+  const Pose& found = chain.front().mount.X_BV;
   Eigen::Matrix<double, 6, 1> off;
   off << found.p - truth_.p, log_so3(found.q * truth_.q.conjugate());
   for (int i = 0; i < 6; ++i) {
@@ -166,8 +166,8 @@ TEST_F(CalibrateExtrinsics, FindsPoseAndTimeShiftWithinTheSigmas) {
     EXPECT_LT(std::abs(off(i)), kSigmas * sigma) << "axis " << i;
     EXPECT_LT(sigma, i < 3 ? 0.003 : 0.001) << "axis " << i;
   }
-  EXPECT_NEAR(to_seconds(chain.front().time_shift), -kStampError_s, kTime_s);
-  EXPECT_NEAR(chain.front().model.coefficients[0], -0.28, 1e-9);
+  EXPECT_NEAR(to_seconds(chain.front().mount.time_shift), -kStampError_s, kTime_s);
+  EXPECT_NEAR(chain.front().mount.model.coefficients[0], -0.28, 1e-9);
 }
 
 TEST_F(CalibrateExtrinsics, ReportsWhatTooLittleMotionDoesNotDetermine) {
@@ -193,9 +193,9 @@ TEST(KalibrCamchain, RoundTripKeepsEveryValue) {
   mount.time_shift = std::chrono::microseconds(-12'345);
   TemporaryFolder folder;
   const auto all = value_of(
-      read_kalibr_camchain(folder.write("chain.yaml", to_kalibr_camchain({mount, mount}, "test"))));
+      read_calibration(folder.write("chain.yaml", to_kalibr_camchain({mount, mount}, "test")), {}));
   ASSERT_EQ(all.size(), 2U);
-  const CameraMount& read = all[1];
+  const CameraMount& read = all[1].mount;
   EXPECT_LT((read.X_BV.p - mount.X_BV.p).norm(), 1e-9);
   EXPECT_LT(angle_between(read.X_BV.q, mount.X_BV.q), 1e-9);
   EXPECT_EQ(read.time_shift, mount.time_shift);

@@ -41,9 +41,9 @@ TEST_F(MapCommandTest, LogListsVersionsNewestFirst) {
 }
 
 TEST_F(MapCommandTest, DiffIsInMillimetresAndDegrees) {
-  import("1,0.16,0,0,0,1,0,0,0\n2,0.16,0,0,0,1,0,0,0\n");
+  import("1,0.16,0,0,0,1,0,0,0\n2,0.16,1,0,0,1,0,0,0\n");
   // Moved by 12 mm, rotated by 60 degrees about z: cos 30° = 0.8660254037844387.
-  import("1,0.16,0.012,0,0,0.8660254037844387,0,0,0.5\n3,0.16,0,0,0,1,0,0,0\n");
+  import("1,0.16,0.012,0,0,0.8660254037844387,0,0,0.5\n3,0.16,2,0,0,1,0,0,0\n");
   EXPECT_THAT(run(run_map_diff), AllOf(HasSubstr("3 tags differ"),
                                        HasSubstr("    1 moved      12.000 mm  60.0000 deg\n"),
                                        HasSubstr("    2 removed\n"), HasSubstr("    3 added\n")));
@@ -52,7 +52,8 @@ TEST_F(MapCommandTest, DiffIsInMillimetresAndDegrees) {
 TEST_F(MapCommandTest, ExportedMapsImportAsTheSameMap) {
   import("1,0.2,0.1,0.2,0.3,0.8660254037844387,0,0,0.5\n");
   arguments_.file = folder_.file("out.yaml");
-  for (const char* format : {"", "tagslam", "apriltag_ros", "rcars", "aruco", "wpilib"}) {
+  for (const char* format :
+       {"", "tagslam", "apriltag_ros", "rcars", "aruco", "wpilib", "limelight"}) {
     SCOPED_TRACE(format);
     arguments_.format = format;
     arguments_.tag_size_m.reset();

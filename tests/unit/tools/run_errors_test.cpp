@@ -62,6 +62,22 @@ TEST(PoseErrors, InTagAxesIgnoreTheWorkspace) {
   EXPECT_LT(errors.rotation_max_rad, 1e-7);  // arccos near one
 }
 
+TEST(FittedAxes, AreThoseOfTheBestRigidFit) {
+  std::vector<TruthSample> curve;
+  std::vector<StampedPose> estimates;
+  for (int i = 0; i <= 200; ++i) {
+    const double t = i / 200.0;
+    const Pose pose{motion(t).q, {std::cos(5 * t), std::sin(5 * t), t * t}};
+    curve.push_back({at(t), pose});
+    estimates.push_back({at(t), kSomewhere * pose});
+  }
+  const Pose fitted = fitted_axes(estimates, curve, at(0)).value();
+  EXPECT_LT((fitted.p - kSomewhere.p).norm(), 1e-9);
+  EXPECT_LT(angle_between(fitted.q, kSomewhere.q), 1e-9);
+  EXPECT_LT(pose_errors(estimates, curve, fitted, Pose{}, at(0)).position_max_m, 1e-9);
+  EXPECT_FALSE(fitted_axes(estimates, curve, at(0.995)));
+}
+
 TEST(PoseErrors, AreRmsAndMaximumAfterTheStart) {
   std::vector<StampedPose> estimates;
   for (const auto& [t, error] :

@@ -165,6 +165,67 @@ TEST_F(ImuCsvTest, AssumesAndReportsTheUsualOrderWithoutAHeader) {
   EXPECT_THAT(table.remarks, Contains(HasSubstr("has no header")));
 }
 
+TEST_F(ImuCsvTest, FindsTheSeparatorAndDecimalCommas) {
+  const char* const names[] = {"time_ms", "gx", "gy", "gz", "ax", "ay", "az"};
+  for (const std::string separator : {",", ";", "\t", "  "}) {
+    std::string text = separator == "  " ? "# " : "";
+    for (const char* name : names) text += (name == names[0] ? "" : separator) + std::string(name);
+    for (int i = 1; i <= 3; ++i) {
+      text += "\n" + std::to_string(5 * i);
+      for (const std::string number : {"0.25", "-1", "2", "3", "4", "9.75"})
+        text += separator + (separator == ";" && number == "0.25" ? "0,25" : number);
+    }
+    const ImuTable table = value_of(read(text + "\n"));
+    ASSERT_EQ(table.samples.size(), 3u) << text;
+    EXPECT_EQ(table.samples[0].w_WB_B, Eigen::Vector3d(0.25, -1, 2)) << text;
+    EXPECT_EQ(table.samples[0].f_B, Eigen::Vector3d(3, 4, 9.75)) << text;
+    EXPECT_EQ(to_ns(table.samples[2].sampled_at), 15'000'000);
+  }
+}
+
+TEST_F(ImuCsvTest, ReadsTablesOfPx4AndSensorLog) {
+  const ImuTable px4 =
+      value_of(read("timestamp,gyro_rad[0],gyro_rad[1],gyro_rad[2],gyro_integral_dt,"
+                    "accelerometer_timestamp_relative,accelerometer_m_s2[0],accelerometer_m_s2[1],"
+                    "accelerometer_m_s2[2]\n40000,1,2,3,4,5,6,7,9\n44000,1,2,3,4,5,6,7,9\n"));
+  EXPECT_EQ(px4.samples.at(1).w_WB_B, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(px4.samples[1].f_B, Eigen::Vector3d(6, 7, 9));
+  EXPECT_EQ(to_ns(px4.samples[1].sampled_at), 44'000'000);
+  const ImuTable ios = value_of(
+      read("loggingTime(txt),accelerometerTimestamp_sinceReboot(s),accelerometerAccelerationX(G),"
+           "accelerometerAccelerationY(G),accelerometerAccelerationZ(G),gyroRotationX(rad/s),"
+           "gyroRotationY(rad/s),gyroRotationZ(rad/s)\n"
+           "2026-11-29 10:00:00.123 +0100,5.01,0,0,-1,1,2,3\n"
+           "2026-11-29 10:00:00.133 +0100,5.02,0,0,-1,1,2,3\n"));
+  EXPECT_EQ(to_ns(ios.samples.at(0).sampled_at), 5'010'000'000);
+  EXPECT_NEAR(ios.samples[0].f_B.z(), 9.80665, 1e-12) << "screen up";
+  EXPECT_THAT(ios.remarks, Contains(HasSubstr("its sign is inverted")));
+}
+
+TEST_F(ImuCsvTest, ReadsDates) {
+  const struct {
+    const char* text;
+    std::int64_t ns;  // −1: none
+  } kCases[] = {{"2026-11-29T10:00:00.123Z", 1'795'946'400'123'000'000},
+                {"2026-11-29 11:00:00.123456 +01:00", 1'795'946'400'123'456'000},
+                {"2026/11/29 04:30:00,5-0530", 1'795'946'400'500'000'000},
+                {"00:01:02.5", 62'500'000'000},
+                {"1795946400.123", -1},
+                {"2026-02-30 10:00:00", -1},
+                {"2026-11-29", -1},
+                {"10:61:00", -1},
+                {"", -1}};
+  for (const auto& [text, expected] : kCases) {
+    std::int64_t ns = -1;
+    EXPECT_EQ(parse_date(text, ns), expected >= 0) << text;
+    if (expected >= 0) EXPECT_EQ(ns, expected) << text;
+  }
+  const ImuTable table =
+      value_of(read("date,gx,gy,gz,ax,ay,az\n2026-11-29T10:00:00.123,0,0,0,0,0,9.8\n"
+                    "2026-11-29T10:00:00.128,0,0,0,0,0,9.8\n"));
+  EXPECT_EQ(to_ns(table.samples.at(1).sampled_at), 1'795'946'400'128'000'000);
+}
+
 TEST_F(ImuCsvTest, DropsAndCountsDamagedAndBackwardLines) {
   const ImuTable table =
       value_of(read("t_ms,gx,gy,gz,ax,ay,az\n0,0,0,0,0,0,9.8\n5,0,0,0,0,0,9.8\n3,0,0,0,0,0,9.8\n"

@@ -52,7 +52,7 @@ class LogImportTest : public testing::Test {
  protected:
   std::unique_ptr<ImportSource> open(const std::vector<StoredMessage>& messages) {
     return value_of(
-        open_log_import(folder_.write("a.bag", test::bag_file(messages)), options_, {}));
+        open_log_import({folder_.write("a.bag", test::bag_file(messages))}, options_, {}));
   }
   TemporaryFolder folder_;
   ImportOptions options_;

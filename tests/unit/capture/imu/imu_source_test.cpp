@@ -242,5 +242,36 @@ TEST_F(ImuTopicTest, ReadsAnImuOfRos2) {
   EXPECT_EQ(sample.f_B, Eigen::Vector3d(0.25, -0.5, 9.8)) << "forward, left, up";
 }
 
+TEST_F(ImuTopicTest, JoinsTwoTopicsOfRos2) {
+  config_.type = ImuSourceType::kRos;
+  config_.ros = {.topic = "/camera/gyro/sample", .accel = "/camera/accel/sample"};
+  const auto source = open();
+  const dds::Qos best_effort{.reliable = false};
+  auto gyro = value_of(dds::Writer::make(
+      *participant_, {"rt/camera/gyro/sample", &sensor_msgs_msg_dds__Imu__desc, {}}, best_effort));
+  auto accel = value_of(dds::Writer::make(
+      *participant_, {"rt/camera/accel/sample", &sensor_msgs_msg_dds__Imu__desc, {}}, best_effort));
+  std::stop_source stop;
+  std::jthread sender([&](std::stop_token own) {
+    for (int i = 0; i < 500 && !own.stop_requested(); ++i) {
+      sensor_msgs_msg_dds__Imu_ message{};
+      const std::int64_t now_ns = dds::utc_now_ns();
+      message.header.stamp.sec = static_cast<std::int32_t>(now_ns / 1'000'000'000);
+      message.header.stamp.nanosec = static_cast<std::uint32_t>(now_ns % 1'000'000'000);
+      message.header.frame_id = const_cast<char*>("imu");
+      message.angular_velocity = {1, 2, 3};
+      gyro.write(&message);
+      message.angular_velocity = {};
+      message.linear_acceleration = {4, 5, 6};
+      accel.write(&message);
+      std::this_thread::sleep_for(10ms);
+    }
+    stop.request_stop();
+  });
+  const auto sample = std::get<ImuSample>(value_of(source->next(stop.get_token())).value());
+  EXPECT_EQ(sample.w_WB_B, Eigen::Vector3d(1, 2, 3));
+  EXPECT_TRUE(sample.f_B.isApprox(Eigen::Vector3d(4, 5, 6)));
+}
+
 }  // namespace
 }  // namespace fiducap

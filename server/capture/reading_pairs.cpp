@@ -1,4 +1,4 @@
-#include "capture/imu/reading_pairs.hpp"
+#include "capture/reading_pairs.hpp"
 
 #include <charconv>
 #include <cmath>
@@ -34,6 +34,11 @@ std::optional<ReadingPairs::Pair> ReadingPairs::take() {
     Pair pair{gyro.stamp_ns, gyro.value, before.value};
     if (before.stamp_ns < gyro.stamp_ns) {
       const Timed& after = accel_.at(1);
+      if (after.stamp_ns - before.stamp_ns > kLongestGap.count()) {
+        gyro_.pop();
+        ++gyro_.dropped;
+        continue;
+      }
       const double share = static_cast<double>(gyro.stamp_ns - before.stamp_ns) /
                            static_cast<double>(after.stamp_ns - before.stamp_ns);
       pair.f += share * (after.value - before.value);

@@ -1,4 +1,4 @@
-#include "capture/imu/reading_pairs.hpp"
+#include "capture/reading_pairs.hpp"
 
 #include <gtest/gtest.h>
 

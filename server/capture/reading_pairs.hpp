@@ -8,12 +8,16 @@
 
 #include <Eigen/Core>
 
+#include "base/time.hpp"
+
 namespace fiducap {
 
 /// Combines gyroscope and accelerometer of two devices: interpolates the accelerometer linearly at
-/// the times of the gyroscope. At most 256 wait for it; older ones are dropped and counted.
+/// the times of the gyroscope, never over a longer gap. At most 256 wait for it; others are dropped
+/// and counted.
 class ReadingPairs final {
  public:
+  static constexpr Duration kLongestGap = std::chrono::milliseconds(100);
   struct Timed {
     std::int64_t stamp_ns{};
     Eigen::Vector3d value{Eigen::Vector3d::Zero()};
