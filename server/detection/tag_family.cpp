@@ -83,7 +83,8 @@ constexpr std::array<std::string_view, 10> kBeforeCode{
 
 /// @param written  folded
 bool is_apriltag(const TagFamilyFacts& family, std::string_view written) {
-  if (written.ends_with("classic")) written.remove_suffix(std::string_view("classic").size());
+  for (const std::string_view kind : {"classic", "standard", "custom", "circle"})
+    if (written.ends_with(kind)) written.remove_suffix(kind.size());  // Limelight
   const std::string_view code = family.name.substr(family.name.find_first_of("0123456789"));
   if (!written.ends_with(code)) return false;
   written.remove_suffix(code.size());

@@ -1,6 +1,7 @@
 #include "capture/import/import_source.hpp"
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 
 #include "base/yaml_section.hpp"
@@ -112,14 +113,15 @@ OpenedImport open_import(const std::vector<std::string>& paths, const ImportOpti
 Expected<void> apply_calibrations(const std::vector<std::string>& files,
                                   std::vector<FoundStream>& cameras,
                                   std::optional<ImuNoise>& noise) {
+  constexpr std::array kNoiseKeys{"imu0", "gyroscope_noise_density", "Gyr", "gyr_n"};
   std::size_t next = 0;
   for (const std::string& file : files) {
     const auto yaml = YamlSection::load(file);
-    if (yaml && (yaml->has("imu0") || yaml->has("gyroscope_noise_density") || yaml->has("Gyr"))) {
+    if (yaml && std::ranges::any_of(kNoiseKeys, [&](const char* key) { return yaml->has(key); })) {
       const auto read = read_imu_noise(file);
       if (!read) return tl::unexpected(read.error());
       noise = *read;
-      continue;
+      if (!yaml->has("projection_parameters")) continue;  // VINS has both
     }
     if (next >= cameras.size())
       return fail(

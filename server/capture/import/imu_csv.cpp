@@ -162,9 +162,14 @@ class ImuCsv final {
   }
 
   void guess_time(std::vector<double>& steps) {
-    if (columns_.time_exponent != ImuColumns::kNotSaid) return;
-    // For rates of 2.5 to 2500 Hz.
     const double step = quantile_of(steps, 0.5);
+    const bool is_said = columns_.time_exponent != ImuColumns::kNotSaid;
+    // Lists of seconds or microseconds below EuRoC's header, which says ns.
+    constexpr double kShortest_ns = 1e4;
+    if (is_said && (step * std::pow(10.0, columns_.time_exponent) > kShortest_ns ||
+                    !options_.imu_units.empty()))
+      return;
+    // For rates of 2.5 to 2500 Hz.
     constexpr std::array<std::pair<double, int>, 3> kUpTo{{{0.4, 9}, {400, 6}, {400e3, 3}}};
     columns_.time_exponent = 0;
     for (auto limit = kUpTo.rbegin(); limit != kUpTo.rend(); ++limit)
@@ -172,7 +177,7 @@ class ImuCsv final {
     constexpr std::array<const char*, 4> kNames{"ns", "µs", "ms", "s"};
     remark(std::string("time is assumed in ") +
            kNames[static_cast<std::size_t>(columns_.time_exponent / 3)] + " (median step " +
-           shortest(step) + ")");
+           shortest(step) + (is_said ? ", not as its header has it)" : ")"));
   }
 
   void guess_gyro(std::vector<double>& rates) {

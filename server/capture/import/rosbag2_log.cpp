@@ -216,7 +216,9 @@ Expected<LogParts> parts_of_folder(const std::filesystem::path& folder) {
   LogParts parts;
   std::error_code error;
   for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-    const std::string ending = entry.path().extension().string();
+    std::string ending = entry.path().extension().string();
+    if (ending == ".active")
+      ending = entry.path().stem().extension().string();  // of a killed recorder
     const bool is_log = ending == ".db3" || ending == ".mcap" || ending == ".bag";
     if (is_log ? is_file(entry.path()) : is_file(entry.path() / "metadata.yaml"))
       parts.files.push_back(entry.path());

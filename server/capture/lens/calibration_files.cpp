@@ -132,23 +132,95 @@ std::vector<CalibratedCamera> read_camchain(const YamlSection& yaml, const Camer
   return cameras;
 }
 
+using Keys = std::vector<std::string>;
+
+/// A format with a key for each number.
+/// @param pinhole  keys of fu, fv, cu, cv   @param k  the section of the coefficients
+/// @param coefficients  keys; those that are missing are zero
+void read_named(const YamlSection& yaml, const Keys& pinhole, const std::string& lens,
+                const YamlSection& k, const Keys& coefficients, CameraModel& model) {
+  model.fu = yaml.required_number(pinhole[0]);
+  model.fv = yaml.required_number(pinhole[1]);
+  model.cu = yaml.required_number(pinhole[2]);
+  model.cv = yaml.required_number(pinhole[3]);
+  std::vector<double> numbers;
+  for (const std::string& key : coefficients) numbers.push_back(k.number(key).value_or(0));
+  if (const auto set = set_lens(model, lens, numbers); !set)
+    k.add_fault(coefficients.empty() ? "" : coefficients.front(), set.error().what);
+  check_model(yaml, model);
+}
+
 CameraModel read_basalt_lens(const YamlSection& camera, const std::vector<double>& size) {
   CameraModel model;
   set_size(size, model);
   const std::string type = camera.text("camera_type").value_or("");
   const YamlSection numbers = camera.section("intrinsics");
-  model.fu = numbers.required_number("fx");
-  model.fv = numbers.required_number("fy");
-  model.cu = numbers.required_number("cx");
-  model.cv = numbers.required_number("cy");
-  std::vector<double> k;
-  std::vector<const char*> keys;
-  if (type == "kb4") keys = {"k1", "k2", "k3", "k4"};
-  if (type.starts_with("pinhole-radtan")) keys = {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
-  for (const char* key : keys) k.push_back(numbers.number(key).value_or(0));
-  if (const auto set = set_lens(model, keys.size() == 8 ? "radtan" : type, k); !set)
-    camera.add_fault("camera_type", set.error().what);
-  check_model(camera, model);
+  const Keys pinhole{"fx", "fy", "cx", "cy"};
+  if (type == "kb4")
+    read_named(numbers, pinhole, type, numbers, {"k1", "k2", "k3", "k4"}, model);
+  else if (type.starts_with("pinhole"))
+    read_named(numbers, pinhole, "radtan", numbers,
+               {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"}, model);
+  else
+    camera.add_fault("camera_type", "is " + type +
+                                        "; supported are pinhole, pinhole-radtan8 and kb4: "
+                                        "calibrate with one of these");
+  return model;
+}
+
+/// camodocal's, as VINS-Mono and VINS-Fusion read it.
+CameraModel read_camodocal(const YamlSection& yaml) {
+  CameraModel model;
+  set_size({yaml.required_number("image_width"), yaml.required_number("image_height")}, model);
+  const std::string type = yaml.text("model_type").value_or("");
+  const YamlSection numbers = yaml.section("projection_parameters");
+  if (type == "PINHOLE")
+    read_named(numbers, {"fx", "fy", "cx", "cy"}, "radtan", yaml.section("distortion_parameters"),
+               {"k1", "k2", "p1", "p2"}, model);
+  else if (type == "KANNALA_BRANDT")
+    read_named(numbers, {"mu", "mv", "u0", "v0"}, "kb4", numbers, {"k2", "k3", "k4", "k5"}, model);
+  else
+    yaml.add_fault(
+        "model_type",
+        "is " + type + "; supported are PINHOLE and KANNALA_BRANDT: calibrate with one of these");
+  return model;
+}
+
+/// ORB-SLAM's settings, of version 2 (`Camera.fx`) or 3 (`Camera1.fx`).
+CameraModel read_orb_slam(const YamlSection& yaml) {
+  CameraModel model;
+  set_size({yaml.required_number("Camera.width"), yaml.required_number("Camera.height")}, model);
+  const std::string type = yaml.text("Camera.type").value_or("PinHole");
+  const bool is_fisheye = type == "KannalaBrandt8";
+  if (!is_fisheye && type != "PinHole")
+    yaml.add_fault("Camera.type", "is " + type + "; supported are PinHole and KannalaBrandt8");
+  const auto keys = [&](Keys all) {
+    for (std::string& key : all) key.insert(0, yaml.has("Camera1.fx") ? "Camera1." : "Camera.");
+    return all;
+  };
+  read_named(yaml, keys({"fx", "fy", "cx", "cy"}), is_fisheye ? "kb4" : "radtan", yaml,
+             keys(is_fisheye ? Keys{"k1", "k2", "k3", "k4"} : Keys{"k1", "k2", "p1", "p2", "k3"}),
+             model);
+  return model;
+}
+
+/// mrcal's .cameramodel, a dictionary of Python: fu fv cu cv and the coefficients in one list.
+CameraModel read_mrcal(const YamlSection& yaml) {
+  CameraModel model;
+  constexpr std::string_view kBefore = "LENSMODEL_";
+  std::string name = yaml.text("lensmodel").value_or("");
+  if (name.starts_with(kBefore)) name.erase(0, kBefore.size());
+  set_size(yaml.required_numbers("imagersize", 2), model);
+  const std::vector<double> numbers = yaml.numbers("intrinsics");
+  if (numbers.size() < 4) {
+    yaml.add_fault("intrinsics", "must be fu, fv, cu, cv and the coefficients");
+    return model;
+  }
+  std::tie(model.fu, model.fv, model.cu, model.cv) =
+      std::tie(numbers[0], numbers[1], numbers[2], numbers[3]);
+  if (const auto set = set_lens(model, name, std::span(numbers).subspan(4)); !set)
+    yaml.add_fault("lensmodel", set.error().what);
+  check_model(yaml, model);
   return model;
 }
 
@@ -177,11 +249,23 @@ std::vector<CalibratedCamera> read_basalt(const YamlSection& yaml, const CameraM
   return cameras;
 }
 
+tl::unexpected<Error> no_calibration(const std::string& path) {
+  return fail(ErrorCode::kInvalid,
+              "is no camera calibration: expected the keys intrinsics + resolution (EuRoC), "
+              "camera_matrix + distortion_coefficients (OpenCV, ROS, WPILib, PhotonVision), "
+              "cam0 (Kalibr, TagSLAM), value0 (Basalt), projection_parameters (camodocal, VINS), "
+              "Camera.fx or Camera1.fx (ORB-SLAM), lensmodel (mrcal), or COLMAP's cameras.txt; or "
+              "of an IMU's noise gyroscope_noise_density (Kalibr), gyr_n (VINS) or Gyr (imu_utils)",
+              path);
+}
+
 Expected<YamlSection> load_calibration(const std::string& path) {
   constexpr std::size_t kLargest_bytes = 16 << 20;
   const auto text = read_whole_file(path, kLargest_bytes);
   if (!text) return tl::unexpected(text.error());
   const auto node = calibration_node(*text);
+  const bool is_ini = text->starts_with('[');
+  if (!node && is_ini) return no_calibration(path);
   if (!node) return YamlSection::load(path);
   return YamlSection(*node, "", std::make_shared<YamlReading>(YamlReading{path}));
 }
@@ -194,7 +278,9 @@ CameraModel read_pinhole(const YamlSection& yaml, const std::string& coefficient
   if (kind != "pinhole") {
     yaml.add_fault(
         "camera_model",
-        "is " + kind + ", only pinhole is supported (Kalibr: pinhole-radtan, pinhole-equi)");
+        "is " + kind +
+            ", only pinhole is supported (in Kalibr pinhole-radtan or pinhole-equi, in COLMAP "
+            "OPENCV, FULL_OPENCV or OPENCV_FISHEYE)");
     return model;  // the numbers of another model mean something else
   }
   const std::vector<double> size = yaml.required_numbers("resolution", 2);
@@ -243,12 +329,14 @@ Expected<std::vector<CalibratedCamera>> read_calibration(const std::string& path
       camera.mount.model = read_pinhole(*yaml, "distortion_coefficients");
     } else if (matrix != nullptr) {
       camera.mount.model = read_opencv(*yaml, matrix);
+    } else if (yaml->has("projection_parameters") || yaml->has("mirror_parameters")) {
+      camera.mount.model = read_camodocal(*yaml);
+    } else if (yaml->has("Camera.fx") || yaml->has("Camera1.fx")) {
+      camera.mount.model = read_orb_slam(*yaml);
+    } else if (yaml->has("lensmodel")) {
+      camera.mount.model = read_mrcal(*yaml);
     } else {
-      return fail(ErrorCode::kInvalid,
-                  "is no camera calibration: expected the keys intrinsics + resolution (EuRoC), "
-                  "camera_matrix + distortion_coefficients (OpenCV, ROS, WPILib, PhotonVision), "
-                  "cam0 (Kalibr, TagSLAM), value0 (Basalt), or COLMAP's cameras.txt",
-                  path);
+      return no_calibration(path);
     }
     read_lens_sigmas(*yaml, camera.mount);
     cameras.push_back(std::move(camera));
@@ -268,6 +356,7 @@ Expected<ImuNoise> read_imu_noise(const std::string& path) {
   const Expected<YamlSection> yaml = YamlSection::load(path);
   if (!yaml) return tl::unexpected(yaml.error());
   const bool is_imu_utils = yaml->has("Gyr") && yaml->has("Acc");
+  const bool has_short_names = is_imu_utils || yaml->has("gyr_n");  // VINS
   const YamlSection imu = yaml->has("imu0") ? yaml->section("imu0") : *yaml;
   const YamlSection gyro = is_imu_utils ? yaml->section("Gyr").section("avg-axis") : imu;
   const YamlSection accel = is_imu_utils ? yaml->section("Acc").section("avg-axis") : imu;
@@ -278,12 +367,13 @@ Expected<ImuNoise> read_imu_noise(const std::string& path) {
   };
   ImuNoise noise;
   noise.accel_noise_m_s2_rtHz =
-      positive(accel, is_imu_utils ? "acc_n" : "accelerometer_noise_density");
+      positive(accel, has_short_names ? "acc_n" : "accelerometer_noise_density");
   noise.accel_walk_m_s3_rtHz =
-      positive(accel, is_imu_utils ? "acc_w" : "accelerometer_random_walk");
-  noise.gyro_noise_rad_s_rtHz = positive(gyro, is_imu_utils ? "gyr_n" : "gyroscope_noise_density");
-  noise.gyro_walk_rad_s2_rtHz = positive(gyro, is_imu_utils ? "gyr_w" : "gyroscope_random_walk");
-  if (!is_imu_utils) noise.rate_hz = positive(imu, "update_rate");
+      positive(accel, has_short_names ? "acc_w" : "accelerometer_random_walk");
+  noise.gyro_noise_rad_s_rtHz =
+      positive(gyro, has_short_names ? "gyr_n" : "gyroscope_noise_density");
+  noise.gyro_walk_rad_s2_rtHz = positive(gyro, has_short_names ? "gyr_w" : "gyroscope_random_walk");
+  if (!has_short_names) noise.rate_hz = positive(imu, "update_rate");
   return yaml->check().map([&] { return std::move(noise); });
 }
 

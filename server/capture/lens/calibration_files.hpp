@@ -37,7 +37,8 @@ struct CalibratedCamera {
 ///   - Kalibr's camchain with or without an IMU, TagSLAM's cameras.yaml: `cam0` … Kalibr's
 ///     `T_cam_imu` takes IMU axes to camera axes, X_BV = T_cam_imu⁻¹; OpenVINS' `T_imu_cam` is X_BV
 ///   - Basalt's calibration.json: `value0`
-///   - COLMAP's cameras.txt
+///   - camodocal's and VINS': `projection_parameters`; ORB-SLAM's: `Camera.fx` …, `Camera1.fx` …
+///   - mrcal's .cameramodel: `lensmodel`; COLMAP's cameras.txt
 /// Four coefficients without a model name are refused: they fit OpenCV's lens and its fisheye.
 /// @param otherwise  keeps what the file does not have
 [[nodiscard]] Expected<std::vector<CalibratedCamera>> read_calibration(
@@ -46,8 +47,9 @@ struct CalibratedCamera {
 [[nodiscard]] Expected<CameraModel> read_camera_calibration(const std::string& path);
 
 /// Reads Kalibr's imu.yaml (`accelerometer_noise_density` …, `update_rate`; flat or below `imu0`),
-/// as allan_variance_ros writes it, too, or the result of imu_utils (`Gyr`, `Acc`: the mean of the
-/// axes), whose `gyr_w` and `acc_w` are bias instabilities: upper bounds of the random walks.
+/// as allan_variance_ros writes it, too, VINS' (`gyr_n` …), or the result of imu_utils (`Gyr`,
+/// `Acc`: the mean of the axes), whose `gyr_w` and `acc_w` are bias instabilities: upper bounds of
+/// the random walks.
 [[nodiscard]] Expected<ImuNoise> read_imu_noise(const std::string& path);
 
 }  // namespace fiducap

@@ -9,7 +9,7 @@ namespace fiducap {
 namespace {
 
 /// What the coefficients of a name mean. In lower case, with hyphens.
-constexpr std::array<std::pair<std::string_view, Distortion>, 18> kNames{
+constexpr std::array<std::pair<std::string_view, Distortion>, 19> kNames{
     {{"none", Distortion::kNone},
      {"pinhole", Distortion::kNone},
      {"radial-tangential", Distortion::kRadialTangential},
@@ -17,6 +17,7 @@ constexpr std::array<std::pair<std::string_view, Distortion>, 18> kNames{
      {"plumb-bob", Distortion::kRadialTangential},
      {"brown-conrady", Distortion::kRadialTangential},
      {"opencv", Distortion::kRadialTangential},
+     {"opencv4", Distortion::kRadialTangential},
      {"opencv5", Distortion::kRadialTangential},
      {"rational-polynomial", Distortion::kRational},
      {"rational", Distortion::kRational},

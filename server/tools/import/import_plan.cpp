@@ -4,6 +4,7 @@
 #include "base/text.hpp"
 #include "capture/ros_image.hpp"
 #include "detection/detector_config.hpp"
+#include "detection/tag_family.hpp"
 #include "tools/import/import.hpp"
 
 namespace fiducap {
@@ -237,6 +238,7 @@ void take_tags(const ImportSource& source, const ImportArguments& arguments, Imp
     info.tag_sizes_m.clear();
   }
   if (!arguments.tag_family.empty()) info.tag_family = arguments.tag_family;
+  info.tag_family = listed_tag_family(info.tag_family);
   if (arguments.tag_size_m > 0 || source.has_tags()) return;
   plan.to_do.push_back("size of the tags: not in the source. " + arguments.out +
                        "/mav0/tags.yaml has " + info.tag_family + " of " +

@@ -160,7 +160,42 @@ TEST_F(CalibrationFileTest, ReadsTheCalibrationOfBasalt) {
   EXPECT_EQ(read[0].mount.X_BV.p, Eigen::Vector3d(0.1, 0.2, 0.3));
   EXPECT_EQ(read[0].place, CameraPlace::kOnBody);
   EXPECT_EQ(read[0].mount.time_shift, std::chrono::milliseconds(5));
-  EXPECT_THAT(error_of(cameras(replaced(kBasalt, "kb4", "ds"))), HasSubstr("pinhole-equi"));
+  EXPECT_THAT(error_of(cameras(replaced(kBasalt, "kb4", "ds"))), HasSubstr("pinhole-radtan8"));
+}
+
+TEST_F(CalibrationFileTest, ReadsTheLensesOfVinsOrbSlamAndMrcal) {
+  const auto radtan =
+      radial_tangential({752, 480, 461.6, 460.3, 363, 248.1}, {-0.29, 0.08, 0.0001, 0.0002});
+  const auto fisheye = equidistant({752, 480, 461.6, 460.3, 363, 248.1}, {0.1, 0.2, 0.3, 0.4});
+  const std::string vins =
+      "%YAML:1.0\nmodel_type: PINHOLE\ncamera_name: camera\nimage_width: 752\nimage_height: 480\n"
+      "distortion_parameters:\n   k1: -0.29\n   k2: 0.08\n   p1: 0.0001\n   p2: 0.0002\n"
+      "projection_parameters:\n   fx: 461.6\n   fy: 460.3\n   cx: 363\n   cy: 248.1\n";
+  EXPECT_EQ(parts_of(value_of(camera(vins))), parts_of(radtan));
+  EXPECT_EQ(parts_of(value_of(camera(
+                "%YAML:1.0\n---\nmodel_type: KANNALA_BRANDT\nimage_width: 752\nimage_height: 480\n"
+                "projection_parameters:\n   k2: 0.1\n   k3: 0.2\n   k4: 0.3\n   k5: 0.4\n"
+                "   mu: 461.6\n   mv: 460.3\n   u0: 363\n   v0: 248.1\n"))),
+            parts_of(fisheye));
+  EXPECT_THAT(error_of(camera("model_type: MEI\nimage_width: 752\nimage_height: 480\n"
+                              "mirror_parameters: {xi: 1.5}\n")),
+              HasSubstr("model_type is MEI; supported are PINHOLE and KANNALA_BRANDT"));
+  EXPECT_EQ(parts_of(value_of(camera(
+                "%YAML:1.0\n\n#----\nCamera.fx: 461.6\nCamera.fy: 460.3\nCamera.cx: 363.0\n"
+                "Camera.cy: 248.1\nCamera.k1: -0.29\nCamera.k2: 0.08\nCamera.p1: 0.0001\n"
+                "Camera.p2: 0.0002\nCamera.width: 752\nCamera.height: 480\nCamera.fps: 20.0\n"))),
+            parts_of(radtan));
+  EXPECT_EQ(parts_of(value_of(camera(
+                "%YAML:1.0\nCamera.type: \"KannalaBrandt8\"\nCamera1.fx: 461.6\nCamera1.fy: 460.3\n"
+                "Camera1.cx: 363.0\nCamera1.cy: 248.1\nCamera1.k1: 0.1\nCamera1.k2: 0.2\n"
+                "Camera1.k3: 0.3\nCamera1.k4: 0.4\nCamera.width: 752\nCamera.height: 480\n"))),
+            parts_of(fisheye));
+  EXPECT_EQ(parts_of(value_of(camera(
+                "# generated\n{\n    'lensmodel':  'LENSMODEL_OPENCV4',\n"
+                "    # intrinsics are fx,fy,cx,cy,distortion0,distortion1,....\n"
+                "    'intrinsics': [ 461.6, 460.3, 363, 248.1, -0.29, 0.08, 0.0001, 0.0002,],\n"
+                "    'extrinsics': [ 0, 0, 0, 0, 0, 0,],\n    'imagersize': [ 752, 480 ]\n}\n"))),
+            parts_of(radtan));
 }
 
 TEST_F(CalibrationFileTest, RefusesAFaultyCamchainWithTheReason) {
@@ -195,6 +230,22 @@ TEST_F(CalibrationFileTest, ReadsKalibrImuFlatAndBelowImu0) {
   EXPECT_THAT(error_of(read_imu_noise(folder_.write("imu.yaml", "update_rate: -1\n"))),
               testing::AllOf(HasSubstr("accelerometer_noise_density is missing"),
                              HasSubstr("update_rate must be > 0")));
+}
+
+TEST_F(CalibrationFileTest, ReadsTheNoiseOfImuUtilsAndVins) {
+  const ImuNoise utils = value_of(read_imu_noise(folder_.write(
+      "result.yaml",
+      "%YAML:1.0\n---\ntype: IMU\nname: mti\nGyr:\n   unit: \" rad/s\"\n   avg-axis:\n"
+      "      gyr_n: 2.0e-03\n      gyr_w: 3.0e-05\n   x-axis:\n      gyr_n: 1\n      gyr_w: 1\n"
+      "Acc:\n   unit: \" m/s^2\"\n   avg-axis:\n      acc_n: 2.0e-02\n      acc_w: 4.0e-04\n")));
+  const ImuNoise vins = value_of(read_imu_noise(folder_.write(
+      "vins.yaml", "%YAML:1.0\nacc_n: 0.02\ngyr_n: 0.002\nacc_w: 0.0004\ngyr_w: 3.0e-5\n")));
+  for (const ImuNoise& noise : {utils, vins}) {
+    EXPECT_EQ(noise.gyro_noise_rad_s_rtHz, 2e-3);
+    EXPECT_EQ(noise.gyro_walk_rad_s2_rtHz, 3e-5);
+    EXPECT_EQ(noise.accel_noise_m_s2_rtHz, 2e-2);
+    EXPECT_EQ(noise.accel_walk_m_s3_rtHz, 4e-4);
+  }
 }
 
 TEST_F(CalibrationFileTest, ReadsCameraInfoOfRos) {

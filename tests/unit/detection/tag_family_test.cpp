@@ -181,7 +181,7 @@ TEST(TagFamily, IsFoundByAnyOfItsSpellings) {
   for (const char* name : {"36h11", "AprilTag 36h11", "apriltag_36h11", "kAprilTag36h11",
                            "kTag36h11", "tf36h11", "t36h11", "apriltag3_36h11_classic"})
     EXPECT_EQ(listed_tag_family(name), "tag36h11") << name;
-  for (const char* name : {"Standard41h12", "tfStandard41h12", "41h12"})
+  for (const char* name : {"Standard41h12", "tfStandard41h12", "41h12", "apriltag3_41h12_standard"})
     EXPECT_EQ(listed_tag_family(name), "tagStandard41h12") << name;
   for (const char* name : {"DICT_APRILTAG_36H11", "aruco_apriltag_36h11"})
     EXPECT_EQ(listed_tag_family(name), "DICT_APRILTAG_36h11") << name;

@@ -202,6 +202,18 @@ TEST_F(ImuCsvTest, ReadsTablesOfPx4AndSensorLog) {
   EXPECT_THAT(ios.remarks, Contains(HasSubstr("its sign is inverted")));
 }
 
+TEST_F(ImuCsvTest, BelievesTheStepsMoreThanAHeaderOfEuroc) {
+  for (const auto& [a, b] :
+       {std::pair("1600000000.005", "1600000000.010"), std::pair("1600000000005", "1600000000010"),
+        std::pair("1600000000005000", "1600000000010000"),
+        std::pair("1600000000005000000", "1600000000010000000")}) {
+    const std::string rest = ",0,0,0,0,0,9.8\n";
+    const ImuTable table =
+        value_of(read("#timestamp [ns],wx,wy,wz,ax,ay,az\n" + (a + rest) + b + rest));
+    EXPECT_EQ(to_ns(table.samples.at(1).sampled_at), 1'600'000'000'010'000'000) << a;
+  }
+}
+
 TEST_F(ImuCsvTest, ReadsDates) {
   const struct {
     const char* text;

@@ -51,8 +51,10 @@ class ImportBagTest : public ImportCommandTest {
 
 TEST_F(ImportBagTest, BagBecomesAUsableRecording) {
   arguments_.tag_size_m = 0.2;
+  arguments_.tag_family = "AprilTag 16h5";
   run_bag(rest());
   const RecordingInfo info = recording();
+  EXPECT_EQ(info.tag_family, "tag16h5");
   ASSERT_EQ(info.cameras.size(), 1u);
   EXPECT_EQ(info.cameras[0].model.fu, 50);
   EXPECT_NEAR(info.cameras[0].rate_hz, 10, 1e-9);
