@@ -177,25 +177,4 @@ Expected<ProtocolPorts> start_protocols(const ProtocolParts& parts) {
   return ports;
 }
 
-std::vector<ServedProtocol> served_protocols(const StreamingConfig& streaming) {
-  std::vector<ServedProtocol> all;
-  for_each_protocol(
-      [&all](std::string_view, const auto& config) {
-        if constexpr (requires { config.served(); }) all.push_back(config.served());
-      },
-      streaming);
-  return all;
-}
-
-std::vector<ServedProtocol> listeners(const StreamingConfig& streaming) {
-  auto all = served_protocols(streaming);
-  const auto& web = streaming.web;
-  all.push_back({"web", web.enabled, web.address, {{web.port, false}}, {}});
-  return all;
-}
-
-std::string text_of(const PortUse& port) {
-  return std::to_string(port.number) + (port.udp ? " udp" : " tcp");
-}
-
 }  // namespace fiducap

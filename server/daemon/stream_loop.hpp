@@ -122,11 +122,4 @@ struct ProtocolParts {
 /// @return ports in use (a configured 0 is any free port); 0: not served
 [[nodiscard]] Expected<ProtocolPorts> start_protocols(const ProtocolParts& parts);
 
-/// Where each protocol with a port listens, and what its clients receive.
-[[nodiscard]] std::vector<ServedProtocol> served_protocols(const StreamingConfig& streaming);
-/// The same, and the page with its port.
-[[nodiscard]] std::vector<ServedProtocol> listeners(const StreamingConfig& streaming);
-/// `3883 udp`
-[[nodiscard]] std::string text_of(const PortUse& port);
-
 }  // namespace fiducap

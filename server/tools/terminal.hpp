@@ -23,6 +23,11 @@ struct Terminal {
   bool err_is_live{false};
 };
 
+/// `1 image`, `2 images`
+[[nodiscard]] inline std::string counted(std::size_t number, const char* one, const char* several) {
+  return std::to_string(number) + " " + (number == 1 ? one : several);
+}
+
 /// Writes the error to `err`. @return kExitFailed
 int report(const Terminal& terminal, const Error& error);
 

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "base/log.hpp"
+#include "middleware/net/listening_ports.hpp"
 
 namespace fiducap {
 namespace {
@@ -24,8 +25,9 @@ Expected<int> open_udp_socket(const LinkConfig& config) {
   const int reason = errno;
   if (descriptor >= 0) ::close(descriptor);
   const std::string why =
-      reason == EADDRINUSE ? "another program uses the UDP port (a ground station?): close it, or "
-                             "use another port on both sides"
+      reason == EADDRINUSE
+          ? "the UDP port is used by " + net::owner_of(config.port, net::Transport::kUdp) +
+                ": end that, or use another port on both sides"
       : reason == EADDRNOTAVAIL
           ? "this machine has no such address: use one of its own, or 0.0.0.0 for all"
           : std::string("the UDP port cannot be opened: ") + std::strerror(reason);

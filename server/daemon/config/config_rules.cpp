@@ -5,7 +5,7 @@
 #include "base/text.hpp"
 #include "capture/imu_sample.hpp"
 #include "capture/sample_merger.hpp"
-#include "daemon/config/config_file.hpp"
+#include "daemon/config/sockets.hpp"
 #include "scene/body_name.hpp"
 
 namespace fiducap {
@@ -157,6 +157,19 @@ void check_served_bodies(Errors& all, const ServerConfig& config) {
       config.streaming);
 }
 
+/// The rule between all sections that open ports.
+void check_sockets(Errors& all, const ServerConfig& config) {
+  const auto sockets = sockets_of(config);
+  for (std::size_t i = 0; i < sockets.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j) {
+      const OwnSocket& one = sockets[i];
+      if (!one.collides_with(sockets[j])) continue;
+      all.push_back({one.key(), one.value(),
+                     "opens port " + text_of(one.port) + ", which " + sockets[j].key() + " = " +
+                         sockets[j].value() + " opens, too: give one of them another port"});
+    }
+}
+
 void check_unique(Errors& all, const std::vector<BodyConfig>& bodies) {
   std::set<std::string> names;
   std::set<int> ids;
@@ -224,6 +237,7 @@ std::vector<ConfigError> check(const ServerConfig& config) {
   check_unique(all, config.bodies);
   check_streaming(all, config.streaming);
   check_served_bodies(all, config);
+  check_sockets(all, config);
   append(all, config.dds.check(), "dds.");
   append(all, config.operators.check(), "operator.");
   return all;

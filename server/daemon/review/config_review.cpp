@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <map>
 
 #include <net/if.h>
 #include <unistd.h>
@@ -10,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "daemon/bodies/body_setup.hpp"
-#include "daemon/stream_loop.hpp"
+#include "daemon/config/sockets.hpp"
 #include "detection/tag_family.hpp"
 #include "mapping/store/map_store.hpp"
 #include "streaming/net/bind.hpp"
@@ -103,12 +102,11 @@ void review_gauge(const ServerConfig& config, ConfigReview& review) {
                  "the floor, or set map.reference_pose");
 }
 
-/// Tries to open a port like the protocol.
-std::optional<std::string> fault_of(const ServedProtocol& protocol, const PortUse& port) {
-  const std::string key = "streaming." + std::string(protocol.name);
-  const net::BindTarget target{protocol.address, port.number, key};
+/// Tries to open a port like the server.
+std::optional<std::string> fault_of(const OwnSocket& socket) {
+  const net::BindTarget target{socket.address, socket.port.number, socket.section, socket.port.key};
   boost::asio::io_context io;
-  if (port.udp) {
+  if (socket.port.udp) {
     const auto bound = net::bind_udp(io, target);
     return bound ? std::nullopt : std::optional(bound.error().text());
   }
@@ -116,26 +114,22 @@ std::optional<std::string> fault_of(const ServedProtocol& protocol, const PortUs
   return bound ? std::nullopt : std::optional(bound.error().text());
 }
 
+/// Ports of IMUs are opened by review_sensors.
 void review_ports(const StreamingConfig& streaming, ConfigReview& review) {
-  std::map<std::pair<std::uint16_t, bool>, std::string> taken;
-  for (const ServedProtocol& protocol : listeners(streaming)) {
+  for (const ServedProtocol& protocol : served_protocols(streaming)) {
     if (!protocol.enabled) continue;
     const std::string name(protocol.name);
-    const std::string path = "streaming." + name;
     std::string line = name + " on " + protocol.address + ":";
-    for (const PortUse& port : protocol.ports) {
-      line += " " + text_of(port);
-      if (port.number == 0) continue;
-      const std::string number = std::to_string(port.number);
-      const auto [other, fresh] = taken.try_emplace({port.number, port.udp}, name);
-      if (!fresh) {
-        review.fault(path, number, "is the port of " + other->second + ", too");
-      } else if (const auto fault = fault_of(protocol, port)) {
-        if (streaming.is_optional(name))
-          review.doubt(path, number, *fault + " (optional: the server runs without)");
-        else
-          review.fault(path, number, *fault);
-      }
+    for (const OwnSocket& socket : sockets_of(protocol)) {
+      line += " " + text_of(socket.port);
+      const auto fault = socket.port.number == 0 ? std::nullopt : fault_of(socket);
+      if (!fault) continue;
+      if (streaming.is_optional(name))
+        review.doubt(socket.key(), socket.value(), *fault + " (optional: the server runs without)");
+      else if (socket.port.optional)
+        review.doubt(socket.key(), socket.value(), *fault + " (" + name + " is served without)");
+      else
+        review.fault(socket.key(), socket.value(), *fault);
     }
     review.plan.push_back(line);
   }

@@ -94,17 +94,23 @@ inline constexpr std::array<ProtocolConventions, 8> kProtocolConventions{{
   return kProtocolConventions.back();
 }
 
+/// A socket that a protocol opens.
 struct PortUse {
-  std::uint16_t number{};
+  std::uint16_t number{};  ///< 0: any free one.
   bool udp{};
+  std::string_view key{"port"};  ///< Of its section.
+  std::uint16_t offset{};        ///< `number` minus the value of the key.
+  bool optional{};               ///< The protocol is served without it, too.
+  std::string address{};         ///< Where it is not that of the section.
 };
 
-/// One configured protocol: where it listens and its axes. Its other conventions: the table above.
+/// One configured protocol: every socket that it opens, and its axes. Its other conventions: the
+/// table above.
 struct ServedProtocol {
   std::string_view name;
   bool enabled{};
   std::string address;
-  std::vector<PortUse> ports;  ///< 0: any free one.
+  std::vector<PortUse> ports;
   OutputAxes axes;
   WhenInvalid when_invalid{WhenInvalid::kFlag};
 };

@@ -295,7 +295,9 @@ std::vector<ConfigError> NativeConfig::check() const {
 
 ServedProtocol NativeConfig::served() const {
   const ProtocolConventions& conventions = conventions_of("native");
-  return {"native", enabled, address, {{port, true}}, conventions.axes, conventions.when_invalid};
+  std::vector<PortUse> ports{{port, true}};
+  if (control) ports.push_back({port, false});
+  return {"native", enabled, address, std::move(ports), conventions.axes, conventions.when_invalid};
 }
 
 StartedStreamer serve(const ProtocolContext& context, const NativeConfig& config) {

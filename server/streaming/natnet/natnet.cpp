@@ -37,8 +37,6 @@ std::vector<ConfigError> NatNetConfig::check() const {
                "must be an IPv4 address, e.g. 127.0.0.1 or 0.0.0.0 for all")
       .require(unicast || multicast, "unicast", "false",
                "must be on when multicast is off: no client would get frames")
-      .require(!unicast || !multicast || port != unicast_port || port == 0, "unicast_port",
-               unicast_port, "must differ from port: it decides whether clients join a group")
       .require(is_group(multicast_group), "multicast_group", multicast_group,
                "must be a multicast address, 224.0.0.0 to 239.255.255.255")
       .require(!multicast || data_port != 0, "data_port", data_port,
@@ -98,7 +96,7 @@ ServedProtocol NatNetConfig::served() const {
   // It does not listen at the data port.
   std::vector<PortUse> ports;
   ports.push_back({port, true});
-  if (unicast && multicast) ports.push_back({unicast_port, true});
+  if (unicast && multicast) ports.push_back({unicast_port, true, "unicast_port"});
   return {"natnet", enabled, address, std::move(ports), axes(), when_invalid};
 }
 

@@ -28,15 +28,15 @@ Expected<asio::ip::address> address_of(const BindTarget& target) {
 
 }  // namespace
 
-std::string bind_remedy(const error_code& error, const BindTarget& target) {
+std::string bind_remedy(const error_code& error, const BindTarget& target, Transport transport) {
   namespace errc = boost::system::errc;
   const std::string number = std::to_string(target.port);
   const std::string section(target.key);
   const std::string key = section + "." + std::string(target.port_key);
   if (error == errc::address_in_use)
-    return "port " + number +
-           " is in use, perhaps by another mocap server; end it (`ss -tulpn | grep " + number +
-           "` shows it) or set " + key + " to a free one";
+    return "the port is used by " + owner_of(target.port, transport) +
+           ": end that (`sudo ss -tulpn | grep " + number + "` shows it), or set " + key +
+           " to a free one";
   if (error == errc::permission_denied && target.port < kFirstFreePort)
     return "ports below 1024 need a permission: `sudo setcap cap_net_bind_service=+ep` on "
            "fiducapd, or `sudo sysctl net.ipv4.ip_unprivileged_port_start=" +
@@ -58,7 +58,9 @@ Expected<asio::ip::udp::socket> bind_udp(asio::io_context& io, const BindTarget&
   if (!error && shared) socket.set_option(asio::socket_base::reuse_address(true), error);
   if (!error) socket.bind(endpoint, error);
   if (!error) socket.non_blocking(true, error);
-  if (error) return fail(ErrorCode::kUnavailable, bind_remedy(error, target), where(target, "udp"));
+  if (error)
+    return fail(ErrorCode::kUnavailable, bind_remedy(error, target, Transport::kUdp),
+                where(target, "udp"));
   return socket;
 }
 
@@ -73,7 +75,9 @@ Expected<asio::ip::tcp::acceptor> listen_tcp(asio::io_context& io, const BindTar
   if (!error) acceptor.set_option(asio::ip::tcp::acceptor::reuse_address(true), error);
   if (!error) acceptor.bind(endpoint, error);
   if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
-  if (error) return fail(ErrorCode::kUnavailable, bind_remedy(error, target), where(target, "tcp"));
+  if (error)
+    return fail(ErrorCode::kUnavailable, bind_remedy(error, target, Transport::kTcp),
+                where(target, "tcp"));
   return acceptor;
 }
 

@@ -7,13 +7,14 @@
 #include <boost/asio/ip/udp.hpp>
 
 #include "base/expected.hpp"
+#include "middleware/net/listening_ports.hpp"
 #include "middleware/net/peer.hpp"
 
 namespace fiducap::net {
 
-/// The reason and the remedy: how to find the owner of the port, which key to change.
+/// The reason and the remedy: who uses the port, which key to change.
 [[nodiscard]] std::string bind_remedy(const boost::system::error_code& error,
-                                      const BindTarget& target);
+                                      const BindTarget& target, Transport transport);
 
 /// A bound, non-blocking socket.
 /// @param shared  several sockets of this machine may receive the same broadcast

@@ -23,6 +23,13 @@ constexpr int kBindAttempts = 32;  // for port 0: three in a row must be free
 constexpr std::uint16_t kLastFreeBase = 65'533;
 constexpr std::size_t kLongestQuestion = 64;
 
+/// A broadcast does not reach a socket that is bound to one interface's address.
+std::string discovery_address(const QualisysConfig& config) {
+  const auto address = net::parse_address(config.address);
+  const bool loopback = address && net::Peer{*address, 0}.is_loopback();
+  return loopback ? config.address : "0.0.0.0";
+}
+
 /// Listeners, discovery, and the fan-out of frames: each is encoded once per profile and sent to
 /// all its UDP clients by one system call.
 class QualisysServer final : public Streamer {
@@ -106,11 +113,8 @@ class QualisysServer final : public Streamer {
   void open_discovery() {
     const QualisysConfig& config = shared_->config;
     if (config.discovery_port == 0) return;
-    // A broadcast does not reach a socket that is bound to one interface's address.
-    const auto address = net::parse_address(config.address);
-    const bool loopback = address && net::Peer{*address, 0}.is_loopback();
     auto opened = net::UdpServer::open(
-        io_, {loopback ? config.address : "0.0.0.0", config.discovery_port, kKey, "discovery_port"},
+        io_, {discovery_address(config), config.discovery_port, kKey, "discovery_port"},
         {"qualisys", kLongestQuestion});
     if (!opened) {  // clients with a configured address work without it
       log::warning("qualisys", "discovery is not answered: " + opened.error().text());
@@ -196,14 +200,17 @@ std::vector<ConfigError> QualisysConfig::check() const {
 }
 
 ServedProtocol QualisysConfig::served() const {
-  const auto tcp = [this](int offset) {
-    return PortUse{static_cast<std::uint16_t>(base_port + offset), false};
+  const auto tcp = [this](std::uint16_t offset) {
+    return PortUse{static_cast<std::uint16_t>(base_port + offset), false, "base_port", offset};
   };
+  std::vector<PortUse> ports{{0, false, "base_port"}};
+  if (base_port != 0) ports = {tcp(0), tcp(kLittleEndianOffset), tcp(kBigEndianOffset)};
+  if (discovery_port != 0)
+    ports.push_back({discovery_port, true, "discovery_port", 0, true, discovery_address(*this)});
   // Bodies are identified by index: the list is fixed.
   const bool stop = when_invalid == WhenInvalid::kStop;
-  return {"qualisys", enabled,
-          address,    {tcp(kLittleEndianOffset), tcp(kBigEndianOffset), {discovery_port, true}},
-          axes(),     stop ? WhenInvalid::kFlag : when_invalid};
+  return {"qualisys",       enabled, address,
+          std::move(ports), axes(),  stop ? WhenInvalid::kFlag : when_invalid};
 }
 
 StartedStreamer serve(const ProtocolContext& context, const QualisysConfig& config) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/config_check.hpp"
+#include "streaming/conventions/protocol_conventions.hpp"
 #include "streaming/streamer.hpp"
 
 namespace fiducap::web {
@@ -39,6 +40,7 @@ struct WebConfig {
   std::string root;  ///< Folder of the page bundle; empty: beside the program.
 
   [[nodiscard]] std::vector<ConfigError> check() const;
+  [[nodiscard]] ServedProtocol served() const { return {"web", enabled, address, {{port}}, {}}; }
 };
 
 template <class V>

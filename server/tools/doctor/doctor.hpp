@@ -8,8 +8,9 @@
 #include <vector>
 
 #include "daemon/config/config_file.hpp"
+#include "daemon/config/sockets.hpp"
 #include "daemon/review/config_review.hpp"
-#include "daemon/stream_loop.hpp"
+#include "middleware/net/listening_ports.hpp"
 #include "middleware/network.hpp"
 #include "tools/terminal.hpp"
 
@@ -46,24 +47,10 @@ struct NetworkInterface {
 /// @return nullopt when it came; else why not, in one sentence
 [[nodiscard]] std::optional<std::string> multicast_fault(const NetworkInterface& interface);
 
-enum class Transport { kTcp, kUdp };
-
-/// A listening socket of this machine.
-struct ListeningPort {
-  Transport transport{};
-  std::string address;  ///< 0.0.0.0: every interface.
-  std::uint16_t port{};
-  unsigned long inode{};  ///< The kernel's number of the socket.
-  std::string owner{};    ///< `vrpn_server (process 812)`; empty: of another user.
-};
-
-/// IPv4 and IPv6, from /proc; empty where there is no such folder.
-[[nodiscard]] std::vector<ListeningPort> listening_ports();
-
-/// One line of /proc/net/tcp or udp (`sl local_address rem_address st …`).
-/// @return nullopt for the header, for connections, and for lines of another shape
-[[nodiscard]] std::optional<ListeningPort> listening_port_of(const std::string& line,
-                                                             Transport transport);
+using net::listening_port_of;
+using net::listening_ports;
+using net::ListeningPort;
+using net::Transport;
 
 /// The body of a reply 200, at most 4 MB. Each wait ends after `timeout`.
 [[nodiscard]] Expected<std::string> http_get(const std::string& host, std::uint16_t port,

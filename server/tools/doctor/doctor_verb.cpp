@@ -35,13 +35,15 @@ class Report final {
   }
   /// @return exit code
   int conclude() {
-    const int warnings = counts_[static_cast<std::size_t>(Grade::kWarning)];
-    const int faults = counts_[static_cast<std::size_t>(Grade::kFault)];
+    const std::size_t warnings = counts_[static_cast<std::size_t>(Grade::kWarning)];
+    const std::size_t faults = counts_[static_cast<std::size_t>(Grade::kFault)];
     const nlohmann::ordered_json json{
         {"faults", faults}, {"warnings", warnings}, {"sections", sections_}};
     if (is_json_) out_ << json.dump(2) << "\n";
-    if (!is_json_ && faults > 0) out_ << faults << " findings need a remedy (!!).\n";
-    if (!is_json_ && warnings > 0) out_ << warnings << " things could be better (!).\n";
+    if (!is_json_ && faults > 0)
+      out_ << counted(faults, "finding needs", "findings need") << " a remedy (!!).\n";
+    if (!is_json_ && warnings > 0)
+      out_ << counted(warnings, "thing", "things") << " could be better (!).\n";
     if (!is_json_ && faults + warnings == 0) out_ << "All is well.\n";
     return faults == 0 ? kExitOk : kExitFailed;
   }
@@ -50,7 +52,7 @@ class Report final {
   std::ostream& out_;
   bool is_json_;
   nlohmann::ordered_json sections_ = nlohmann::ordered_json::array();
-  std::array<int, 4> counts_{};
+  std::array<std::size_t, 4> counts_{};
 };
 
 Findings network_findings(const std::vector<NetworkInterface>& interfaces) {
@@ -110,7 +112,8 @@ Findings protocol_findings(const StreamingConfig& streaming,
     const std::string place = name + " on " + protocol.address + ", " + ports_text(protocol);
     if (faults.empty()) all.push_back({Grade::kOk, place});
     for (const std::string& fault : faults) all.push_back({Grade::kFault, place + ": " + fault});
-    note_conventions(all, protocol.name, protocol.axes, protocol.when_invalid);
+    if (name != "web")  // its own page
+      note_conventions(all, protocol.name, protocol.axes, protocol.when_invalid);
     if (is_loopback(protocol.address))
       all.push_back({Grade::kNote, "reached from this machine only; streaming." + name +
                                        ".address: 0.0.0.0 lets other machines in"});

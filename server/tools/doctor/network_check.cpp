@@ -1,12 +1,7 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
-#include <map>
 #include <memory>
-#include <sstream>
-#include <utility>
 
 #include <arpa/inet.h>
 #include <ifaddrs.h>
@@ -27,42 +22,6 @@ constexpr const char* kGroup = "239.255.70.67";  // site-local, unassigned
 constexpr int kMulticastTimeout_ms = 300;
 
 std::string system_text() { return std::strerror(errno); }
-
-/// Address and port of /proc/net: hexadecimal, the address in the machine's byte order.
-std::optional<std::pair<std::string, std::uint16_t>> endpoint_of(const std::string& text) {
-  const std::size_t colon = text.find(':');
-  if (colon == std::string::npos || (colon != 8 && colon != 32)) return std::nullopt;
-  if (text.find_first_not_of("0123456789ABCDEFabcdef:") != std::string::npos) return std::nullopt;
-  const auto port = static_cast<std::uint16_t>(std::strtoul(text.c_str() + colon + 1, nullptr, 16));
-  std::array<std::uint32_t, 4> words{};
-  for (std::size_t i = 0; i < colon / 8; ++i)
-    words.at(i) =
-        static_cast<std::uint32_t>(std::strtoul(text.substr(8 * i, 8).c_str(), nullptr, 16));
-  std::array<char, INET6_ADDRSTRLEN> name{};
-  ::inet_ntop(colon == 8 ? AF_INET : AF_INET6, words.data(), name.data(), name.size());
-  return std::pair(std::string(name.data()), port);
-}
-
-/// Owners of sockets by inode, of the processes that this user may inspect.
-std::map<unsigned long, std::string> socket_owners() {
-  namespace fs = std::filesystem;
-  constexpr std::string_view kSocket = "socket:[";
-  std::map<unsigned long, std::string> owners;
-  std::error_code gone;
-  for (const auto& process : fs::directory_iterator("/proc", gone)) {
-    const std::string pid = process.path().filename();
-    if (pid.find_first_not_of("0123456789") != std::string::npos) continue;
-    std::string name;
-    std::getline(std::ifstream(process.path() / "comm"), name);
-    for (const auto& file : fs::directory_iterator(process.path() / "fd", gone)) {
-      const std::string target = fs::read_symlink(file.path(), gone).string();
-      if (target.rfind(kSocket, 0) == 0)
-        owners[std::strtoul(target.c_str() + kSocket.size(), nullptr, 10)] =
-            name + " (process " + pid + ")";
-    }
-  }
-  return owners;
-}
 
 constexpr std::size_t kMost_bytes = 4u << 20;
 
@@ -144,41 +103,6 @@ std::optional<std::string> multicast_fault(const NetworkInterface& interface) {
   if (::poll(&wait, 1, kMulticastTimeout_ms) != 1)
     return "does not come back: a firewall may drop it (udp to 224.0.0.0/4)";
   return std::nullopt;
-}
-
-std::optional<ListeningPort> listening_port_of(const std::string& line, Transport transport) {
-  constexpr const char* kTcpListens = "0A";
-  constexpr const char* kUdpOpen = "07";
-  std::istringstream words(line);
-  std::string slot;
-  std::string local;
-  std::string remote;
-  std::string state;
-  if (!(words >> slot >> local >> remote >> state)) return std::nullopt;
-  if (state != (transport == Transport::kTcp ? kTcpListens : kUdpOpen)) return std::nullopt;
-  const auto endpoint = endpoint_of(local);
-  if (!endpoint) return std::nullopt;
-  ListeningPort port{transport, endpoint->first, endpoint->second};
-  for (int skipped = 0; skipped < 5; ++skipped) words >> slot;  // queues, timers, user
-  words >> port.inode;
-  return port;
-}
-
-std::vector<ListeningPort> listening_ports() {
-  std::vector<ListeningPort> all;
-  for (const auto& [name, transport] :
-       {std::pair("tcp", Transport::kTcp), std::pair("tcp6", Transport::kTcp),
-        std::pair("udp", Transport::kUdp), std::pair("udp6", Transport::kUdp)}) {
-    std::ifstream file(std::string("/proc/net/") + name);
-    for (std::string line; std::getline(file, line);)
-      if (auto port = listening_port_of(line, transport)) all.push_back(*port);
-  }
-  const auto owners = socket_owners();
-  for (ListeningPort& port : all) {
-    const auto owner = owners.find(port.inode);
-    if (owner != owners.end()) port.owner = owner->second;
-  }
-  return all;
 }
 
 Expected<std::string> http_get(const std::string& host, std::uint16_t port, const std::string& path,

@@ -29,7 +29,9 @@ void fault(Findings& all, std::string text, std::string remedy) {
   all.push_back({Grade::kFault, std::move(text), std::move(remedy)});
 }
 
-bool is_any(const std::string& address) { return address == "0.0.0.0" || address == "::"; }
+bool is_at(const ListeningPort& open, const PortUse& port) {
+  return open.port == port.number && (open.transport == Transport::kUdp) == port.udp;
+}
 
 /// Whether an address is routed on the internet (RFC 6890 lists the others).
 bool is_public(const std::string& address) {
@@ -199,14 +201,12 @@ std::vector<std::string> faults_of(const ServedProtocol& protocol,
   if (!known)
     faults.push_back("no interface of this machine has that address; set streaming." +
                      std::string(protocol.name) + ".address to one of those above");
-  for (const PortUse& port : protocol.ports) {
-    const Transport transport = port.udp ? Transport::kUdp : Transport::kTcp;
+  for (const OwnSocket& socket : sockets_of(protocol)) {
     const bool heard = std::ranges::any_of(listening, [&](const ListeningPort& one) {
-      return one.port == port.number && one.transport == transport &&
-             (one.address == protocol.address || is_any(one.address));
+      return is_at(one, socket.port) && (one.address == socket.address || is_any(one.address));
     });
-    if (!heard && port.number != 0)
-      faults.push_back("no program listens on " + text_of(port) +
+    if (!heard && socket.port.number != 0 && !socket.port.optional)
+      faults.push_back("no program listens on " + text_of(socket.port) +
                        ": is fiducapd running with this configuration? Its log names a port that "
                        "it could not open");
   }
@@ -242,7 +242,7 @@ std::vector<std::string> faults_of(const dds::NetworkConfig& network,
 Findings exposure_findings(const ServerConfig& config, const ServerFacts& facts,
                            const std::vector<NetworkInterface>& interfaces) {
   Findings all;
-  for (const ServedProtocol& protocol : listeners(config.streaming)) {
+  for (const ServedProtocol& protocol : served_protocols(config.streaming)) {
     if (!protocol.enabled) continue;
     const std::string name(protocol.name);
     if (is_loopback(protocol.address)) {
@@ -311,19 +311,13 @@ Findings disk_findings(const ServerConfig& config, const ServerFacts& facts) {
 
 Findings port_findings(const ServerConfig& config, const ServerFacts& facts) {
   Findings all;
-  for (const ServedProtocol& protocol : listeners(config.streaming)) {
-    if (!protocol.enabled) continue;
-    for (const PortUse& port : protocol.ports) {
-      const Transport transport = port.udp ? Transport::kUdp : Transport::kTcp;
-      const auto taken = std::ranges::find_if(facts.listening, [&](const auto& one) {
-        return one.port == port.number && one.transport == transport && !one.owner.empty() &&
-               one.owner.rfind("fiducapd ", 0) != 0;
-      });
-      if (port.number == 0 || taken == facts.listening.end()) continue;
-      fault(all,
-            std::string(protocol.name) + ": port " + text_of(port) + " is taken by " + taken->owner,
-            "end that program, or give streaming." + std::string(protocol.name) + " another port");
-    }
+  for (const OwnSocket& socket : sockets_of(config)) {
+    const auto taken = std::ranges::find_if(facts.listening, [&](const auto& one) {
+      return is_at(one, socket.port) && !one.owner.empty() && !one.owner.starts_with("fiducapd ");
+    });
+    if (socket.port.number == 0 || taken == facts.listening.end()) continue;
+    fault(all, socket.section + ": port " + text_of(socket.port) + " is used by " + taken->owner,
+          "end that, or set " + socket.key() + " to a free one");
   }
   return all;
 }

@@ -14,6 +14,7 @@
 namespace fiducap {
 namespace {
 
+using testing::AllOf;
 using testing::Contains;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -123,9 +124,22 @@ const std::vector<Mistake> kMistakes{
     {{"map.reference_tag=~"}, "the first tag that is seen becomes the origin", true},
     {{"bodies.0.use_imu=false"}, "the vertical is unknown", true},
     // Ports
-    {{"streaming.vrpn.port=21987", "streaming.native.port=21987"}, "is the port of vrpn, too"},
+    {{"streaming.vrpn.port=21987", "streaming.native.port=21987"},
+     "streaming.native.port = 21987: opens port 21987 udp, which streaming.vrpn.port = 21987 "
+     "opens, "
+     "too: give one of them another port"},
+    {{"streaming.native.port=21987", "streaming.web.port=21987"},
+     "streaming.web.port = 21987: opens port 21987 tcp, which streaming.native.port = 21987 opens"},
+    {{"streaming.qualisys={enabled: true, base_port: 21985}", "streaming.web.port=21987"},
+     "streaming.web.port = 21987: opens port 21987 tcp, which streaming.qualisys.base_port = 21985 "
+     "opens"},
+    {{"streaming.natnet={enabled: true, port: 21987, unicast_port: 21987}"},
+     "streaming.natnet.unicast_port = 21987: opens port 21987 udp, which streaming.natnet.port"},
+    {{"bodies.1.imu={part: icm-42688-p}",
+      "bodies.1.imu_source={type: line, port: 21987, peer: 10.0.0.7}", "streaming.vrpn.port=21987"},
+     "bodies.1.imu_source.port = 21987: opens port 21987 udp, which streaming.vrpn.port"},
     {{"streaming.vrpn.address=203.0.113.7", "streaming.vrpn.port=21988"},
-     "streaming.vrpn = 21988: "},
+     "streaming.vrpn.port = 21988: "},
 };
 
 TEST_F(ConfigReviewTest, NamesEveryMistake) {
@@ -162,10 +176,38 @@ TEST_F(ConfigReviewTest, NamesATakenPort) {
   const auto taken = value_of(net::listen_tcp(io, {"127.0.0.1", 0, "test"}));
   const std::string port = std::to_string(taken.local_endpoint().port());
   EXPECT_THAT(lines(look({"streaming.web.port=" + port}).faults),
-              Contains(HasSubstr("streaming.web = " + port)));
+              Contains(AllOf(HasSubstr("streaming.web.port = " + port),
+                             HasSubstr("used by this process itself"))));
+  EXPECT_THAT(lines(look({"streaming.native.port=" + port}).faults),
+              Contains(HasSubstr("streaming.native.port = " + port)))
+      << "for commands";
   const ConfigReview optional = look({"streaming.web.port=" + port, "streaming.optional=[web]"});
   EXPECT_THAT(lines(optional.faults), IsEmpty());
   EXPECT_THAT(lines(optional.doubts), Contains(HasSubstr("the server runs without")));
+}
+
+TEST_F(ConfigReviewTest, NamesEveryTakenPortOfQualisys) {
+  boost::asio::io_context io;
+  const auto taken = value_of(net::listen_tcp(io, {"127.0.0.1", 0, "test"}));
+  const std::string base = std::to_string(taken.local_endpoint().port());
+  const auto discovery = value_of(net::bind_udp(io, {"127.0.0.1", 0, "test"}));
+  const std::string found = std::to_string(discovery.local_endpoint().port());
+  const ConfigReview one = look({"streaming.qualisys={enabled: true, base_port: " + base +
+                                 ", discovery_port: " + found + "}"});
+  EXPECT_THAT(lines(one.faults), Contains(HasSubstr("streaming.qualisys.base_port = " + base)));
+  EXPECT_THAT(lines(one.doubts), Contains(AllOf(HasSubstr("streaming.qualisys.discovery_port"),
+                                                HasSubstr("qualisys is served without"))));
+}
+
+TEST_F(ConfigReviewTest, LetsSectionsShareAPortOnDifferentAddresses) {
+  EXPECT_THAT(
+      lines(look({"streaming.web={port: 21987, address: 127.0.0.2}", "streaming.native.port=21987"})
+                .faults),
+      IsEmpty());
+  EXPECT_THAT(
+      lines(look({"streaming.web={port: 21987, address: 0.0.0.0}", "streaming.native.port=21987"})
+                .faults),
+      Contains(HasSubstr("which streaming.native.port = 21987 opens")));
 }
 
 TEST_F(ConfigReviewTest, WarnsOfAnImuOfTheFirstSender) {

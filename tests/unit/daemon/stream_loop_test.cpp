@@ -10,7 +10,9 @@
 #include <stdexcept>
 #include <thread>
 
+#include "daemon/config/sockets.hpp"
 #include "daemon/publisher.hpp"
+#include "middleware/net/listening_ports.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/fake_clock.hpp"
 #include "support/fake_operator_api.hpp"
@@ -167,6 +169,35 @@ TEST(ProtocolServers, ServePagesOnAThreadOfTheirOwn) {
     EXPECT_EQ(frames.hub().empty(), only == "web");
     EXPECT_EQ(pages.hub().empty(), only == "vrpn");
   }
+}
+
+// Whatever protocol is added: its `served()` tells its sockets.
+TEST(ProtocolServers, OpenTheSocketsThatAreListed) {
+  const std::string address = "127.45.0.1";    // of no other program
+  constexpr std::uint16_t kFirstFree = 32768;  // the kernel's choice for port 0
+  ServerConfig config;
+  for_each_protocol(
+      [&](std::string_view name, auto& one) {
+        one.enabled = name != "dds";
+        if constexpr (requires { one.address; }) one.address = address;
+      },
+      config.streaming);
+  config.streaming.vicon.port = 1801;  // 801 needs a permission
+  config.streaming.mavlink.port = 14550;
+  FakeOperatorApi operator_api;
+  const EventBoard events{[] { return std::int64_t{0}; }};
+  const FakeClock clock;
+  StreamLoop frames("frames");
+  StreamLoop pages("pages");
+  (void)value_of(start_protocols(
+      {frames, pages, config, std::make_shared<SceneModel>(), operator_api, events, clock, {}}));
+  std::vector<std::string> open;
+  for (const net::ListeningPort& one : net::listening_ports())
+    if (one.address == address && one.port < kFirstFree)
+      open.push_back(text_of(PortUse{one.port, one.transport == net::Transport::kUdp}));
+  std::vector<std::string> listed;
+  for (const OwnSocket& one : sockets_of(config)) listed.push_back(text_of(one.port));
+  EXPECT_THAT(open, testing::UnorderedElementsAreArray(listed));
 }
 
 class SignalWaitTest : public testing::Test {

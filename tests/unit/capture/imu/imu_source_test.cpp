@@ -129,7 +129,7 @@ TEST_F(ImuSourceTest, ReadsDatagrams) {
   auto device = value_of(ByteLink::open(receiving));
   device.write(bytes_of(kFirst), {0x7f000001, port});
   EXPECT_TRUE(source->next({}));
-  EXPECT_THAT(error_of(try_open()), HasSubstr("another program uses the UDP port"));
+  EXPECT_THAT(error_of(try_open()), HasSubstr("the UDP port is used by this process itself"));
 }
 
 TEST_F(ImuSourceTest, ReadsAndConfiguresAnAutopilotBySerialLine) {

@@ -44,10 +44,8 @@ TEST(NatNetConfig, TrustsItsNetworksAndItsTargets) {
               ElementsAre(*net::parse_network("10.1.0.0/16"), *net::parse_network("10.0.0.7")));
 }
 
-TEST(NatNetConfig, RequiresTwoDifferentCommandPorts) {
+TEST(NatNetConfig, RequiresADataPortForMulticast) {
   NatNetConfig config;
-  config.unicast_port = config.port;
-  EXPECT_THAT(faults(config), ElementsAre("streaming.natnet.unicast_port"));
   config.unicast = false;
   EXPECT_TRUE(config.check().empty());
   config.data_port = 0;

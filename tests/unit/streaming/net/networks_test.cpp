@@ -117,6 +117,7 @@ TEST_F(BindTest, ErrorOfAPortInUseNamesCommandAndKey) {
   ASSERT_FALSE(second);
   EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
   EXPECT_THAT(second.error().text(), HasSubstr("ss -tulpn | grep " + std::to_string(port)));
+  EXPECT_THAT(second.error().text(), HasSubstr("the port is used by this process itself"));
   EXPECT_THAT(second.error().text(), HasSubstr("streaming.test.data_port"));
 }
 
@@ -132,7 +133,8 @@ TEST_F(BindTest, ErrorOfAWrongAddressNamesTheRemedy) {
 
 TEST_F(BindTest, ErrorOfALowPortNamesAllRemedies) {
   const auto denied = boost::system::errc::make_error_code(boost::system::errc::permission_denied);
-  const std::string text = bind_remedy(denied, {"0.0.0.0", 801, "streaming.vicon"});
+  const std::string text =
+      bind_remedy(denied, {"0.0.0.0", 801, "streaming.vicon"}, Transport::kTcp);
   EXPECT_THAT(text, HasSubstr("setcap cap_net_bind_service"));
   EXPECT_THAT(text, HasSubstr("ip_unprivileged_port_start=801"));
   EXPECT_THAT(text, HasSubstr("streaming.vicon.port"));

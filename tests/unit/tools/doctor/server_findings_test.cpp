@@ -215,7 +215,7 @@ TEST_F(ServerFindings, ReportAPortOfAnotherProgram) {
   facts_.listening = {{Transport::kTcp, "0.0.0.0", port, 1, "fiducapd (process 4711)"}};
   EXPECT_THAT(port_findings(config_, facts_), IsEmpty());
   facts_.listening.front().owner = "vrpn_server (process 812)";
-  expect(Grade::kFault, "taken by vrpn_server (process 812)", "another port");
+  expect(Grade::kFault, "used by vrpn_server (process 812)", "set streaming.vrpn.port");
   facts_.listening.front().owner.clear();
   EXPECT_THAT(port_findings(config_, facts_), IsEmpty()) << "the owner is not known";
 }
