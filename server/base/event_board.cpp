@@ -52,11 +52,11 @@ void EventBoard::begin(Event event) {
   change([&] {
     const auto known = standing_.find(Order::View{event.subject, event.kind});
     if (known == standing_.end()) {
-      if (!has_room_for(event.severity)) return report_overflow();
-      Key key{event.subject, event.kind};
-      standing_.emplace(std::move(key), keep(std::move(event)));
+      if (event.severity == Severity::kError || !waits(event)) add(std::move(event));
       return;
     }
+    if (const auto ending = unsettled_.find(known->first); ending != unsettled_.end())
+      unsettled_.erase(ending);
     const Event& held = *known->second;
     if (event.severity > held.severity) {
       known->second = keep(std::move(event));
@@ -73,10 +73,53 @@ void EventBoard::begin(Event event) {
 
 void EventBoard::end(std::string_view subject, std::string_view kind, std::string_view text) {
   change([&] {
-    finish(subject, kind, text);
-    if (standing_.size() < kOverflowEnds)
-      finish(kOverflow.first, kOverflow.second, "all conditions are listed again");
+    const Order::View key{subject, kind};
+    const auto waiting = unsettled_.find(key);
+    if (standing_.find(key) == standing_.end()) {
+      if (waiting != unsettled_.end()) unsettled_.erase(waiting);  // never published
+      return;
+    }
+    if (waiting != unsettled_.end()) return;
+    Event over{
+        .subject = std::string(subject), .kind = std::string(kind), .text = std::string(text)};
+    if (!waits(over)) finish(subject, kind, text);
   });
+}
+
+void EventBoard::settle(Instant now) {
+  change([&] {
+    for (auto next = unsettled_.begin(); next != unsettled_.end();) {
+      const auto one = next++;
+      Unsettled& what = one->second;
+      if (!what.since) what.since = now;
+      if (now - *what.since < hold_) continue;
+      const auto due = unsettled_.extract(one);
+      const auto& [subject, kind] = due.key();
+      if (standing_.find(due.key()) != standing_.end())
+        finish(subject, kind, due.mapped().event.text);
+      else
+        add(due.mapped().event);
+    }
+  });
+}
+
+bool EventBoard::waits(Event& event) {
+  if (hold_ == Duration::zero()) return false;
+  const auto known = unsettled_.find(Order::View{event.subject, event.kind});
+  if (known == unsettled_.end() && unsettled_.size() == kStanding) return false;
+  if (known != unsettled_.end())
+    known->second.event = std::move(event);
+  else
+    unsettled_.emplace(Key{event.subject, event.kind}, Unsettled{std::move(event)});
+  return true;
+}
+
+void EventBoard::add(Event event) {
+  Key key{event.subject, event.kind};
+  if (const auto waiting = unsettled_.find(key); waiting != unsettled_.end())
+    unsettled_.erase(waiting);
+  if (!has_room_for(event.severity)) return report_overflow();
+  standing_.emplace(std::move(key), keep(std::move(event)));
 }
 
 /// The last place is reserved for the overflow. An error displaces a condition of lower severity.
@@ -112,6 +155,8 @@ void EventBoard::finish(std::string_view subject, std::string_view kind, std::st
         .text = std::string(text),
         .over = true});
   standing_.erase(known);
+  if (standing_.size() < kOverflowEnds)
+    finish(kOverflow.first, kOverflow.second, "all conditions are listed again");
 }
 
 void EventBoard::rename(std::string_view subject, std::string_view name) {

@@ -9,11 +9,14 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
+
+#include "base/time.hpp"
 
 namespace fiducap {
 
@@ -66,7 +69,10 @@ class EventBoard final {
   static constexpr std::size_t kStanding = 256;
 
   /// @param utc_ns  wall clock, nanoseconds since 1970
-  explicit EventBoard(std::function<std::int64_t()> utc_ns) : utc_ns_(std::move(utc_ns)) {}
+  /// @param hold  for this long a condition must hold before it is published, and be over before it
+  /// ends, as `settle` finds; 0: it changes at once. Errors are published at once.
+  explicit EventBoard(std::function<std::int64_t()> utc_ns, Duration hold = {})
+      : utc_ns_(std::move(utc_ns)), hold_(hold) {}
 
   void report(Event event);
   /// The condition holds: an event, unless it held before. A higher severity is another event; any
@@ -78,6 +84,8 @@ class EventBoard final {
     if (holds) return begin(std::move(event));
     end(event.subject, event.kind, text_when_over);
   }
+  /// Publishes what has held for long enough. Needed about twice a second.
+  void settle(Instant now);
 
   /// Shows `subject` as `name`, also in conditions that hold. Writers keep using `subject`.
   void rename(std::string_view subject, std::string_view name);
@@ -97,6 +105,11 @@ class EventBoard final {
 
  private:
   using Shared = std::shared_ptr<const Event>;
+  /// A condition that has begun, or is over, a moment ago.
+  struct Unsettled {
+    Event event;
+    std::optional<Instant> since{};  ///< The first `settle` after it.
+  };
   using Key = std::pair<std::string, std::string>;  ///< Subject, kind; as reported.
   struct Order {
     using is_transparent = void;
@@ -111,14 +124,19 @@ class EventBoard final {
     if (name != names_.end()) event.subject = name->second;
   }
   [[nodiscard]] bool has_room_for(Severity severity);
+  void add(Event event);
   void report_overflow();
+  /// @return false: it is published at once
+  bool waits(Event& event);
   void finish(std::string_view subject, std::string_view kind, std::string_view text);
   void publish();
 
   std::function<std::int64_t()> utc_ns_;
+  Duration hold_;
   std::mutex writing_;  ///< Protects the fields below, up to the next mutex.
   std::deque<Shared> happened_;
   std::map<Key, Shared, Order> standing_;
+  std::map<Key, Unsettled, Order> unsettled_;  ///< At most kStanding.
   std::vector<Shared> unlogged_;
   std::map<std::string, std::string, std::less<>> names_;  ///< Of renamed subjects.
   std::uint64_t newest_{0};

@@ -158,7 +158,7 @@ constexpr std::array<FaultRule, kImageFaults> kRules{{
     {0.9, 0.3, 2.0, "image_rate", "its rate is as configured again",
      "Set rate_hz to the actual rate; exposure: manual, if it is slow in the dark"},
     {0.05, 0.01, 5.0, "image_lost", "its images arrive without gaps again",
-     "Another USB bus, a smaller size or rate, or a less busy computer"},
+     "A less busy computer, a smaller size or rate, or another USB bus"},
     {0.9, 0.6, 3.0, "image_unfocused", "its images are sharp again",
      "Turn the lens until edges are sharp, clean it; focus: a number instead of auto"},
     {0.35, 0.15, 5.0, "image_motion_blur", "its images are sharp again",

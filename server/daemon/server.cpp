@@ -40,10 +40,33 @@ void stop_and_join(std::jthread& thread) {
   if (thread.joinable()) thread.join();
 }
 
+/// Shorter conditions are not worth a person's attention.
+constexpr Duration kHold = std::chrono::seconds(1);
 constexpr Duration kSourceTimeout = std::chrono::milliseconds(600);
 constexpr Duration kMapTimeout = std::chrono::seconds(5);
 constexpr Duration kPollPeriod = std::chrono::milliseconds(5);
 constexpr std::chrono::seconds kLastCommit{1};
+
+ImageRemedies remedies_for(const BodyConfig& body) {
+  switch (body.source.type) {
+    case SourceType::kSimulator:
+      return {"A simulated camera needs no repair: see the log, and restart the server"};
+    case SourceType::kRecording:
+      return {"See the log: can its files be read to their end?",
+              "`fiducap replay` uses every image, however slow the computer"};
+    case SourceType::kRos:
+      return {"Is the topic published (`ros2 topic hz NAME`), and is its name right?"};
+    case SourceType::kCamera:
+      if (!is_file(body.source.camera))
+        return {"Check its cable, its driver and `fiducap cameras`"};
+      return {"See the log: can the video be read to its end?",
+              "`fiducap import` and `fiducap replay` use every image of a video, however slow the "
+              "computer; or take a smaller one"};
+    case SourceType::kSensors:
+      break;
+  }
+  return {"Check its cable, its driver and the name of its topic or device"};
+}
 
 }  // namespace
 
@@ -80,7 +103,7 @@ class Server::Impl final {
   ServerConfig config_;
   ServerOptions options_;
   const Clock& clock_;
-  EventBoard events_{utc_now_ns};
+  EventBoard events_{utc_now_ns, kHold};
   dds::Membership membership_;
   BodyOpening opening_;
   std::optional<MapBuilder> map_;
@@ -206,7 +229,7 @@ Expected<void> Server::Impl::build_streaming() {
   watch_.emplace(events_, *publisher_, clock_, [this] { give_up(); });
   for (std::size_t i = 0; i < config_.bodies.size(); ++i)
     watch_->add(config_.bodies[i].id, config_.bodies[i].name, bodies_.workers()[i]->cameras(),
-                bodies_.workers()[i]->pulse());
+                remedies_for(config_.bodies[i]), bodies_.workers()[i]->pulse());
   return {};
 }
 

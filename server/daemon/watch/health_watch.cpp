@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdlib>
 #include <cstring>
+#include <fstream>
 #include <utility>
 
 #include <sys/resource.h>
@@ -33,9 +34,20 @@ constexpr double kSkippedShare = 0.25;
 constexpr double kShareFor_s = 2;
 constexpr double kCarriedFor_s = 2;
 constexpr double kSearchingFor_s = 10;
+// Of the time in which a thread waited for a core. Servers that keep up have less than half of it.
+constexpr double kBusyShare = 0.8;
 
 std::string milliseconds(double seconds) {
   return std::to_string(static_cast<int>(seconds * 1e3)) + " ms";
+}
+
+/// `some avg10=12.34 avg60=…`: the kernel's pressure stall information.
+double read_waiting_share() {
+  std::ifstream file("/proc/pressure/cpu");
+  std::string some, newest;
+  constexpr std::string_view kNewest = "avg10=";
+  if (!(file >> some >> newest) || !newest.starts_with(kNewest)) return 0;
+  return std::strtod(newest.c_str() + kNewest.size(), nullptr) / 100;
 }
 
 double since(std::int64_t ns, Instant now) { return to_seconds(now - instant_from_ns(ns)); }
@@ -48,6 +60,7 @@ MachineState read_machine_state() {
   // A sandbox may forbid the call.
   const int answer = ::adjtimex(&clock);
   if (answer >= 0) state.clock_synchronised = answer != TIME_ERROR;
+  state.waiting_share = read_waiting_share();
   rlimit limit{};
   if (::getrlimit(RLIMIT_NOFILE, &limit) == 0) state.most_descriptors = limit.rlim_cur;
   state.open_descriptors = open_descriptors().size();
@@ -105,37 +118,47 @@ void MachineHealth::judge_rate(const MachineState& state, Instant now) {
               "all frames are sent again");
 }
 
-void BodyHealth::look(const BodyPose* pose, Instant now) {
+void BodyHealth::look(const BodyPose* pose, double waiting_share, Instant now) {
   if (!watched_since_) watched_since_ = now;
-  judge_source(now);
-  judge_lateness(now);
+  const bool is_busy = waiting_share > kBusyShare;
+  judge_source(is_busy, now);
+  judge_lateness(is_busy && is_silent(pulse_.image_came_ns, now), now);
   if (pose != nullptr) return judge_pose(*pose, now);
   untracked_since_.reset();
   events_.end(name_, "tracking", "is not streamed any more");
 }
 
-/// Reports silent cameras singly, or all at once.
-void BodyHealth::judge_source(Instant now) {
-  judge_silence(pulse_.image_came_ns, "silent", "its camera", now);
+/// Reports silent cameras singly, or all at once. On a busy computer the silence is no fault of
+/// them, see judge_lateness.
+void BodyHealth::judge_source(bool is_busy, Instant now) {
+  judge_silence(pulse_.image_came_ns, "silent", "its camera", is_busy, now);
   const bool some_come = since(pulse_.image_came_ns, now) <= kSilent_s;
   for (std::size_t k = 0; cameras_ > 1 && k < std::min<std::size_t>(cameras_, kMostCameras); ++k) {
     const std::int64_t came = some_come ? pulse_.camera_came_ns[k].load() : to_ns(now);
-    judge_silence(came, "silent_" + std::to_string(k), "its camera " + std::to_string(k), now);
+    judge_silence(came, "silent_" + std::to_string(k), "its camera " + std::to_string(k), is_busy,
+                  now);
   }
 }
 
 void BodyHealth::judge_silence(std::int64_t came, const std::string& kind,
-                               const std::string& camera, Instant now) {
-  const double waited_s = came == 0 ? to_seconds(now - *watched_since_) : since(came, now);
-  const bool silent = !pulse_.ended && waited_s > (came == 0 ? kSilentAtStart_s : kSilent_s);
-  events_.set(silent,
+                               const std::string& camera, bool is_busy, Instant now) {
+  const bool silent = is_silent(came, now);
+  events_.set(silent && !is_busy,
               event(Severity::kWarning, kind,
                     came == 0 ? "no image so far from " + camera : "no more images from " + camera,
-                    "Check its cable, its driver and the name of its topic or device"),
-              pulse_.ended ? "its source has ended" : "images come again");
+                    remedies_.when_silent),
+              pulse_.ended ? "its source has ended"
+              : silent     ? "this computer is too busy to read images"
+                           : "images come again");
 }
 
-void BodyHealth::judge_lateness(Instant now) {
+bool BodyHealth::is_silent(std::int64_t came, Instant now) const {
+  const double waited_s = came == 0 ? to_seconds(now - *watched_since_) : since(came, now);
+  return !pulse_.ended && waited_s > (came == 0 ? kSilentAtStart_s : kSilent_s);
+}
+
+/// @param is_starved  no images come on a busy computer
+void BodyHealth::judge_lateness(bool is_starved, Instant now) {
   if (!counted_at_ || to_seconds(now - *counted_at_) >= kShareFor_s) {
     const std::uint64_t images = pulse_.images, skipped = pulse_.skipped;
     const std::uint64_t came = images - images_;
@@ -161,15 +184,16 @@ void BodyHealth::judge_lateness(Instant now) {
                     "its images are " + milliseconds(on_the_way_s) + " old when they arrive",
                     "Check the network, the driver's queues and the clocks of both computers"),
               when_over("images arrive in time again"));
-  const bool busy = (too_late && !by_source) || (fresh && skipped_share_ > kSkippedShare);
-  events_.set(
-      busy,
-      event(Severity::kWarning, "overload",
-            "this computer does not keep up: " +
-                std::to_string(static_cast<int>(skipped_share_ * 100)) +
-                " % of its images are left out, poses are " + milliseconds(late_s) + " behind",
-            "End other programs, reduce the rate or size of images, or add cores"),
-      when_over("this computer keeps up again"));
+  is_overloaded_ =
+      is_starved || (too_late && !by_source) || (fresh && skipped_share_ > kSkippedShare);
+  const std::string what = is_starved ? "no images are read"
+                                      : std::to_string(static_cast<int>(skipped_share_ * 100)) +
+                                            " % of the images are left out, poses are " +
+                                            milliseconds(late_s) + " behind";
+  events_.set(is_overloaded_,
+              event(Severity::kWarning, "overload", "this computer does not keep up: " + what,
+                    remedies_.when_busy),
+              when_over("this computer keeps up again"));
 }
 
 void BodyHealth::judge_pose(const BodyPose& pose, Instant now) {
@@ -184,10 +208,14 @@ void BodyHealth::judge_pose(const BodyPose& pose, Instant now) {
                         "sees no usable tag; its pose is predicted and grows uncertain",
                         "Let its camera see a tag of the map"));
   } else if (untracked_s > kSearchingFor_s) {
-    events_.begin(event(Severity::kWarning, "tracking",
-                        "has found no pose for " + fixed(kSearchingFor_s, 0) + " s",
-                        "Let its camera see a tag of the map; are family and size of the tags as "
-                        "configured?"));
+    const std::string text = "has found no pose for " + fixed(kSearchingFor_s, 0) + " s";
+    events_.begin(is_overloaded_
+                      ? event(Severity::kWarning, "tracking",
+                              text + ": this computer uses too few of its images",
+                              remedies_.when_busy)
+                      : event(Severity::kWarning, "tracking", text,
+                              "Let its camera see a tag of the map; are family and size of the "
+                              "tags as configured?"));
   }
 }
 
@@ -241,8 +269,9 @@ HealthWatch::HealthWatch(EventBoard& events, const Publisher& publisher, const C
       give_up_(std::move(give_up)),
       machine_(events) {}
 
-void HealthWatch::add(int body_id, std::string name, std::size_t cameras, const BodyPulse& pulse) {
-  bodies_.push_back({body_id, {std::move(name), cameras, pulse, events_}});
+void HealthWatch::add(int body_id, std::string name, std::size_t cameras, ImageRemedies remedies,
+                      const BodyPulse& pulse) {
+  bodies_.push_back({body_id, {std::move(name), cameras, std::move(remedies), pulse, events_}});
 }
 
 void HealthWatch::delivered(const std::shared_ptr<const SceneFrame>& frame) {
@@ -286,18 +315,19 @@ void HealthWatch::look() {
     frame = newest_;
   }
   const Instant now = clock_.now();
+  MachineState machine = read_machine_state();
   for (Body& body : bodies_) {
     const BodyPose* pose = nullptr;
     if (frame) {
       const auto found = std::ranges::find(frame->bodies, body.id, &BodyPose::body_id);
       if (found != frame->bodies.end()) pose = &*found;
     }
-    body.health.look(pose, now);
+    body.health.look(pose, machine.waiting_share, now);
   }
-  MachineState machine = read_machine_state();
   machine.frames = publisher_.frames();
   machine.missed = publisher_.missed();
   machine_.look(machine, now);
+  events_.settle(now);
 }
 
 }  // namespace fiducap

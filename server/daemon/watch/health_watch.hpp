@@ -23,13 +23,14 @@ namespace fiducap {
 /// State of the machine at one instant.
 struct MachineState {
   std::optional<bool> clock_synchronised;  ///< nullopt: not known.
+  double waiting_share{0};                 ///< Of the last 10 s: a thread waited for a core.
   std::size_t open_descriptors{0};
   std::size_t most_descriptors{0};  ///< 0: not known.
   std::uint64_t frames{0};          ///< Published.
   std::uint64_t missed{0};          ///< Ticks of the publisher.
 };
 
-/// Reads the first three.
+/// Reads the first four.
 [[nodiscard]] MachineState read_machine_state();
 
 /// Reports conditions of the computer.
@@ -46,21 +47,34 @@ class MachineHealth final {
   std::optional<Instant> counted_at_;
 };
 
+/// What to do about images of one kind of source.
+struct ImageRemedies {
+  std::string when_silent;  ///< None come.
+  std::string when_busy{"End other programs, reduce the rate or size of images, or add cores"};
+};
+
 /// Reports conditions of one body: no images, images that are late or too many for this computer, a
 /// coasting or lost pose. Called about twice a second. Not thread-safe.
 class BodyHealth final {
  public:
-  BodyHealth(std::string name, std::size_t cameras, const BodyPulse& pulse, EventBoard& events)
-      : name_(std::move(name)), cameras_(cameras), pulse_(pulse), events_(events) {}
+  BodyHealth(std::string name, std::size_t cameras, ImageRemedies remedies, const BodyPulse& pulse,
+             EventBoard& events)
+      : name_(std::move(name)),
+        cameras_(cameras),
+        remedies_(std::move(remedies)),
+        pulse_(pulse),
+        events_(events) {}
 
   /// @param pose  of the newest frame; nullptr: the body is not streamed
-  void look(const BodyPose* pose, Instant now);
+  /// @param waiting_share  of the machine
+  void look(const BodyPose* pose, double waiting_share, Instant now);
 
  private:
-  void judge_source(Instant now);
+  void judge_source(bool is_busy, Instant now);
   void judge_silence(std::int64_t came_ns, const std::string& kind, const std::string& camera,
-                     Instant now);
-  void judge_lateness(Instant now);
+                     bool is_busy, Instant now);
+  [[nodiscard]] bool is_silent(std::int64_t came_ns, Instant now) const;
+  void judge_lateness(bool is_starved, Instant now);
   void judge_pose(const BodyPose& pose, Instant now);
   [[nodiscard]] Event lost(Instant now) const;
   [[nodiscard]] double seconds_since(std::optional<Instant>& begin, bool holds, Instant now) const;
@@ -69,6 +83,7 @@ class BodyHealth final {
 
   std::string name_;
   std::size_t cameras_;
+  ImageRemedies remedies_;
   const BodyPulse& pulse_;
   EventBoard& events_;
   std::optional<Instant> watched_since_;
@@ -78,6 +93,7 @@ class BodyHealth final {
   std::uint64_t skipped_{0};
   std::optional<Instant> counted_at_;
   double skipped_share_{0};
+  bool is_overloaded_{false};
   bool was_tracked_{false};
 };
 
@@ -125,7 +141,8 @@ class HealthWatch final {
               std::function<void()> give_up);
 
   /// @param body_id  in the frames
-  void add(int body_id, std::string name, std::size_t cameras, const BodyPulse& pulse);
+  void add(int body_id, std::string name, std::size_t cameras, ImageRemedies remedies,
+           const BodyPulse& pulse);
   /// Every delivered frame. From the I/O thread; never waits.
   void delivered(const std::shared_ptr<const SceneFrame>& frame);
   /// Until stopped.

@@ -10,6 +10,7 @@ namespace fiducap {
 namespace {
 
 using testing::Contains;
+using testing::ElementsAre;
 using testing::Field;
 using testing::IsEmpty;
 using testing::Not;
@@ -56,6 +57,68 @@ TEST_F(EventBoardTest, ConditionIsReportedAtItsBeginAndEndOnly) {
   EXPECT_TRUE(board_.after(1)[0].over);
   EXPECT_EQ(board_.after(1)[0].sentence(), "drone: back");
   EXPECT_THAT(board_.standing(), IsEmpty());
+}
+
+/// A board whose conditions must hold for a second, looked at four times a second.
+class HoldingBoardTest : public EventBoardTest {
+ protected:
+  /// @param each  done before each look
+  template <typename Each>
+  void pass(Duration d, Each each) {
+    for (const Instant end = now_ + d; now_ < end; now_ += std::chrono::milliseconds(250)) {
+      each();
+      holding_.settle(now_);
+    }
+  }
+  void pass_lost(Duration d) {
+    pass(d, [this] { holding_.set(true, lost(), "back"); });
+  }
+  void pass_well(Duration d) {
+    pass(d, [this] { holding_.set(false, lost(), "back"); });
+  }
+  std::vector<std::string> texts() {
+    std::vector<std::string> all;
+    for (const Event& event : holding_.after(0)) all.push_back(event.text);
+    return all;
+  }
+
+  Instant now_{};
+  EventBoard holding_{[this] { return now_ns_; }, std::chrono::seconds(1)};
+};
+
+TEST_F(HoldingBoardTest, PublishesWhatHoldsForASecond) {
+  pass_lost(std::chrono::seconds(1));
+  EXPECT_THAT(texts(), IsEmpty());
+  pass_lost(std::chrono::seconds(1));
+  EXPECT_THAT(texts(), ElementsAre("lost, no image"));
+  EXPECT_EQ(holding_.standing().size(), 1U);
+  pass_well(std::chrono::seconds(1));
+  EXPECT_EQ(holding_.standing().size(), 1U);
+  pass_well(std::chrono::seconds(1));
+  EXPECT_THAT(texts(), ElementsAre("lost, no image", "back"));
+  EXPECT_THAT(holding_.standing(), IsEmpty());
+}
+
+TEST_F(HoldingBoardTest, DoesNotFlicker) {
+  for (int i = 0; i < 20; ++i) {
+    pass_lost(std::chrono::milliseconds(750));
+    pass_well(std::chrono::milliseconds(750));
+  }
+  EXPECT_THAT(texts(), IsEmpty());
+  pass_lost(std::chrono::seconds(2));
+  for (int i = 0; i < 20; ++i) {
+    pass_well(std::chrono::milliseconds(750));
+    pass_lost(std::chrono::milliseconds(750));
+  }
+  EXPECT_THAT(texts(), ElementsAre("lost, no image"));
+}
+
+TEST_F(HoldingBoardTest, PublishesErrorsAtOnce) {
+  holding_.begin(lost());
+  holding_.begin(lost(Severity::kError, "lost for good"));
+  EXPECT_THAT(texts(), ElementsAre("lost for good"));
+  pass(std::chrono::seconds(3), [] {});
+  EXPECT_THAT(texts(), ElementsAre("lost for good"));
 }
 
 TEST_F(EventBoardTest, HigherSeverityIsReportedAgain) {

@@ -28,7 +28,7 @@ class BodyHealthTest : public testing::Test {
   void pass(Duration d, Each each) {
     for (const Instant end = now_ + d; now_ < end; now_ += 500ms) {
       each();
-      health_.look(&pose_, now_);
+      health_.look(&pose_, waiting_share_, now_);
     }
   }
   void healthy() {
@@ -63,7 +63,8 @@ class BodyHealthTest : public testing::Test {
   EventBoard events_{[this] { return to_ns(now_); }};
   BodyPulse pulse_;
   BodyPose pose_;
-  BodyHealth health_{"drone", 1, pulse_, events_};
+  double waiting_share_{0};
+  BodyHealth health_{"drone", 1, {"Check its cable"}, pulse_, events_};
 };
 
 TEST_F(BodyHealthTest, ReportsASilentCameraUntilItIsBack) {
@@ -76,13 +77,13 @@ TEST_F(BodyHealthTest, ReportsASilentCameraUntilItIsBack) {
 }
 
 TEST_F(BodyHealthTest, NamesTheSilentCameraOfSeveral) {
-  BodyHealth health("drone", 2, pulse_, events_);
+  BodyHealth health("drone", 2, {"Check its cable"}, pulse_, events_);
   const auto pass_with = [&](Duration d, bool second) {
     pass(d, [&] {
       healthy();
       pulse_.camera_came_ns[0] = to_ns(now_);
       if (second) pulse_.camera_came_ns[1] = to_ns(now_);
-      health.look(&pose_, now_);
+      health.look(&pose_, 0, now_);
     });
   };
   pass_with(5s, true);
@@ -92,6 +93,20 @@ TEST_F(BodyHealthTest, NamesTheSilentCameraOfSeveral) {
   EXPECT_THAT(text(), HasSubstr("drone: no more images from its camera 1"));
   pass_with(5s, true);
   EXPECT_THAT(kinds(), ElementsAre("silent_1", "over: silent_1"));
+}
+
+TEST_F(BodyHealthTest, BlamesABusyComputerForMissingImages) {
+  waiting_share_ = 0.95;
+  pass(5s);
+  EXPECT_THAT(kinds(), IsEmpty());
+  pass(4s, [] {});
+  EXPECT_THAT(kinds(), ElementsAre("overload"));
+  EXPECT_EQ(text(),
+            "drone: this computer does not keep up: no images are read. End other programs, reduce "
+            "the rate or size of images, or add cores");
+  waiting_share_ = 0.2;
+  pass(1s, [] {});
+  EXPECT_THAT(kinds(), ElementsAre("overload", "silent", "over: overload"));
 }
 
 TEST_F(BodyHealthTest, ReportsACameraWithoutAnyImage) {
@@ -124,7 +139,7 @@ TEST_F(BodyHealthTest, ReportsOtherLateImagesAsOverload) {
     set_late(400ms, 8ms);
   });
   EXPECT_THAT(kinds(), ElementsAre("overload"));
-  EXPECT_THAT(text(), HasSubstr("does not keep up: 0 % of its images are left out, poses are 400"));
+  EXPECT_THAT(text(), HasSubstr("does not keep up: 0 % of the images are left out, poses are 400"));
 }
 
 TEST_F(BodyHealthTest, ReportsSkippedImagesAsOverload) {
@@ -133,12 +148,12 @@ TEST_F(BodyHealthTest, ReportsSkippedImagesAsOverload) {
     pulse_.skipped += 3;
   });
   EXPECT_THAT(kinds(), ElementsAre("overload"));
-  EXPECT_THAT(events_.standing().front().text, HasSubstr("60 % of its images"));
+  EXPECT_THAT(events_.standing().front().text, HasSubstr("60 % of the images"));
   pass(10s, [this] {
     healthy();
     pulse_.skipped += 9;  // older images among them
   });
-  EXPECT_THAT(events_.standing().front().text, HasSubstr(" 100 % of its images"));
+  EXPECT_THAT(events_.standing().front().text, HasSubstr(" 100 % of the images"));
 }
 
 TEST_F(BodyHealthTest, IgnoresSingleLateImages) {
@@ -148,6 +163,21 @@ TEST_F(BodyHealthTest, IgnoresSingleLateImages) {
     if (++looks % 4 == 0) set_late(400ms, 8ms);
   });
   EXPECT_THAT(kinds(), IsEmpty());
+}
+
+TEST_F(BodyHealthTest, TellsWhyABusyComputerFindsNoPose) {
+  BodyHealth health("film", 1, {"", "Replay it"}, pulse_, events_);
+  pose_.state = BodyState::kSearching;
+  for (const Instant end = now_ + 12s; now_ < end; now_ += 500ms) {
+    pulse_.image_came_ns = to_ns(now_);
+    pulse_.images += 5;
+    pulse_.skipped += 4;
+    health.look(&pose_, 0, now_);
+  }
+  EXPECT_THAT(kinds(), ElementsAre("overload", "tracking"));
+  EXPECT_EQ(
+      text(),
+      "film: has found no pose for 10 s: this computer uses too few of its images. Replay it");
 }
 
 TEST_F(BodyHealthTest, ReportsCoastingAndLoss) {
@@ -184,7 +214,7 @@ TEST_F(BodyHealthTest, EndsConditionsOfABodyThatIsNotStreamed) {
   pass(5s);
   pass_in(3s, BodyState::kLost);
   EXPECT_THAT(kinds(), ElementsAre("tracking"));
-  health_.look(nullptr, now_);
+  health_.look(nullptr, 0, now_);
   EXPECT_EQ(text(), "drone: is not streamed any more");
   EXPECT_THAT(events_.standing(), IsEmpty());
 }
