@@ -101,7 +101,9 @@ void BodyTracker::note_tags(const BodyEstimate& estimate) {
   if (report_.tags_used + report_.tags_added == 0) return;
   last_tag_at_ = report_.exposed_at;
   last_carried_at_ = report_.exposed_at;
-  if (anchored_) last_seen_ = estimate;
+  if (!anchored_) return;
+  last_seen_ = estimate;
+  has_been_valid_ = has_been_valid_ || shown_at(report_.exposed_at);
 }
 
 /// The new poses continue those before, moved by the map at most.
@@ -164,7 +166,8 @@ BodyState BodyTracker::state_at(Instant at) const {
   if (to_seconds(at - *last_carried_at_) > limits_.lose_after_s) return BodyState::kLost;
   if (!anchored_) return last_seen_ && !estimated_ ? BodyState::kLost : BodyState::kSearching;
   const bool is_unseen = to_seconds(at - *last_tag_at_) > limits_.coast_after_s;
-  return is_unseen ? BodyState::kCoasting : BodyState::kTracking;
+  if (!is_unseen) return BodyState::kTracking;
+  return has_been_valid_ ? BodyState::kCoasting : BodyState::kSearching;
 }
 
 bool BodyTracker::within_limits(const BodyPose& pose) const {

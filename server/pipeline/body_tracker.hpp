@@ -28,10 +28,10 @@ struct BodyLimits {
 /// State of one body (searching → tracking → coasting → lost) and validity of its pose.
 ///
 /// Searching until a used tag ties the body to the workspace; tracking and coasting by the age of
-/// the last used tag; lost after `lose_after_s`, when its filter has given up the motion, or when
-/// the source has ended, until a tag is used again. A pose is valid while tracking or coasting with
-/// both sigmas inside the limits. An invalid pose is that of the last used tag; it moves along when
-/// W is redefined.
+/// the last used tag, coasting only after a valid pose; lost after `lose_after_s`, when its filter
+/// has given up the motion, or when the source has ended, until a tag is used again. A pose is
+/// valid while tracking or coasting with both sigmas inside the limits. An invalid pose is that of
+/// the last used tag; it moves along when W is redefined.
 ///
 /// Corrections of a valid pose by the map are published gradually (CorrectionRamp); the rest is
 /// part of the sigma, so also of the limits. A correction beyond the limits is published at once,
@@ -79,6 +79,7 @@ class BodyTracker final {
   bool estimated_{false};
   bool anchored_{false};
   bool source_lost_{false};
+  bool has_been_valid_{false};
   std::optional<BodyEstimate> last_seen_;  ///< The anchored estimate of the last used tag.
   std::optional<Instant> last_tag_at_;
   std::optional<Instant> last_carried_at_;  ///< The same, or followed points instead.

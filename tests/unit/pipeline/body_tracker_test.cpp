@@ -133,6 +133,17 @@ TEST_F(BodyTrackerTest, CoastsWithoutTagsAndTracksAgain) {
   EXPECT_EQ(state(350), BodyState::kTracking);
 }
 
+TEST_F(BodyTrackerTest, DoesNotCoastBeforeItsFirstPose) {
+  rest_until(100);
+  BodyEstimate vague = estimate(100);
+  vague.covariance *= 1e6;
+  ingest(vague, report(100, 3));
+  EXPECT_EQ(state(110), BodyState::kTracking);
+  EXPECT_EQ(state(400), BodyState::kSearching) << "no pose was valid";
+  image(450, 3);
+  EXPECT_EQ(state(700), BodyState::kCoasting);
+}
+
 TEST_F(BodyTrackerTest, ASigmaAboveItsLimitIsNotValid) {
   struct Case {
     int element;
