@@ -3,7 +3,7 @@ import { spawn } from 'node:child_process';
 import { createRequire } from 'node:module';
 import { join } from 'node:path';
 
-const [serverProgram, webFolder, chromiumProgram, shotFolder] = process.argv.slice(2);
+const [serverProgram, webFolder, chromiumProgram, shotFolder] = process.argv.slice(2).filter((one) => !one.startsWith('--'));
 const { chromium } = createRequire(join(webFolder, 'package.json'))('playwright-core');
 const TIMEOUT_MS = 120_000; // the machine may be busy
 
@@ -28,6 +28,14 @@ export function watchDrawing(periodMs) {
       look();
     }, periodMs);
   window.cancelAnimationFrame = clearTimeout;
+}
+
+/** Runs in the page: sums how far its parts move without an input of the user. */
+export function watchLayout() {
+  window.shifted = 0;
+  new PerformanceObserver((list) => {
+    for (const { value, hadRecentInput } of list.getEntries()) if (!hadRecentInput) window.shifted += value;
+  }).observe({ type: 'layout-shift', buffered: true });
 }
 
 /** Red, green and blue in the order of a picture's words. */
@@ -71,14 +79,13 @@ export async function openPage(browser, port, options) {
   const context = await browser.newContext(options);
   const page = await context.newPage();
   await page.addInitScript(watchDrawing, 300);
+  await page.addInitScript(watchLayout);
   page.setDefaultTimeout(TIMEOUT_MS);
   const faults = [];
-  // Every page asks whether a set-up is running; here none is.
-  const isExpected = (url) => url.endsWith('/api/v1/setup');
-  page.on('console', (line) => line.type() === 'error' && !isExpected(line.location().url) && faults.push(line.text()));
+  page.on('console', (line) => line.type() === 'error' && faults.push(line.text()));
   page.on('pageerror', (error) => faults.push(String(error)));
   page.on('response', (response) => {
-    if (response.status() >= 400 && !isExpected(response.url())) faults.push(`${response.status()} ${response.url()}`);
+    if (response.status() >= 400) faults.push(`${response.status()} ${response.url()}`);
   });
   await page.goto(`http://127.0.0.1:${port}/`);
   await page.waitForSelector('body[data-link=live]');

@@ -261,7 +261,7 @@ void execute(std::istream& line, EventBoard& events, const CameraPreview& views)
   std::fflush(stdout);
 }
 
-/// Two versions of the map, and the fits of its tags; no token.
+/// Twelve versions of the map, and the fits of its tags; no token.
 class FakeOperator final : public FakeOperatorApi {
  public:
   explicit FakeOperator(const Clock& clock) : clock_(clock) {
@@ -270,8 +270,12 @@ class FakeOperator final : public FakeOperatorApi {
   }
   [[nodiscard]] std::vector<MapVersionInfo> map_versions() const override {
     const std::int64_t now_ns = 1'790'000'000'000'000'000;
-    return {{12, 11, now_ns, "c", "mapped by fiducapd", 24},
-            {11, 0, now_ns - 60'000'000'000, "b", "before <the> move", 23}};
+    std::vector<MapVersionInfo> all{
+        {12, 11, now_ns, "c", "mapped by fiducapd", 24},
+        {11, 10, now_ns - 60'000'000'000, "b", "before <the> move", 23}};
+    for (int i = 10; i > 0; --i)
+      all.push_back({i, i - 1, now_ns - (13 - i) * 60'000'000'000, "a", "", 20});
+    return all;
   }
   [[nodiscard]] Expected<std::shared_ptr<const TagMap>> map_version(
       std::int64_t version) const override {

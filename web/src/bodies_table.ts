@@ -1,6 +1,7 @@
 import { element, setText } from './dom';
 import { compact, count, duration, fixed, latency, length, UNKNOWN, type Quantity } from './format';
-import type { BodyFrame, BodyName } from './protocol';
+import type { BodyFrame, BodyName, Quaternion } from './protocol';
+import type { ShownBody } from './steady';
 import { bodyColour, STATE_WORD } from './theme';
 
 interface Column {
@@ -25,15 +26,23 @@ const axis = (name: string, i: 0 | 1 | 2, span: number): Column => ({
   read: (body) => ({ value: fixed(body.pose?.p[i] ?? null, 3), unit: '' }),
 });
 
-// Two rows per body: the pose in large figures, its quality below. z and speed rarely need five digits.
-const PLACE: Column[] = [
-  axis('x', 0, 13),
-  axis('y', 1, 13),
-  axis('z', 2, 12),
+const angle = (name: string, i: 0 | 1 | 2, title: string): Column => ({
+  name,
+  title,
+  span: 12,
+  read: (body) => ({ value: fixed(body.pose ? yawPitchRoll(body.pose.q)[i] : null, 1), unit: '°' }),
+});
+
+// Three rows per body: the place in large figures, attitude and speed, their quality.
+const PLACE: Column[] = [axis('x', 0, 16), axis('y', 1, 16), axis('z', 2, 16)];
+const ATTITUDE: Column[] = [
+  angle('yaw', 0, 'Heading of the body, about the room’s z'),
+  angle('pitch', 1, 'Nose down is positive'),
+  angle('roll', 2, 'Leaning to the right is positive'),
   {
     name: 'speed',
     title: 'Speed of the body',
-    span: 10,
+    span: 12,
     fixedUnit: 'm/s',
     read: (body) => ({ value: fixed(body.pose?.speed ?? null, 2), unit: '' }),
   },
@@ -90,6 +99,7 @@ interface Cell {
 interface Card {
   root: HTMLElement;
   state: HTMLElement;
+  age: HTMLElement;
   note: HTMLElement;
   name: HTMLButtonElement;
   cells: Cell[];
@@ -126,13 +136,14 @@ export class BodiesTable {
     }
   }
 
-  update(bodies: BodyFrame[]): void {
+  update(bodies: ShownBody[]): void {
     for (const body of bodies) {
       const card = this.cards.get(body.id);
       if (!card) continue;
       card.root.dataset.state = body.state;
       card.root.dataset.valid = String(body.valid);
       setText(card.state, STATE_WORD[body.state]);
+      setText(card.age, ageWords(body.stateAgeMs));
       setText(card.note, noteFor(body));
       for (const cell of card.cells) {
         const { value, unit } = cell.column.read(body);
@@ -157,15 +168,35 @@ export class BodiesTable {
     name.addEventListener('click', () => this.onChoose(body.id));
     const note = element('span', 'note');
     const state = element('span', 'state');
-    title.append(name, note, state);
+    const age = element('span', 'state-age');
+    title.append(name, note, state, age);
     caption.append(title);
     const columns = element('colgroup');
     for (let i = 0; i < GRID_COLUMNS; ++i) columns.append(element('col'));
     table.append(caption, columns);
-    const cells = [...addRows(table, body.id, PLACE, 'place'), ...addRows(table, body.id, QUALITY, 'quality')];
+    const rows = [[PLACE, 'place'], [ATTITUDE, 'quality'], [QUALITY, 'quality']] as const;
+    const cells = rows.flatMap(([columns, kind]) => addRows(table, body.id, columns, kind));
     root.append(table);
-    return { root, state, note, name, cells };
+    return { root, state, age, note, name, cells };
   }
+}
+
+/** Heading, then pitch, then roll (z-y'-x''), degrees. */
+export function yawPitchRoll([w, x, y, z]: Quaternion): [number, number, number] {
+  const degrees = 180 / Math.PI;
+  return [
+    degrees * Math.atan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)),
+    degrees * Math.asin(Math.min(1, Math.max(-1, 2 * (w * y - x * z)))),
+    degrees * Math.atan2(2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+  ];
+}
+
+/** Whole units: `0 s`, `12 s`, `3 min`. */
+function ageWords(ms: number | null): string {
+  if (ms === null) return '';
+  const units: [number, string][] = [[3_600_000, 'h'], [60_000, 'min'], [1000, 's']];
+  const [size, unit] = units.find(([least]) => ms >= least) ?? [1000, 's'];
+  return `${Math.floor(ms / size)} ${unit}`;
 }
 
 /** Conditions that the number cells do not show. */

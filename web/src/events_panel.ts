@@ -1,32 +1,44 @@
+import { alarmsOf, type Alarm } from './alarms';
 import { element, setText } from './dom';
 import { dateAndTime, plural, timeOfDay } from './format';
 import type { Events, ServerEvent, Severity } from './protocol';
 
-const RANK: Record<Severity, number> = { error: 0, warning: 1, info: 2 };
 const WORD: Record<Severity, string> = { error: 'Error', warning: 'Warning', info: 'Note' };
 
-/** Present conditions as a banner, and events as a list. */
+const BARS = 2;
+
+/** Alarms as bars over the room, two of them until all are asked for, and events as a list. */
 export class EventsPanel {
+  private all: Alarm[] = [];
+  private showsAll = false;
+
   constructor(
     private readonly banner: HTMLElement,
     private readonly alarms: HTMLElement,
+    private readonly more: HTMLElement,
     private readonly history: HTMLElement,
     private readonly summary: HTMLElement,
-  ) {}
+  ) {
+    more.addEventListener('click', () => {
+      this.showsAll = !this.showsAll;
+      this.showAlarms();
+    });
+  }
 
   update(events: Events): void {
-    const alarms = bySeverity(events.standing);
-    this.alarms.replaceChildren(...alarms.map(alarmElement));
-    this.banner.hidden = alarms.length === 0;
-    this.banner.dataset.severity = alarms[0]?.severity ?? '';
+    this.all = alarmsOf(events.standing);
+    this.showAlarms();
     this.history.replaceChildren(...[...events.events].reverse().map(eventElement));
-    setText(this.summary, alarms.length === 0 ? '' : plural(alarms.length, 'alarm', 'alarms'));
+    setText(this.summary, this.all.length === 0 ? '' : plural(this.all.length, 'alarm', 'alarms'));
   }
-}
 
-/** The most severe first, of equal ones the newest. Those of severity info are in the list only. */
-export function bySeverity(standing: ServerEvent[]): ServerEvent[] {
-  return standing.filter((event) => event.severity !== 'info').sort((a, b) => RANK[a.severity] - RANK[b.severity] || b.n - a.n);
+  private showAlarms(): void {
+    const hidden = this.all.length - BARS;
+    this.alarms.replaceChildren(...this.all.slice(0, this.showsAll ? undefined : BARS).map(alarmElement));
+    this.banner.hidden = this.all.length === 0;
+    this.more.hidden = hidden <= 0;
+    setText(this.more, this.showsAll ? 'Fewer' : plural(hidden, 'more alarm', 'more alarms'));
+  }
 }
 
 /** `since 14:03:05`, with the date when that was another day. */
@@ -42,14 +54,14 @@ function timeElement(utcMs: number, words: string): HTMLTimeElement {
 }
 
 // Texts come from devices, files and clients: they are set as text, never as markup.
-function alarmElement(alarm: ServerEvent): HTMLLIElement {
-  const item = element('li', `alarm ${alarm.severity}`);
-  item.dataset.subject = alarm.subject;
-  item.dataset.kind = alarm.kind;
+function alarmElement({ subjects, worst, utcMs }: Alarm): HTMLLIElement {
+  const item = element('li', `alarm ${worst.severity}`);
+  item.dataset.subject = worst.subject;
+  item.dataset.kind = worst.kind;
   const what = element('span', 'what');
-  what.append(element('strong', 'subject', alarm.subject), element('span', 'text', alarm.text));
-  item.append(element('span', 'severity', WORD[alarm.severity]), what, timeElement(alarm.utcMs, since(alarm.utcMs, Date.now())));
-  if (alarm.remedy !== '') item.append(element('span', 'remedy', alarm.remedy));
+  what.append(element('strong', 'subject', subjects.join(', ')), element('span', 'text', worst.text));
+  item.append(element('span', 'severity', WORD[worst.severity]), what, timeElement(utcMs, since(utcMs, Date.now())));
+  if (worst.remedy !== '') item.append(element('span', 'remedy', worst.remedy));
   return item;
 }
 

@@ -15,6 +15,7 @@ import type { Frame, Hello, Message, TagMap, TagState } from './protocol';
 import { Scene3D } from './scene3d';
 import type { Guide } from './setup/guide';
 import { askForSetup, keepSecret, remembered, type SecondHalf } from './setup/memory';
+import { SteadyStates } from './steady';
 import { TAG_COLOUR } from './theme';
 
 const TAG_STATES: TagState[] = ['surveyed', 'calibrated', 'local', 'quarantined'];
@@ -27,13 +28,14 @@ class Page {
   private readonly bodies = new BodiesTable(byId('bodies'), (id) => this.choose(id));
   private readonly clients = new ClientsPanel(byId('clients'), byId('clients-summary'));
   private readonly log = new LogPanel(byId('log'));
-  private readonly events = new EventsPanel(byId('alarms-banner'), byId('alarms'), byId('events'), byId('alarms-summary'));
+  private readonly events = new EventsPanel(byId('alarms-banner'), byId('alarms'), byId('alarms-more'), byId('events'), byId('alarms-summary'));
   private readonly chart = new StripChart(byId('chart'));
   private readonly commands = new MapCommands(controlUrl(document.baseURI));
   private readonly versions = new MapPanel(byId('versions'), this.commands, {
     compared: (diff) => this.scene?.setChanges(diff?.changes ?? []),
     chosen: (tag) => this.scene?.chooseTag(tag),
   });
+  private readonly states = new SteadyStates();
   private cameras: CamerasPanel | null = null;
   private guide: Guide | null = null;
   private lookedForSetupAt = 0;
@@ -128,9 +130,10 @@ class Page {
   private onFrame(frame: Frame): void {
     this.versions.setTime(frame.utcMs);
     this.cameras?.setTime(frame.utcMs);
-    this.bodies.update(frame.bodies);
-    this.guide?.onBodies(frame.bodies);
-    this.scene?.setFrame(frame.bodies, 1000 / (this.hello?.pageRateHz ?? 20));
+    const bodies = this.states.take(frame.bodies, frame.utcMs);
+    this.bodies.update(bodies);
+    this.guide?.onBodies(bodies);
+    this.scene?.setFrame(bodies, 1000 / (this.hello?.pageRateHz ?? 20));
     this.chart.add(frame.utcMs, frame.bodies);
     setText(byId('server-rate'), fixed(frame.rateHz, 0));
     setText(byId('clock'), timeOfDay(frame.utcMs));

@@ -62,10 +62,7 @@ export class MapPanel {
       button('Quarantine…', 'Keep the tag, do not use it', () => this.tag !== null && void commands.quarantine(this.tag)),
       button('Forget…', 'Discard the tag; seen again, it is a new one', () => this.tag !== null && void commands.forget(this.tag)),
     ));
-    const lists = element('div', 'scroll lists');
-    lists.tabIndex = 0;
-    lists.append(this.versions, this.message, this.changes, this.tags);
-    host.append(commands.head, lists);
+    host.append(commands.head, list('past', this.versions, this.message, this.changes), list('tags-list', this.tags));
     setInterval(() => void this.refresh(), LOOK_MS);
   }
 
@@ -255,6 +252,14 @@ function heading(content: HTMLElement): HTMLTableCellElement {
   head.scope = 'row';
   head.append(content);
   return head;
+}
+
+/** Each scrolls alone: many versions leave the tags their place. */
+function list(name: string, ...content: HTMLElement[]): HTMLElement {
+  const made = element('div', `scroll ${name}`);
+  made.tabIndex = 0;
+  made.append(...content);
+  return made;
 }
 
 function deeds(columns: number, content: HTMLElement): HTMLTableRowElement {

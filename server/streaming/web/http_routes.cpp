@@ -264,7 +264,12 @@ std::optional<std::map<std::string, std::string>> query_of(std::string_view targ
 }
 
 HttpResponse answer_setup(const HttpRequest& request, SetupApi* setup, bool is_here) {
-  if (setup == nullptr) return plain_response(404, "no set-up is running\n");
+  if (setup == nullptr) {
+    // Every page asks for it: no error.
+    if (request.method == "GET" && below_setup(request.target).empty())
+      return json_response(200, plain_content("null"), request);
+    return plain_response(404, "no set-up is running\n");
+  }
   if (!is_here)
     return plain_response(403,
                           "The set-up works at this machine only: open the page there, or through "

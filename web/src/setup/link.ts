@@ -1,4 +1,4 @@
-import { setupHeaders } from './memory';
+import { NO_SETUP, setupHeaders } from './memory';
 import { parseSetup, type SetupState } from './protocol';
 
 const LOOK_MS = 250;
@@ -112,9 +112,9 @@ export class SetupLink {
     const picture = await coming;
     if (this.isStopped) return;
     if (picture) this.listener.picture(picture);
-    // 403: the server was restarted and has another secret.
-    if (answer?.status === 404 || answer?.status === 403) return this.listener.over();
     const json = answer?.ok ? await answer.text().catch(() => null) : null;
+    // 403: the server was restarted and has another secret.
+    if (json === NO_SETUP || answer?.status === 403) return this.listener.over();
     if (json === null) return this.listener.silent(performance.now() - this.answeredAt);
     this.answeredAt = performance.now();
     this.read(json);

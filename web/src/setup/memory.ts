@@ -53,6 +53,9 @@ export function setupHeaders(): Record<string, string> {
   return { 'X-Fiducap-Setup': sessionStorage.getItem(SECRET) ?? '' };
 }
 
+/** The state of a server that is not being set up. */
+export const NO_SETUP = 'null';
+
 export interface SetupAnswer {
   isGoingOn: boolean;
   /** Why this page may not lead the set-up; empty: it may, or there is none. */
@@ -66,9 +69,10 @@ export async function askForSetup(page: string): Promise<SetupAnswer> {
   const url = new URL('api/v1/setup', page);
   const wanted = { cache: 'no-store' as const, signal: hurry.signal, headers: setupHeaders() };
   const answer = await fetch(url, wanted).catch(() => null);
-  const refusal = answer?.status === 403 ? (await answer.text().catch(() => '')).trim() : '';
+  const words = answer ? (await answer.text().catch(() => '')).trim() : '';
   clearTimeout(timer);
-  return { isGoingOn: answer?.status === 200, refusal };
+  const isGoingOn = answer?.status === 200 && words !== NO_SETUP;
+  return { isGoingOn, refusal: answer?.status === 403 ? words : '' };
 }
 
 /** A list of words that was kept as JSON; empty when it is none. */

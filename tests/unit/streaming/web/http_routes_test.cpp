@@ -204,7 +204,8 @@ TEST_F(SetupRoutesTest, ServeThisMachineOnly) {
   EXPECT_EQ(setup_.asked, 0);
   EXPECT_THAT(*ask("GET", "/api/v1/setup", "a guess").body(),
               HasSubstr("fiducapd --setup printed"));
-  EXPECT_EQ(answer_setup({"GET", "/api/v1/setup"}, nullptr, true).status, 404);
+  EXPECT_EQ(*answer_setup({"GET", "/api/v1/setup"}, nullptr, true).body(), "null");
+  EXPECT_EQ(answer_setup({"GET", "/api/v1/setup/picture"}, nullptr, true).status, 404);
   EXPECT_EQ(ask("PUT", "/api/v1/setup").status, 405);
 }
 
