@@ -73,6 +73,7 @@ export class SetupServer {
     this.sheet = { family: 'tag36h11', size_mm: 160, families: ['tag36h11', 'DICT_4X4_50'] };
     this.imu = { used: false, rate_hz: 0 };
     this.written = false;
+    this.results = new Set();
   }
 
   listen(port = 0) {
@@ -115,8 +116,8 @@ export class SetupServer {
   }
 
   sayRunning(url, response) {
-    const hasVersions = url.pathname === '/api/v1/map/versions';
-    response.writeHead(hasVersions ? 200 : 404).end(hasVersions ? '{"versions":[]}' : 'none');
+    const known = { '/api/v1/map/versions': '{"versions":[]}', '/api/v1/setup': 'null' }[url.pathname];
+    response.writeHead(known ? 200 : 404).end(known ?? 'none');
   }
 
   sayState(response) {
@@ -163,7 +164,7 @@ export class SetupServer {
         family: values.family,
         size_mm: Number(values.size_mm),
       }),
-      guess: () => (this.verdict = verdictOf(true, false, 'A usual lens, learned in motion')),
+      guess: () => this.move(1), // as the real one
       imu: () => (this.imu = { used: values.source !== '', rate_hz: values.source ? 198.6 : 0 }),
       mount: () => {},
       again: () => this.enter(this.at),
@@ -203,6 +204,12 @@ export class SetupServer {
     if (++this.solving < 3) return;
     this.solving = 0;
     this.verdict = this.outcome();
+    if (!this.verdict.refused) this.results.add(this.step);
+  }
+
+  isSkipped(name) {
+    const hasResult = ['lens', 'rest', 'wave'].includes(name) && !(name !== 'lens' && !this.hasImu);
+    return hasResult && NAMES.indexOf(name) < this.at && !this.results.has(name);
   }
 
   outcome() {
@@ -227,9 +234,12 @@ export class SetupServer {
     return {
       step,
       steps: NAMES.map((name) => ({
-        name, left_out: !this.hasImu && (name === 'rest' || name === 'wave'),
+        name, left_out: !this.hasImu && (name === 'rest' || name === 'wave'), skipped: this.isSkipped(name),
       })),
       file: '/home/lab/robot.yaml',
+      exists: this.fileExists,
+      missing: step === 'lens' && !this.results.has('lens')
+        ? 'the lens is not known yet: continue with the images, or use a guess' : '',
       error: this.error,
       solving: this.solving > 0,
       cameras: CAMERAS,

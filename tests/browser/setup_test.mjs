@@ -93,7 +93,7 @@ step('a camera is chosen, and its picture is shown', async () => {
 });
 
 step('exposure is set until the picture is good; refusals of the camera are shown', async () => {
-  await title('Make the picture good');
+  await title('Set exposure and focus');
   await waitForText('.setup-hint[data-tone=warn]', /too bright: expose shorter/);
   await look('2-too-bright');
   await world.page.fill('.exposure input', '900');
@@ -127,12 +127,14 @@ step('the tags: sheets to print, and the measured size', async () => {
   await waitForText('.fault', /up to 161 mm do/);
   await world.page.getByLabel(/Edge of the black square/).fill('62,5');
   await world.page.getByLabel(/printed ruler/).fill('ten');
-  await press('These are my tags');
+  await press('Use these tags');
   await waitForText('.setup-error', /“ten” mm\? Expected 50 to 200/);
   await world.page.getByLabel(/printed ruler/).fill('99');
   server.pace = 0;
-  await press('These are my tags');
+  await press('Use these tags');
   await title('Calibrate the lens');
+  assert.ok(await button('Next').isDisabled());
+  await waitForText('.setup-why', /The lens is not known yet/);
   assert.deepEqual(lastHeard('sheet'), { family: 'tag36h11', size_mm: '62.5', ruler_mm: '99' });
   await waitForText('.setup-steps', /tag36h11, 62\.5 mm/);
 });
@@ -149,7 +151,7 @@ step('the lens: coverage, a hint, a refusal, and a repetition', async () => {
   await press('Continue without calibrating…');
   await waitForText('dialog', /can be wrong by centimetres/);
   await press('Cancel');
-  await press('Do it again');
+  await press('Repeat it');
   await waitForText('.setup-verdict', /Good31 views, 0\.21 px/);
   assert.ok(await button('Continue without calibrating…').isHidden());
   await look('4-good');
@@ -206,7 +208,7 @@ step('where the camera sits, and back and forth', async () => {
   assert.equal(await world.page.getByLabel('Forward, m').inputValue(), '0.1');
   assert.equal(await world.page.getByLabel('Up, m').inputValue(), '−0.02');
   server.pace = 0;
-  await press('It sits there');
+  await press('Use this place');
   await title('Wave the robot');
   assert.deepEqual(lastHeard('mount'), { x_m: '0.1', y_m: '0', z_m: '-0.02', looks: 'forward' });
 });
@@ -236,11 +238,11 @@ step('wrong and missing replies of the server are reported', async () => {
 step('the configuration is read and written, and the server starts with it', async () => {
   await waitForText('.configuration', /Written by the set-up/);
   await look('9-finish');
-  await press('Write it and start');
-  await waitForText('.setup-error', /exists already/);
+  assert.ok(await button('Write and start').isDisabled());
+  await waitForText('.setup-why', /robot\.yaml is there already/);
   await look('9-exists');
   await world.page.getByLabel(/Replace the file/).check();
-  await press('Write it and start');
+  await press('Write and start');
   await waitForText('.setup-hint', /The server starts with it/);
   await look('9-starting');
   await server.stop();
@@ -253,9 +255,9 @@ step('the configuration is read and written, and the server starts with it', asy
 
 step('the normal page leads on: past all tags', async () => {
   await title('Move the robot past all tags');
-  await waitForText('.guide-status', /3 tags in the map, no new one for 1\d s · robot: tracking/);
+  await waitForText('.guide-status', /3 tags in the map, no new one for \d\d s · robot: tracking/);
   await look('a-move');
-  await press('All tags are there');
+  await press('All tags are in the map');
 });
 
 step('freezing asks for the token, shows where to find it, and works with it', async () => {
@@ -267,11 +269,11 @@ step('freezing asks for the token, shows where to find it, and works with it', a
 });
 
 step('after a reload it continues; then the addresses for clients are shown', async () => {
-  await title('Where is up, where is the origin?');
+  await title('Set the origin');
   await world.page.reload();
-  await title('Where is up, where is the origin?');
+  await title('Set the origin');
   await look('c-align');
-  await press('Keep it');
+  await press('Keep the origin');
   await title('Done: poses are streamed');
   await waitForText('.guide-served', /vrpn: VRPN 07\.35 on 127\.0\.0\.1:3883/);
   await look('d-done');
@@ -295,11 +297,12 @@ step('the simulated robot, without IMU: its tags are known, and waving is left o
   await waitForText('.setup-hint', /edges of 400 mm/);
   assert.ok(await world.page.isHidden('.command'));
   await shoot(world.page, 'setup-simulated-sheet', false);
-  await press('These are my tags');
-  await waitForText('.setup-verdict', /Good/);
+  await press('Use these tags');
   assert.equal(lastHeard('sheet').size_mm, '400');
-  await press('Next');
+  await press('Continue without calibrating…');
+  await press('Assume a typical lens');
   await title('Connect the IMU');
+  await waitForText('.setup-steps', /Lensskipped/);
   await waitForText('.setup-steps', /At restonly with an IMU/);
   await press('Next');
   await title('Where is the camera on the robot?');

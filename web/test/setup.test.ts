@@ -12,6 +12,8 @@ const STATE = {
   step: 'lens',
   steps: NAMES.map((name) => ({ name, left_out: name === 'rest' || name === 'wave' })),
   file: '/home/lab/robot.yaml',
+  exists: false,
+  missing: '',
   error: '',
   solving: false,
   cameras: [{ open: '/dev/video0', name: 'HD Webcam (uvcvideo)', problem: '' }],
@@ -39,7 +41,7 @@ describe('parseSetup', () => {
   it('reads what the server says', () => {
     const state = parsed();
     expect(state.step).toBe('lens');
-    expect(state.steps[5]).toEqual({ name: 'rest', leftOut: true });
+    expect(state.steps[5]).toEqual({ name: 'rest', leftOut: true, skipped: false });
     expect(state.camera).toEqual({ open: '/dev/video0', exposureMs: 5 });
     expect(state.picture?.motionPx).toBeNull();
     expect(state.picture?.outlines[0]?.corners[2]).toEqual([3, 4]);
@@ -75,6 +77,13 @@ describe('the list of steps', () => {
     const [done, out] = ['done', 'left out'];
     expect(marks).toEqual([done, done, done, 'current', 'open', out, 'open', out, 'open']);
     expect(progressWords(parsed())).toBe('Step 4 of 7');
+  });
+
+  it('calls a skipped step skipped, not done', () => {
+    const steps = NAMES.map((name) => ({ name, left_out: false, skipped: name === 'lens' }));
+    const marks = listSteps(parsed({ step: 'rest', steps })).map(({ mark }) => mark);
+    expect(marks.slice(2, 6)).toEqual(['done', 'skipped', 'done', 'current']);
+    expect(listSteps(parsed({ step: 'lens', steps }))[3]?.mark).toBe('current');
   });
 
   it('says what each step came to', () => {

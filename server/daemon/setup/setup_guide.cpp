@@ -298,7 +298,6 @@ Expected<void> SetupGuide::use_imu(const SetupCommand& command) {
 
 // --- the steps -----------------------------------------------------------------------------------
 
-/// What is missing in this step; nullopt: complete.
 std::optional<std::string> SetupGuide::missing() const {
   const CameraModel& lens = result_.camera.mount.model;
   const GrayImage* image = image_.image.get();
@@ -317,6 +316,13 @@ std::optional<std::string> SetupGuide::missing() const {
 
 bool SetupGuide::is_left_out(SetupStep step) const {
   return (step == SetupStep::kRest || step == SetupStep::kWave) && !result_.imu;
+}
+
+bool SetupGuide::is_skipped(SetupStep step) const {
+  if (step >= step_ || is_left_out(step)) return false;
+  return (step == SetupStep::kLens && result_.lens_from.empty()) ||
+         (step == SetupStep::kRest && !result_.imu_from.starts_with(kMeasuredAtRest)) ||
+         (step == SetupStep::kWave && result_.mount_from.empty());
 }
 
 Expected<void> SetupGuide::next(const SetupCommand&) {

@@ -48,6 +48,10 @@ class SetupGuide final {
   [[nodiscard]] SetupStep step() const { return step_; }
   /// Without an IMU.
   [[nodiscard]] bool is_left_out(SetupStep step) const;
+  /// Passed without a result of its own.
+  [[nodiscard]] bool is_skipped(SetupStep step) const;
+  /// What is missing in this step; nullopt: complete.
+  [[nodiscard]] std::optional<std::string> missing() const;
   [[nodiscard]] const SetupResult& result() const { return result_; }
   [[nodiscard]] const std::vector<FoundCamera>& cameras() const { return cameras_; }
   [[nodiscard]] const std::optional<SetupPicture>& picture() const { return picture_; }
@@ -64,6 +68,7 @@ class SetupGuide final {
   [[nodiscard]] double imu_rate_hz() const { return imu_rate_hz_; }
 
  private:
+  static constexpr const char* kMeasuredAtRest = "measured at rest";
   using Handler = Expected<void> (SetupGuide::*)(const SetupCommand&);
   struct Entry;
 
@@ -90,7 +95,6 @@ class SetupGuide final {
   void forget_lens();
   void forget_clock();
   void forget_images();
-  [[nodiscard]] std::optional<std::string> missing() const;
   [[nodiscard]] SetupStep neighbour(int direction) const;
   void enter(SetupStep step);
   void begin_step();

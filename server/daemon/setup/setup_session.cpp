@@ -1,5 +1,6 @@
 #include "daemon/setup/setup_session.hpp"
 
+#include <filesystem>
 #include <utility>
 
 #include <nlohmann/json.hpp>
@@ -86,9 +87,10 @@ json sheet_json(const TagSetConfig& tags) {
 json steps_json(const SetupGuide& guide) {
   auto all = json::array();
   for (std::size_t i = 0; i < kSteps.size(); ++i) {
-    const bool is_left_out =
-        guide.step() > SetupStep::kImu && guide.is_left_out(static_cast<SetupStep>(i));
-    all.push_back({{"name", kSteps[i]}, {"left_out", is_left_out}});
+    const auto step = static_cast<SetupStep>(i);
+    const bool is_left_out = guide.step() > SetupStep::kImu && guide.is_left_out(step);
+    all.push_back(
+        {{"name", kSteps[i]}, {"left_out", is_left_out}, {"skipped", guide.is_skipped(step)}});
   }
   return all;
 }
@@ -98,9 +100,12 @@ std::string setup_json(const SetupGuide& guide, const std::string& file, const s
                        bool is_written) {
   const SetupResult& result = guide.result();
   const WaveProgress& wave = guide.wave().progress();
+  std::error_code ignored;
   json all{{"step", kSteps[static_cast<std::size_t>(guide.step())]},
            {"steps", steps_json(guide)},
            {"file", file},
+           {"exists", std::filesystem::exists(file, ignored)},
+           {"missing", guide.missing().value_or("")},
            {"error", error},
            {"solving", guide.is_solving()},
            {"cameras", cameras_json(guide)},

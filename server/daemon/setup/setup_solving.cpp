@@ -97,7 +97,7 @@ void SetupGuide::solve_rest() {
   result_.imu = noise->noise;
   result_.imu->gyro_range_rad_s = gyro_range;
   result_.imu->accel_range_m_s2 = accel_range;
-  result_.imu_from = "measured at rest, " + fixed(noise->seconds, 0) + " s";
+  result_.imu_from = std::string(kMeasuredAtRest) + ", " + fixed(noise->seconds, 0) + " s";
   verdict_ = SetupVerdict{true,
                           false,
                           fixed(noise->rate_hz, 1) + " Hz, gyro " +

@@ -26,7 +26,7 @@ export class Guide {
   private readonly status = element('p', 'guide-status');
   private readonly served = element('ul', 'guide-served');
   private readonly back = button('Back', 'To the step before', () => this.goTo(this.at - 1));
-  private readonly keep = button('Keep it', 'Leave it as it is', () => this.goTo(this.at + 1));
+  private readonly keep = button('Keep the origin', 'Leave it as it is', () => this.goTo(this.at + 1));
   private readonly go = button('', '', () => this.press());
   private readonly end = button('End the set-up', 'Close this bar', () => this.close());
   private lines: LogLine[] = [];

@@ -10,7 +10,7 @@ export const GUIDE_WORDS: Record<GuideStep, { title: string; todo: string; prima
   move: {
     title: 'Move the robot past all tags',
     todo: 'Slowly, so that two tags or more are in view when a new one comes in.',
-    primary: 'All tags are there',
+    primary: 'All tags are in the map',
   },
   freeze: {
     title: 'Freeze the map',
@@ -18,7 +18,7 @@ export const GUIDE_WORDS: Record<GuideStep, { title: string; todo: string; prima
     primary: 'Freeze the map',
   },
   align: {
-    title: 'Where is up, where is the origin?',
+    title: 'Set the origin',
     todo:
       'The vertical is known by gravity. The origin is at the first tag, until you drag it, set ' +
       'it by three tags or enter measured places: streamed poses follow.',

@@ -3,7 +3,7 @@ import { button } from '../map_commands';
 import { SetupLink, type SetupCommand } from './link';
 import { remember } from './memory';
 import { drawPicture, pictureWords } from './overlay';
-import { AGAIN, judge, type StepContext, type Primary, type StepView } from './parts';
+import { AGAIN, ifComplete, judge, type StepContext, type Primary, type StepView } from './parts';
 import type { SetupState, StepName } from './protocol';
 import { CameraView, PictureView } from './view_camera';
 import { FinishView } from './view_finish';
@@ -24,13 +24,13 @@ const VIEWS: Record<StepName, (context: StepContext) => StepView> = {
   rest: () => new RestView(),
   mount: () => new MountView(),
   wave: () => new WaveView(),
-  finish: () => new FinishView(),
+  finish: (context) => new FinishView(context),
 };
 const WITHOUT_PICTURE: readonly StepName[] = ['imu', 'rest', 'finish'];
 const REPEATED: readonly StepName[] = ['lens', 'rest', 'wave'];
 // A screen reader needs time for a hint that changes with every image.
 const SPEAK_MS = 4000;
-const RESTARTING = 'It is written. The server starts with it …';
+const RESTARTING = 'The configuration is written. The server starts with it …';
 const SILENT = 'The server does not answer. Read its messages where it was started.';
 const SILENT_MS = 2000;
 const LATE_MS = 30_000;
@@ -189,7 +189,7 @@ export class SetupPanel {
       if (mark === 'current') item.setAttribute('aria-current', 'step');
       else item.removeAttribute('aria-current');
       const done = mark === 'done' ? this.doneWords(state, name) : '';
-      const note = mark === 'left out' ? 'only with an IMU' : done;
+      const note = mark === 'left out' ? 'only with an IMU' : mark === 'skipped' ? 'skipped' : done;
       const words = [MARK_WORD[mark], STEP_WORDS[name].short, note];
       words.forEach((word, part) => setText(item.children[part] as Element, word));
     });
@@ -213,7 +213,7 @@ export class SetupPanel {
   }
 
   private primary(): Primary {
-    if (this.newest && this.view) return this.view.primary(this.newest);
+    if (this.newest && this.view) return ifComplete(this.view.primary(this.newest), this.newest);
     return { words: 'Next', ready: false, blocked: 'Waiting for the server.', commands: () => [] };
   }
 
@@ -290,7 +290,7 @@ export class SetupPanel {
   }
 }
 
-const MARK_WORD = { done: '✓', current: '●', open: '○', 'left out': '–' } as const;
+const MARK_WORD = { done: '✓', current: '●', open: '○', 'left out': '–', skipped: '–' } as const;
 
 function stepItem(): HTMLLIElement {
   const item = element('li');

@@ -10,6 +10,8 @@ export interface Primary {
   ready: boolean;
   /** Why it cannot be pressed; empty: it can. */
   blocked: string;
+  /** Nothing but the next step. */
+  isNext?: boolean;
   /** The commands it sends, or the fault of the input. */
   commands(): SetupCommand[] | string;
 }
@@ -36,8 +38,14 @@ export interface StepContext {
 export const NEXT: SetupCommand = { name: 'next' };
 export const AGAIN: SetupCommand = { name: 'again' };
 
+/** Blocked while the server would refuse it. */
+export function ifComplete(primary: Primary, { missing }: SetupState): Primary {
+  if (!primary.isNext || primary.blocked !== '' || missing === '') return primary;
+  return { ...primary, blocked: `${missing[0]?.toUpperCase()}${missing.slice(1)}.` };
+}
+
 export function next(words = 'Next', ready = true, blocked = ''): Primary {
-  return { words, ready, blocked, commands: () => [NEXT] };
+  return { words, ready, blocked, isNext: true, commands: () => [NEXT] };
 }
 
 export function column(...parts: HTMLElement[]): HTMLElement {
@@ -155,7 +163,7 @@ export function afterVerdict({ verdict, solving }: SetupState, before = 'Next'):
   if (solving) return next('Computing …', false, 'The server is computing the result.');
   // It may not be used: there is no way to continue.
   if (verdict?.refused)
-    return { words: 'Do it again', ready: true, blocked: '', commands: () => [AGAIN] };
+    return { words: 'Repeat it', ready: true, blocked: '', commands: () => [AGAIN] };
   if (!verdict) return next(before, false);
   return verdict.good ? next() : next('Accept and continue');
 }

@@ -74,8 +74,13 @@ export interface StepVerdict {
 
 export interface SetupState {
   step: StepName;
-  steps: { name: StepName; leftOut: boolean }[];
+  /** Skipped: passed without a result of its own. */
+  steps: { name: StepName; leftOut: boolean; skipped: boolean }[];
   file: string;
+  /** The file is there already. */
+  exists: boolean;
+  /** Why `next` would be refused; empty: it would not. */
+  missing: string;
   error: string;
   solving: boolean;
   cameras: CameraFound[];
@@ -202,9 +207,12 @@ export function parseSetup(json: string): SetupState {
     step,
     steps: list(state.steps, 'steps', (item) => {
       const one = fields(item, 'steps');
-      return { name: oneOf(one.name, STEPS, 'steps.name'), leftOut: one.left_out === true };
+      const name = oneOf(one.name, STEPS, 'steps.name');
+      return { name, leftOut: one.left_out === true, skipped: one.skipped === true };
     }),
     file: text(state.file, 'file'),
+    exists: state.exists === true,
+    missing: text(state.missing, 'missing'),
     error: text(state.error, 'error'),
     solving: state.solving === true,
     cameras: list(state.cameras, 'cameras', parseCamera),

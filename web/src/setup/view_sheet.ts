@@ -68,7 +68,7 @@ export class SheetView implements StepView {
 
   primary(): Primary {
     const commands = (): ReturnType<Primary['commands']> => this.commands();
-    return { words: 'These are my tags', ready: true, blocked: '', commands };
+    return { words: 'Use these tags', ready: true, blocked: '', commands };
   }
 
   private commands(): ReturnType<Primary['commands']> {
@@ -143,7 +143,7 @@ export class MountView implements StepView {
   }
 
   primary(): Primary {
-    return { words: 'It sits there', ready: true, blocked: '', commands: () => this.commands() };
+    return { words: 'Use this place', ready: true, blocked: '', commands: () => this.commands() };
   }
 
   /** The input for another robot is void. */

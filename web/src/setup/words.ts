@@ -17,7 +17,7 @@ export const STEP_WORDS: Record<StepName, StepWords> = {
   },
   picture: {
     short: 'Exposure and focus',
-    title: 'Make the picture good',
+    title: 'Set exposure and focus',
     todo: 'Expose as short as the light allows, then turn the lens until the edges are sharp.',
   },
   sheet: {
@@ -51,25 +51,25 @@ export const STEP_WORDS: Record<StepName, StepWords> = {
     todo: 'Turn and shake it before the tags: that calibrates camera and IMU against each other.',
   },
   finish: {
-    short: 'Write it down',
+    short: 'Configuration',
     title: 'Write the configuration',
-    todo: 'Read it once. The server then starts with it by itself.',
+    todo: 'Check it. The server then starts with it, without a restart.',
   },
 };
 
-export type StepMark = 'done' | 'current' | 'open' | 'left out';
+export type StepMark = 'done' | 'current' | 'open' | 'left out' | 'skipped';
 
 export interface ListedStep {
   name: StepName;
   mark: StepMark;
 }
 
-/** What is before the current step is done. */
+/** What is before the current step is done, or was skipped. */
 export function listSteps(state: SetupState): ListedStep[] {
   const at = state.steps.findIndex((one) => one.name === state.step);
-  return state.steps.map(({ name, leftOut }, i) => {
-    const mark = i === at ? 'current' : leftOut ? 'left out' : i < at ? 'done' : 'open';
-    return { name, mark };
+  return state.steps.map(({ name, leftOut, skipped }, i) => {
+    const before = leftOut ? 'left out' : skipped ? 'skipped' : i < at ? 'done' : 'open';
+    return { name, mark: i === at ? 'current' : before };
   });
 }
 
@@ -93,7 +93,7 @@ export function doneWords(state: SetupState, name: StepName, remembered: string)
     // Their figures are long, and are in the configuration.
     case 'rest':
     case 'wave':
-      return remembered === '' ? 'passed' : 'measured';
+      return 'measured';
     default:
       return remembered;
   }
