@@ -32,8 +32,9 @@ struct ServerAddress {
 /// Heading line, column names and one line per body; every line ends with a line break.
 [[nodiscard]] std::string watch_table(const std::string& server, const Frame& frame,
                                       const ClientStatistics& statistics);
-/// One line per body, for logs.
-[[nodiscard]] std::string watch_lines(const Frame& frame, const ClientStatistics& statistics);
+/// One line per body, for logs. @param with_names  those of the columns above them
+[[nodiscard]] std::string watch_lines(const Frame& frame, const ClientStatistics& statistics,
+                                      bool with_names);
 /// One JSON object in one line. Unknown values are null.
 [[nodiscard]] std::string watch_json(const Frame& frame, const ClientStatistics& statistics);
 

@@ -81,6 +81,7 @@ using SteadyTime = std::chrono::steady_clock::time_point;
 constexpr std::chrono::seconds kTimeout{2};  // without a frame, then it is reported
 constexpr std::chrono::milliseconds kLivePeriod{100};
 constexpr std::chrono::seconds kLinePeriod{1};
+constexpr std::uint64_t kBlocksPerNames = 20;  // headings in a file
 
 class Watch final {
  public:
@@ -131,7 +132,8 @@ class Watch final {
       redraw(watch_table(name_, frame_, client_.statistics()));
     } else {
       if (now - last_shown_ < kLinePeriod || frame_.number == shown_frame_) return;
-      terminal_.out << watch_lines(frame_, client_.statistics()) << std::flush;
+      const bool with_names = blocks_++ % kBlocksPerNames == 0;
+      terminal_.out << watch_lines(frame_, client_.statistics(), with_names) << std::flush;
     }
     shown_frame_ = frame_.number;
     last_shown_ = now;
@@ -156,6 +158,7 @@ class Watch final {
   SteadyTime last_frame_{std::chrono::steady_clock::now()};
   SteadyTime last_shown_{};
   std::ptrdiff_t lines_shown_{0};
+  std::uint64_t blocks_{0};  ///< Of lines, to a file.
   bool seen_{false};
   bool reported_{false};
 };
@@ -182,8 +185,9 @@ std::string watch_table(const std::string& server, const Frame& frame,
   return text;
 }
 
-std::string watch_lines(const Frame& frame, const ClientStatistics& statistics) {
+std::string watch_lines(const Frame& frame, const ClientStatistics& statistics, bool with_names) {
   std::string text = summary(frame, statistics) + "\n";
+  if (with_names) text += "  " + column_names();
   for (const Body& body : frame.bodies) text += "  " + row(body);
   return text;
 }

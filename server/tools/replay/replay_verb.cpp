@@ -184,7 +184,8 @@ void add_replay(CLI::App& app, ChosenVerb& chosen) {
   add_filter_option(*verb, a.filter);
   add_set_option(*verb, a.sets);
   verb->add_flag("--anyway", a.anyway, "Run also what `fiducap check` calls unusable");
-  verb->add_flag("!--no-plots", a.plots, "Leave plots.html out");
+  verb->add_flag_callback(
+      "--no-plots", [&a] { a.plots = false; }, "Leave plots.html out");
   verb->add_flag("--json", a.json, "Print report.json instead of words");
   verb->footer(
       "Example:\n"

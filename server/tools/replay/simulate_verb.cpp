@@ -176,7 +176,8 @@ void add_simulate(CLI::App& app, ChosenVerb& chosen) {
   auto* images = verb->add_flag("--images", a.images, "Render images");
   verb->add_flag("--corners", a.corners, "Corners only (the default): a thousand times quicker")
       ->excludes(images);
-  verb->add_flag("!--no-imu", a.imu, "A robot without IMU");
+  verb->add_flag_callback(
+      "--no-imu", [&a] { a.imu = false; }, "A robot without IMU");
   verb->add_flag("--json", a.json, "One JSON object for scripts");
   verb->footer(
       "Example:\n  fiducap simulate --out recordings/table --room table --seconds 60 --seed 7");

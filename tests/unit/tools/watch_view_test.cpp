@@ -59,10 +59,17 @@ TEST_F(WatchView, ColumnsAreBelowTheirNames) {
   EXPECT_EQ(row - names, text.size() - row) << text;
 }
 
+TEST_F(WatchView, LinesHaveNamesWhenAsked) {
+  const std::string with = watch_lines(frame_, statistics_, true);
+  EXPECT_THAT(with, HasSubstr("body             state"));
+  EXPECT_THAT(with, HasSubstr("[deg/s]"));
+  EXPECT_THAT(watch_lines(frame_, statistics_, false), Not(HasSubstr("body             state")));
+}
+
 TEST_F(WatchView, HidesInvalidPosesAndReportsSilence) {
   frame_.bodies[0].valid = false;
   EXPECT_THAT(table(), Not(HasSubstr("1.250")));
-  EXPECT_THAT(watch_lines(frame_, statistics_), Not(HasSubstr("1.250")));
+  EXPECT_THAT(watch_lines(frame_, statistics_, false), Not(HasSubstr("1.250")));
   statistics_.connected = false;
   EXPECT_THAT(table(), HasSubstr("NOT ANSWERING"));
 }
