@@ -102,6 +102,7 @@ bool is_named(const TagFamilyFacts& family, const std::string& written) {
   if (family.dictionary < 0) return is_apriltag(family, written);
   const std::string name = folded(family.name);
   const std::string bare = name.substr(std::string_view("dict").size());
+  if (written == "aruco") return bare == "arucooriginal";  // ArUco's own name
   return written == name || written == "aruco" + bare || written == "dictaruco" + bare ||
          (written == bare && !bare.starts_with("apriltag"));
 }

@@ -4,6 +4,7 @@
 #include <set>
 
 #include "detection/tag_family.hpp"
+#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
 
@@ -19,10 +20,13 @@ constexpr double kFarFromOrigin_m = 1e3;  // more than a hall; metres or millime
 constexpr double kBelowFloor_m = -0.05;
 constexpr double kNearFloor_m = 0.3;
 constexpr double kClearly = 0.7;  // cosine of 45 degrees
-// Nearer than that, in edges, two tags that face the same way cover each other. A smaller one may
-// stand in the middle of a larger one.
-constexpr double kOverlap = 0.9;
-constexpr double kSimilarSize = 0.5;
+// Of the smaller edge: squares in one plane that reach further into each other cover each other.
+constexpr double kOverlap = 0.05;
+constexpr double kOnePlane = 0.25;
+// A tag in the middle of a larger one (tagCustom48h12 has room for it), in edges of that.
+constexpr double kNested = 0.25;
+constexpr double kMiddle = 0.1;
+constexpr double kHalfDiagonal = 0.7072;  // in edges
 constexpr std::size_t kMostNamed = 10;
 
 /// Numbers of tags on walls and near the floor, and of those that are upside down.
@@ -54,19 +58,42 @@ const MapTag& most_of(const TagMap& map, Measure measure) {
       map.tags, [&](const MapTag& a, const MapTag& b) { return measure(a) < measure(b); });
 }
 
+/// Length by which b reaches into the square of a along the axes of a.
+double overlap_m(const KnownTag& a, const KnownTag& b) {
+  const Pose X_AW = a.X_WT.inverse();
+  double least = a.edge_m;
+  for (int axis = 0; axis < 2; ++axis) {
+    double from = 0.5 * a.edge_m;
+    double to = -from;
+    for (int corner = 0; corner < 4; ++corner) {
+      const Eigen::Vector3d in_a = X_AW * (b.X_WT * tag_corner(corner, b.edge_m));
+      from = std::min(from, in_a[axis]);
+      to = std::max(to, in_a[axis]);
+    }
+    least = std::min(least, std::min(to, 0.5 * a.edge_m) - std::max(from, -0.5 * a.edge_m));
+  }
+  return least;
+}
+
 bool cover_each_other(const KnownTag& a, const KnownTag& b) {
-  const double edge_m = (a.edge_m + b.edge_m) / 2;
-  if (std::min(a.edge_m, b.edge_m) < kSimilarSize * std::max(a.edge_m, b.edge_m)) return false;
+  const auto [small_m, large_m] = std::minmax(a.edge_m, b.edge_m);
   const Eigen::Vector3d normal = a.X_WT.q * Eigen::Vector3d::UnitZ();
-  return (a.X_WT.p - b.X_WT.p).norm() < kOverlap * edge_m &&
-         normal.dot(b.X_WT.q * Eigen::Vector3d::UnitZ()) > kClearly;
+  const Eigen::Vector3d away = b.X_WT.p - a.X_WT.p;
+  if (away.norm() > kHalfDiagonal * (small_m + large_m)) return false;
+  if (normal.dot(b.X_WT.q * Eigen::Vector3d::UnitZ()) < kClearly) return false;
+  if (std::abs(normal.dot(away)) > kOnePlane * small_m) return false;
+  if (small_m <= kNested * large_m && away.norm() <= kMiddle * large_m) return false;
+  return std::min(overlap_m(a, b), overlap_m(b, a)) > kOverlap * small_m;
 }
 
 /// Tags that cover others, ascending, at most one more than a message names.
 std::vector<int> covered_tags(const TagMap& map) {
-  constexpr double kReach = kOverlap * (1 + 1 / kSimilarSize) / 2;  // in edges of the smaller
   std::vector<const KnownTag*> by_x;
-  for (const MapTag& entry : map.tags) by_x.push_back(&entry.tag);
+  double largest_m = 0;
+  for (const MapTag& entry : map.tags) {
+    by_x.push_back(&entry.tag);
+    largest_m = std::max(largest_m, entry.tag.edge_m);
+  }
   std::ranges::sort(by_x, {}, [](const KnownTag* tag) { return tag->X_WT.p.x(); });
   std::set<int> covered;
   for (std::size_t i = 0; i < by_x.size(); ++i)

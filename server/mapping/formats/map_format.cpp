@@ -157,10 +157,12 @@ Expected<MapFormat> map_format_of(const std::string& file, std::string_view text
   const std::string end = end_of(file);
   if (end == ".csv") return MapFormat::kCsv;
   if (end == ".json") return MapFormat::kWpilib;
-  return fail(ErrorCode::kUnsupported,
-              "is a map of no known format, by its content; name the format with --format: " +
-                  map_format_names(),
-              file);
+  return fail(
+      ErrorCode::kUnsupported,
+      "is a map of no known format, by its content (ids and sizes without places are none); "
+      "name the format with --format: " +
+          map_format_names(),
+      file);
 }
 
 Expected<MapFormat> map_format_of(const std::string& file) {

@@ -10,6 +10,7 @@
 namespace fiducap {
 namespace {
 
+using testing::AllOf;
 using testing::Contains;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -128,9 +129,17 @@ TEST(CoveredTags, AreRefused) {
   EXPECT_TRUE(read_csv(0.2));
   EXPECT_TRUE(read_map(MapFormat::kCsv,
                        "id,size,px,py,pz,qw,qx,qy,qz\n1,0.5,0,0,1,1,0,0,0\n"
-                       "2,0.1,0,0,1,1,0,0,0\n3,0.5,0,0,1,0,1,0,0\n",
+                       "2,0.1,0,0,1,1,0,0,0\n3,0.5,0,0,1,0,1,0,0\n4,0.1,0.3,0.3,1,1,0,0,0\n",
                        {}, "tags.csv"))
-      << "a small tag in the middle of a large one, and one on its back";
+      << "a small tag in the middle of a large one, one on its back, one beside its corner";
+  for (const std::string tag : {"0.16,0.17,0.02,0,0.92388,0,0,0.38268", "0.02,0.05,0,0,1,0,0,0",
+                                "0.4,0.2,0.2,0.03,1,0,0,0"})
+    EXPECT_THAT(
+        error_of(read_map(MapFormat::kCsv,
+                          "id,size,px,py,pz,qw,qx,qy,qz\n1,0.16,0,0,0,1,0,0,0\n2," + tag + "\n", {},
+                          "tags.csv")),
+        HasSubstr("tags 1 and 2 cover each other"))
+        << tag;
 }
 
 TagMap two_tags(const Eigen::Quaterniond& q_WT, double z_m) {
@@ -182,9 +191,10 @@ TEST(MapFormats, AreRecognisedByContentFirst) {
   EXPECT_EQ(is("a.yaml", "id,size,px,py,pz,qw,qx,qy,qz\n"), "csv");
   EXPECT_EQ(is("a.csv", "nothing"), "csv");
   EXPECT_EQ(is("a.json", "nothing"), "wpilib");
-  EXPECT_THAT(is("a.yaml", "  bodies: 3\ntags: 4\n"),
-              HasSubstr("a.yaml: is a map of no known format, by its content; name the format with "
-                        "--format: fiducap, csv, tagslam"));
+  EXPECT_THAT(
+      is("a.yaml", "  bodies: 3\ntags: 4\n"),
+      HasSubstr("a.yaml: is a map of no known format, by its content (ids and sizes without "
+                "--format: fiducap, csv, tagslam"));
   // Of a file that is written:
   EXPECT_EQ(*map_format_of("a.yml"), MapFormat::kFiducap);
   EXPECT_EQ(*map_format_of("a.csv"), MapFormat::kCsv);
