@@ -32,20 +32,35 @@ int ones(std::span<const std::uint8_t> mask) {
   return all;
 }
 
+/// @return with the whole address, not masked
 std::optional<Network> network_of(const ifaddrs& card) {
   if (card.ifa_addr == nullptr || card.ifa_netmask == nullptr) return std::nullopt;
   if (card.ifa_addr->sa_family == AF_INET) {
     const auto address = reinterpret_cast<const sockaddr_in*>(card.ifa_addr)->sin_addr.s_addr;
     const auto mask = reinterpret_cast<const sockaddr_in*>(card.ifa_netmask)->sin_addr.s_addr;
     const int prefix = kIpv4Prefix + std::popcount(mask);
-    return Network{masked(Peer(ntohl(address), 0).address, prefix), prefix};
+    return Network{Peer(ntohl(address), 0).address, prefix};
   }
   if (card.ifa_addr->sa_family != AF_INET6) return std::nullopt;
   Peer::Address address{};
   Peer::Address mask{};
   std::memcpy(address.data(), &reinterpret_cast<const sockaddr_in6*>(card.ifa_addr)->sin6_addr, 16);
   std::memcpy(mask.data(), &reinterpret_cast<const sockaddr_in6*>(card.ifa_netmask)->sin6_addr, 16);
-  return Network{masked(address, ones(mask)), ones(mask)};
+  return Network{address, ones(mask)};
+}
+
+/// Loopback, and what `network_of` gives for each interface that is up, changed.
+template <typename Change>
+std::vector<Network> networks_of_interfaces(Change change) {
+  std::vector<Network> found{{Peer(0x7f000000, 0).address, kIpv4Prefix + 8}};
+  ifaddrs* first = nullptr;
+  if (::getifaddrs(&first) != 0) return found;
+  const std::unique_ptr<ifaddrs, decltype(&::freeifaddrs)> owner(first, &::freeifaddrs);
+  for (const ifaddrs* one = first; one != nullptr; one = one->ifa_next) {
+    if ((one->ifa_flags & IFF_UP) == 0) continue;
+    if (const auto network = network_of(*one)) found.push_back(change(*network));
+  }
+  return found;
 }
 
 }  // namespace
@@ -79,15 +94,13 @@ Network usual_network_of(const Peer& peer) {
 }
 
 std::vector<Network> attached_networks() {
-  std::vector<Network> found{{Peer(0x7f000000, 0).address, kIpv4Prefix + 8}};
-  ifaddrs* first = nullptr;
-  if (::getifaddrs(&first) != 0) return found;
-  const std::unique_ptr<ifaddrs, decltype(&::freeifaddrs)> owner(first, &::freeifaddrs);
-  for (const ifaddrs* one = first; one != nullptr; one = one->ifa_next) {
-    if ((one->ifa_flags & IFF_UP) == 0) continue;
-    if (const auto network = network_of(*one)) found.push_back(*network);
-  }
-  return found;
+  return networks_of_interfaces([](const Network& one) {
+    return Network{masked(one.address, one.prefix), one.prefix};
+  });
+}
+
+std::vector<Network> own_addresses() {
+  return networks_of_interfaces([](const Network& one) { return Network{one.address, 128}; });
 }
 
 bool TrustedNetworks::contains(const Peer& peer, Instant now) {

@@ -32,6 +32,10 @@ struct Network {
 /// The attached networks of this machine, including loopback.
 [[nodiscard]] std::vector<Network> attached_networks();
 
+/// This machine's own addresses: all of loopback, and single ones. They cannot be forged from
+/// outside.
+[[nodiscard]] std::vector<Network> own_addresses();
+
 /// Networks whose sender addresses are accepted without a proof: attached networks, since routers
 /// do not forward their addresses from outside, and configured ones. Other addresses may be forged.
 class TrustedNetworks final {

@@ -126,6 +126,7 @@ bool is_supported(Bitstream version) {
 
 Bitstream negotiate(const ClientVersions& client, Bitstream server_default) {
   if (client.wanted && *client.wanted != Bitstream{}) return round_down(*client.wanted);
+  if (client.library && *client.library >= kGetsItsOwn) return round_down(*client.library);
   // A library cannot read newer versions than its own: it crashes.
   if (client.library && client.library->major >= kOldest.major)
     return round_down(std::min(server_default, *client.library));

@@ -61,9 +61,20 @@ struct Bitstream {
   auto operator<=>(const Bitstream&) const = default;
 };
 
-/// Supported versions. 4.3 clients accept 4.2; layouts of later ones are not public.
-inline constexpr std::array<Bitstream, 11> kBitstreams{
-    {{2, 5}, {2, 6}, {2, 7}, {2, 8}, {2, 9}, {2, 10}, {3, 0}, {3, 1}, {4, 0}, {4, 1}, {4, 2}}};
+/// Supported versions; layouts of later ones are not public.
+inline constexpr std::array<Bitstream, 13> kBitstreams{{{2, 5},
+                                                        {2, 6},
+                                                        {2, 7},
+                                                        {2, 8},
+                                                        {2, 9},
+                                                        {2, 10},
+                                                        {3, 0},
+                                                        {3, 1},
+                                                        {4, 0},
+                                                        {4, 1},
+                                                        {4, 2},
+                                                        {4, 3},
+                                                        {4, 4}}};
 inline constexpr Bitstream kOldest = kBitstreams.front();
 inline constexpr Bitstream kNewest = kBitstreams.back();
 
@@ -79,7 +90,15 @@ struct ClientVersions {
   std::optional<Bitstream> wanted;   ///< 0.0: the server's choice.
 };
 
-/// The version for a unicast client: the wanted one, else our default, at most its library's.
+/// From this version on a library takes unicast frames from the announced data port only (seen with
+/// the vendor's 4.4; its 4.1 takes them from any port).
+inline constexpr Bitstream kNeedsDataPort{4, 2};
+/// From this version on a library that wants no version gets its own, as from the commercial server
+/// (3.1 was not tried with it).
+inline constexpr Bitstream kGetsItsOwn{4, 3};
+
+/// The version for a unicast client: the wanted one, else its library's from kGetsItsOwn on, else
+/// our default, at most its library's.
 [[nodiscard]] Bitstream negotiate(const ClientVersions& client, Bitstream server_default);
 
 /// Groups of versions with identical frames, or model definitions.

@@ -80,6 +80,7 @@ Conversation::Bytes Conversation::on(const ConnectRequest& request, Sender& send
   if (!request.empty) subscribe(sender, version, request.name, sender.now + kHold);
   if (sender.subscriber != nullptr) {
     sender.subscriber->version = version;
+    sender.subscriber->library = request.versions.library.value_or(Bitstream{});
     if (request.subscribed_data_only) sender.subscriber->selection.only_subscribed();
   }
   return info(version, sender);
@@ -95,6 +96,8 @@ Conversation::Bytes Conversation::on(const KeepAliveRequest& request, Sender& se
   const bool is_known = sender.before.version != Bitstream{};
   subscribe(sender, is_known ? sender.before.version : version_for(request.versions, sender),
             request.name, sender.now);
+  if (sender.subscriber != nullptr && request.versions.library)
+    sender.subscriber->library = *request.versions.library;
   return {};
 }
 
@@ -160,10 +163,12 @@ void Conversation::warn_refused(const Sender& sender) {
                          std::to_string(server_.config.max_clients) + " places, or its own " +
                          std::to_string(server_.config.max_clients_per_address) +
                          ", are taken (streaming.natnet.max_clients, max_clients_per_address)"
-                   : address +
+               : server_.config.clients.empty()
+                   ? address +
                          " gets no frames: it is not in an attached network. Serve it with "
                          "streaming.natnet.networks: [" +
-                         net::text_of(net::usual_network_of(sender.from)) + "]");
+                         net::text_of(net::usual_network_of(sender.from)) + "]"
+                   : address + " gets no frames: it is not in streaming.natnet.clients");
 }
 
 /// Such clients only listen at the data port.

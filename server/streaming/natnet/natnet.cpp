@@ -46,7 +46,7 @@ std::vector<ConfigError> NatNetConfig::check() const {
                "must be the IPv4 address of one of this machine's interfaces, or empty")
       .within("multicast_ttl", multicast_ttl, 0, 255)
       .require(version && is_supported(*version), "bitstream", bitstream,
-               "must be 2.5 to 2.10, 3.0, 3.1 or 4.0 to 4.2")
+               "must be 2.5 to 2.10, 3.0, 3.1 or 4.0 to 4.4")
       .require(up != UpAxis::kDown, "up", name_of(up),
                "must be y or z: mocap clients know no other")
       .require(targets.size() <= kMostTargets, "targets", targets.size(), "must be at most 64")
@@ -62,9 +62,13 @@ std::vector<ConfigError> NatNetConfig::check() const {
                 "must name an interface: targets has a group, and address is that of none");
   rules.require(networks.size() <= kMostNetworks, "networks", networks.size(),
                 "must be at most 64");
-  for (const auto& network : networks)
-    rules.require(net::parse_network(network).has_value(), "networks", network,
-                  "must be a network, e.g. 10.1.0.0/16, or an address");
+  rules.require(clients.size() <= kMostNetworks, "clients", clients.size(), "must be at most 64")
+      .require(clients.empty() || networks.empty(), "networks", networks.size(),
+               "must be empty when clients are named: they are the only ones");
+  for (const auto& [key, list] : {std::pair("networks", &networks), std::pair("clients", &clients)})
+    for (const auto& network : *list)
+      rules.require(net::parse_network(network).has_value(), key, network,
+                    "must be a network, e.g. 10.1.0.0/16, or an address");
   return rules.errors;
 }
 
@@ -86,7 +90,7 @@ std::vector<Peer> NatNetConfig::listeners() const {
 
 std::vector<net::Network> NatNetConfig::trusted_networks() const {
   std::vector<net::Network> all;
-  for (const auto& text : networks)
+  for (const auto& text : clients.empty() ? networks : clients)
     if (const auto network = net::parse_network(text)) all.push_back(*network);
   for (const Peer& listener : listeners()) all.push_back({listener.address, 128});
   return all;

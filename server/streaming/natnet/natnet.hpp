@@ -25,7 +25,7 @@ struct NatNetConfig {
   bool enabled{false};               ///< False: this protocol is not served.
   std::string address{"127.0.0.1"};  ///< IPv4. 0.0.0.0: all interfaces.
   std::uint16_t port{1510};          ///< Commands. 0: any free one.
-  std::uint16_t data_port{1511};     ///< Of multicast frames.
+  std::uint16_t data_port{1511};     ///< Of multicast frames; unicast ones leave from there.
   /// Replies at `port` name the group, as the commercial server's default. Off: unicast.
   bool multicast{true};
   bool unicast{true};  ///< Unicast frames for clients that send keep-alives.
@@ -45,6 +45,9 @@ struct NatNetConfig {
   std::vector<std::string> targets;
   /// Networks of clients besides the attached ones, e.g. 10.1.0.0/16: NatNet proves no address.
   std::vector<std::string> networks;
+  /// Addresses and networks of the only clients besides this machine; empty: those of attached
+  /// networks and of `networks`.
+  std::vector<std::string> clients;
   int max_clients{64};              ///< Further clients are refused.
   int max_clients_per_address{16};  ///< Of other machines; this one's may take all places.
   double client_timeout_s{15.0};    ///< Of silence; some clients send every 5 s only.
@@ -60,7 +63,7 @@ struct NatNetConfig {
   [[nodiscard]] std::vector<Peer> groups() const;
   /// The other `targets`.
   [[nodiscard]] std::vector<Peer> listeners() const;
-  /// `networks` and the addresses of `listeners`, which may send requests, too.
+  /// `clients` or `networks`, and the addresses of `listeners`, which may send requests, too.
   [[nodiscard]] std::vector<net::Network> trusted_networks() const;
   [[nodiscard]] ServedProtocol served() const;
 };
@@ -84,6 +87,7 @@ void describe(V& v, NatNetConfig& c) {
   v.value("aliases", c.aliases);
   v.value("targets", c.targets);
   v.value("networks", c.networks);
+  v.value("clients", c.clients);
   v.value("max_clients", c.max_clients);
   v.value("max_clients_per_address", c.max_clients_per_address);
   v.value("client_timeout_s", c.client_timeout_s);

@@ -33,8 +33,9 @@ std::vector<std::string> broadcast_addresses(const std::string& address) {
 // With fragments: a MODELDEF may be longer than the MTU.
 constexpr net::UdpOptions kCommandPort{
     .protocol = "natnet", .longest = kLongestDatagram, .fragments = true, .reports_refusals = true};
-/// For unicast frames; the vendor's library ignores frames from a command port.
+/// For unicast frames, never from a command port. Shared with programs that listen to the group.
 constexpr net::UdpOptions kFramePort{.protocol = "natnet",
+                                     .shared = true,
                                      .fragments = true,
                                      .reports_refusals = true,
                                      .send_buffer_bytes = kSendBuffer};
@@ -106,7 +107,6 @@ class GroupSender final {
 
   [[nodiscard]] bool has_groups() const { return !groups_.empty(); }
   [[nodiscard]] const std::vector<Peer>& groups() const { return groups_; }
-  /// Frames by all interfaces together; dropped: a socket's buffer was full.
   [[nodiscard]] const net::DatagramShare& counts() const { return counts_; }
 
   /// Addresses of the interfaces in use, e.g. `127.0.0.1, 10.0.0.5`; empty: none yet.
@@ -165,10 +165,68 @@ std::string groups_text(const GroupSender& sender) {
   return text;
 }
 
+/// The sockets of unicast frames. They leave from the data port for other machines, as from the
+/// commercial server, and for libraries that take no others; else from any port, because a client
+/// of this machine may need the data port for itself. It is open only while a client needs it.
+class FramePorts final {
+ public:
+  FramePorts(boost::asio::io_context& io, const NatNetConfig& config, net::UdpServer any)
+      : io_(&io), address_(config.address), number_(config.data_port), any_(std::move(any)) {}
+
+  void begin(std::span<Subscriber> clients, Instant now) {
+    any_.batch().clear();
+    if (data_) data_->batch().clear();
+    bool wanted = false;
+    for (Subscriber& one : clients) {
+      if (!one.is_local) one.is_local = net::is_this_machine(one.peer);
+      wanted = wanted || needs_data_port(one);
+    }
+    if (!wanted) data_.reset(), tried_at_.reset();
+    if (wanted && !data_ && (!tried_at_ || now - *tried_at_ >= kRetry)) open(now);
+  }
+  [[nodiscard]] net::UdpServer& port_for(const Subscriber& one) {
+    return data_ && needs_data_port(one) ? *data_ : any_;
+  }
+  void send() {
+    any_.send_batch();
+    if (data_) data_->send_batch();
+  }
+  [[nodiscard]] std::optional<Peer> next_refused() {
+    if (const auto peer = any_.next_refused()) return peer;
+    return data_ ? data_->next_refused() : std::nullopt;
+  }
+
+ private:
+  static constexpr Duration kRetry = std::chrono::seconds(5);
+
+  [[nodiscard]] bool needs_data_port(const Subscriber& one) const {
+    return number_ != 0 && (!one.is_local.value_or(false) || one.library >= kNeedsDataPort);
+  }
+  void open(Instant now) {
+    tried_at_ = now;
+    auto opened = net::UdpServer::open(*io_, {address_, number_, kKey, "data_port"}, kFramePort);
+    if (opened) {
+      data_.emplace(std::move(*opened));
+    } else if (!std::exchange(warned_, true)) {
+      log::warning("natnet",
+                   "libraries from 4.2 on may take no frames, which leave from another "
+                   "port: " +
+                       opened.error().text());
+    }
+  }
+
+  boost::asio::io_context* io_;
+  std::string address_;
+  std::uint16_t number_;
+  net::UdpServer any_;
+  std::optional<net::UdpServer> data_;
+  std::optional<Instant> tried_at_;
+  bool warned_{false};
+};
+
 class NatNetServer final : public Streamer {
  public:
-  NatNetServer(net::UdpServer frames, GroupSender groups, Conversation conversation,
-               const Clock& clock)
+  NatNetServer(FramePorts frames, GroupSender groups, Conversation conversation, const Clock& clock)
       : Streamer("natnet"),
         clock_(clock),
         conversation_(std::move(conversation)),
@@ -196,19 +254,21 @@ class NatNetServer final : public Streamer {
     const Instant now = clock_.now();
     remove_gone_clients(now);
     conversation_.take(frame, now);
-    frames_.batch().clear();
+    frames_.begin(conversation_.subscribers(), now);
     for (Subscriber& one : conversation_.subscribers()) {
       const auto bytes = conversation_.frame_for(one, now);
-      one.datagrams.open(frames_.batch());
-      if (!bytes.empty()) frames_.add(bytes, one.peer);
-      one.datagrams.close(frames_.batch());
+      net::UdpServer& port = frames_.port_for(one);
+      one.datagrams.open(port.batch());
+      if (!bytes.empty()) port.add(bytes, one.peer);
+      one.datagrams.close(port.batch());
     }
     if (groups_.has_groups()) {
       if (!first_frame_at_) first_frame_at_ = now;
       groups_.send(conversation_.multicast_frame(now));
     }
-    frames_.send_batch();
-    for (Subscriber& one : conversation_.subscribers()) one.datagrams.settle(frames_.batch());
+    frames_.send();
+    for (Subscriber& one : conversation_.subscribers())
+      one.datagrams.settle(frames_.port_for(one).batch());
   }
 
   void append_clients(std::vector<ClientStatus>& out) const override {
@@ -296,7 +356,7 @@ class NatNetServer final : public Streamer {
   GroupSender groups_;
   std::optional<Instant> first_frame_at_;
   bool stopped_{false};
-  net::UdpServer frames_;
+  FramePorts frames_;
   std::optional<net::UdpServer> commands_;
   std::optional<net::UdpServer> unicast_;  ///< Replies without a group.
   std::vector<net::UdpServer> broadcasts_;
@@ -322,11 +382,14 @@ StartedStreamer serve(const ProtocolContext& context, const NatNetConfig& config
   if (!frames) return tl::unexpected(frames.error());
   auto groups = GroupSender::open(context.io, config);
   if (!groups) return tl::unexpected(groups.error());
-  Conversation conversation(config, context.model, context.operator_api, context.rate_hz,
-                            net::random_word(), net::TrustedNetworks(config.trusted_networks()),
-                            context.clock.now());
-  auto server = std::make_unique<NatNetServer>(std::move(*frames), std::move(*groups),
-                                               std::move(conversation), context.clock);
+  Conversation conversation(
+      config, context.model, context.operator_api, context.rate_hz, net::random_word(),
+      net::TrustedNetworks(config.trusted_networks(),
+                           config.clients.empty() ? net::attached_networks : net::own_addresses),
+      context.clock.now());
+  auto server =
+      std::make_unique<NatNetServer>(FramePorts(context.io, config, std::move(*frames)),
+                                     std::move(*groups), std::move(conversation), context.clock);
   if (auto listening = server->listen(context.io, config); !listening)
     return tl::unexpected(listening.error());
   log::info("natnet", "serves NatNet " + fiducap::natnet::text_of(kOldest) + " to " +

@@ -52,7 +52,9 @@ struct Subscriber {
   Peer peer;
   std::string name;  ///< From the client, may be empty.
   Bitstream version;
-  bool fixed{};  ///< From the configuration: never removed.
+  Bitstream library{};             ///< The newest of its library; 0.0: not known.
+  std::optional<bool> is_local{};  ///< It is on this machine; nullopt: not looked up yet.
+  bool fixed{};                    ///< From the configuration: never removed.
   Instant since{};
   Instant heard_at{};
   Instant frames_from{};  ///< A client that starts takes an earlier frame for a reply.

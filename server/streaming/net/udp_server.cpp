@@ -234,6 +234,11 @@ Expected<UdpServer> UdpServer::open(asio::io_context& io, const BindTarget& targ
   if (!socket) return tl::unexpected(socket.error());
   const int native = socket->native_handle();
   set(native, IP_PKTINFO, 1);
+  set(native, IP_MULTICAST_ALL, 0);  // no datagrams of groups that other programs have joined
+  if (options.broadcasts) {
+    error_code ignored;  // a send to a broadcast address is then refused, counted
+    socket->set_option(asio::socket_base::broadcast(true), ignored);
+  }
   if (options.fragments) set(native, IP_MTU_DISCOVER, IP_PMTUDISC_DONT);
   if (options.reports_refusals) set(native, IP_RECVERR, 1);
   if (options.send_buffer_bytes > 0) {

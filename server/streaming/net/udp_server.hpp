@@ -87,6 +87,7 @@ struct UdpOptions {
   std::string_view protocol;     ///< For the log, e.g. `natnet`; a literal.
   std::size_t longest{2048};     ///< Bytes; a longer datagram is cut.
   bool shared{false};            ///< Other sockets of this machine may receive the same broadcasts.
+  bool broadcasts{false};        ///< May send to broadcast addresses.
   bool fragments{false};         ///< Allow IP fragments for datagrams above the MTU.
   bool reports_refusals{false};  ///< `next_refused` reports closed ports.
   int send_buffer_bytes{0};      ///< 0: the system's. A smaller one only means earlier drops.

@@ -178,7 +178,7 @@ TEST_F(CommandWordsTest, ChangesToSupportedBitstreamsOfUnicastOnly) {
     EXPECT_FALSE(ask(word).switch_to) << word;
   };
   for (const char* word :
-       {"Bitstream,255.255", "Bitstream,4.3", "Bitstream,x", "Bitstream,", "Bitstream,-1.0"}) {
+       {"Bitstream,255.255", "Bitstream,4.5", "Bitstream,x", "Bitstream,", "Bitstream,-1.0"}) {
     expect_refused(word);
   }
   multicast_ = true;

@@ -16,8 +16,11 @@ class ConversationFixture : public testing::Test {
   static constexpr Peer kOther{0x0a000008, 40002};
 
   void start() {
-    const auto attached = [] {
-      return std::vector{*net::parse_network("10.0.0.0/8"), *net::parse_network("127.0.0.0/8")};
+    // As the server: with named clients only its own addresses.
+    const auto attached = [own_only = !config_.clients.empty()] {
+      std::vector all{*net::parse_network("127.0.0.0/8")};
+      if (!own_only) all.push_back(*net::parse_network("10.0.0.0/8"));
+      return all;
     };
     conversation_.emplace(config_, make_scene_frame({"arm", "drone"})->model, &operator_api_, 100,
                           12345, net::TrustedNetworks(config_.trusted_networks(), attached), now_);

@@ -22,7 +22,7 @@ TEST_F(ConversationTest, InfoContainsTheVersionAndTheKindOfServer) {
   EXPECT_EQ(version_in(say(ping())), (Bitstream{3, 1}));
   EXPECT_EQ(version_in(say(connect({3, 0}))), (Bitstream{3, 0}));
   EXPECT_EQ(version_in(say(connect({4, 2}, {4, 1}))), (Bitstream{4, 1}));
-  EXPECT_EQ(version_in(say(connect({4, 2}, {255, 255}))), (Bitstream{4, 2}));
+  EXPECT_EQ(version_in(say(connect({4, 2}, {255, 255}))), kNewest);
   const auto old = say(connect({2, 7}));
   EXPECT_EQ(version_in(old), (Bitstream{2, 7}));
   EXPECT_EQ(old.size(), kInfoBefore3);
@@ -89,6 +89,12 @@ TEST_F(ConversationTest, AKeepAliveAfterARestartSubscribesAgain) {
   next_frame();
   EXPECT_FALSE(frame_of().empty());
   EXPECT_EQ(conversation_->subscribers().front().version, (Bitstream{3, 0}));
+}
+
+TEST_F(ConversationTest, AKeepAliveGetsNoReply) {
+  EXPECT_TRUE(say(message(Message::kKeepAlive)).empty());
+  join(connect({4, 4}, {0, 0}));
+  EXPECT_TRUE(say(message(Message::kKeepAlive, sender_block({4, 4}))).empty());
 }
 
 TEST_F(ConversationTest, ForgetsASilentClient) {
@@ -278,6 +284,18 @@ TEST_F(FloodTest, ServesOldAndNewClientsDuringAFlood) {
   join(ping(), kOther);
   next_frame();
   EXPECT_FALSE(frame_of(kOther).empty());
+}
+
+TEST_F(FloodTest, NamedClientsExcludeOtherAttachedAddresses) {
+  config_.clients = {net::address_text(kOther)};
+  start();
+  join(connect({4, 4}, {0, 0}));
+  join(connect({4, 4}, {0, 0}), kOther);
+  join(ping(), Peer{0x7f000001, 40000});
+  next_frame();
+  EXPECT_TRUE(frame_of().empty()) << "attached, but not named";
+  EXPECT_FALSE(frame_of(kOther).empty());
+  EXPECT_FALSE(frame_of(Peer{0x7f000001, 40000}).empty()) << "this machine";
 }
 
 TEST_F(FloodTest, AcceptsClientsOfConfiguredNetworks) {

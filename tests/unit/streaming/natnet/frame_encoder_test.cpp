@@ -55,6 +55,7 @@ const std::string kNoTimecode = "00000000 00000000";
 const std::string kSeconds = "000000000000f83f";
 const std::string kTicks = "8096980000000000 20bcbe0000000000 c0e1e40000000000";
 const std::string kBits = "0100";
+/// The tag at the end: the vendor's library 4.4 discards a frame without it.
 const std::string kEnd = "00000000";
 const std::string k0 = "00000000";
 
@@ -82,7 +83,7 @@ TEST_F(FrameBytes, EqualTheLayoutOfEachVersion) {
        "stamps instead of the latency",
        "7400",
        kOneBody + kError + kValid + k0 + k0 + k0 + k0 + kNoTimecode + kSeconds + kTicks + kBits},
-      {{{4, 1}, {4, 2}},
+      {{{4, 1}, {4, 2}, {4, 3}, {4, 4}},
        "sizes of all sections",
        "a000",
        k0 + k0 + k0 + k0 + "01000000 26000000" + kPose + kError + kValid + k0 + k0 + k0 + k0 + k0 +

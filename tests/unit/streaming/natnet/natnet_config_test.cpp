@@ -19,7 +19,7 @@ TEST(NatNetConfig, ReportsEveryBrokenRule) {
   config.address = "localhost";
   config.multicast_group = "10.0.0.1";
   config.multicast_interface = "eth0";
-  config.bitstream = "4.3";
+  config.bitstream = "4.5";
   config.up = UpAxis::kDown;
   config.targets = {"10.0.0.7", "10.0.0.7:0", "10.0.0.7:1511"};
   config.max_clients = 0;
@@ -42,6 +42,20 @@ TEST(NatNetConfig, TrustsItsNetworksAndItsTargets) {
   EXPECT_THAT(faults(config), IsEmpty());
   EXPECT_THAT(config.trusted_networks(),
               ElementsAre(*net::parse_network("10.1.0.0/16"), *net::parse_network("10.0.0.7")));
+}
+
+TEST(NatNetConfig, NamedClientsAreTheOnlyOnesBesideItsTargets) {
+  NatNetConfig config;
+  config.clients = {"10.0.0.8", "10.2.0.0/16", "lab"};
+  config.networks = {"10.1.0.0/16"};
+  EXPECT_THAT(faults(config), ElementsAre("streaming.natnet.networks", "streaming.natnet.clients"));
+  config.clients.pop_back();
+  config.networks.clear();
+  config.targets = {"10.0.0.7:1511"};
+  EXPECT_THAT(faults(config), IsEmpty());
+  EXPECT_THAT(config.trusted_networks(),
+              ElementsAre(*net::parse_network("10.0.0.8"), *net::parse_network("10.2.0.0/16"),
+                          *net::parse_network("10.0.0.7")));
 }
 
 TEST(NatNetConfig, RequiresADataPortForMulticast) {

@@ -122,6 +122,54 @@ TEST_F(NatNetServerTest, SendsFramesFromADataPortAndReportsItsClients) {
   EXPECT_EQ(all[1].frames_sent, 1U);
 }
 
+/// A port that was free a moment ago.
+std::uint16_t free_port(asio::io_context& io) { return Client(io).port(); }
+
+bool can_bind(asio::io_context& io, std::uint16_t port) {
+  udp::socket socket(io, udp::v4());
+  boost::system::error_code error;
+  socket.bind({asio::ip::address_v4::any(), port}, error);
+  return !error;
+}
+
+TEST_F(NatNetServerTest, FramesLeaveFromTheDataPortForLibrariesThatTakeNoOthers) {
+  config_.multicast = false;
+  config_.data_port = free_port(io_);
+  start();
+  join(client_);
+  publish();
+  EXPECT_EQ(id_of(wait_for(client_)), Message::kFrame);
+  EXPECT_NE(client_.from().port(), config_.data_port) << "a local client may need it for itself";
+  EXPECT_TRUE(can_bind(io_, config_.data_port));
+
+  Client vendors(io_);
+  join(vendors, 0, connect({4, 4}, {0, 0}));
+  publish();
+  EXPECT_EQ(id_of(wait_for(vendors)), Message::kFrame);
+  EXPECT_EQ(vendors.from().port(), config_.data_port);
+  EXPECT_EQ(vendors.from().address(), asio::ip::address_v4::loopback());
+  EXPECT_EQ(clients()[1].detail, "NatNetLib, bitstream 4.4, y-up m");
+  EXPECT_EQ(clients()[1].frames_sent, 1U);
+  EXPECT_FALSE(can_bind(io_, config_.data_port));
+
+  vendors.send(message(Message::kDisconnect), server_->port());
+  publish();
+  EXPECT_EQ(id_of(ask(client_, message(Message::kRequestModel), server_->port())), Message::kFrame);
+  publish();
+  EXPECT_TRUE(can_bind(io_, config_.data_port)) << "it is free again without such a client";
+}
+
+TEST_F(NatNetServerTest, FramesLeaveFromAnotherPortWhileAProgramHasTheDataPort) {
+  config_.multicast = false;
+  const Client program(io_);
+  config_.data_port = program.port();
+  start();
+  join(client_, 0, connect({4, 4}, {0, 0}));
+  publish();
+  EXPECT_EQ(id_of(wait_for(client_)), Message::kFrame);
+  EXPECT_NE(client_.from().port(), config_.data_port);
+}
+
 TEST_F(NatNetServerTest, AnswersDiscoveryByBroadcastOnTheLoopback) {
   start();
   client_.socket().set_option(asio::socket_base::broadcast(true));
