@@ -43,7 +43,8 @@ const std::map<std::string, std::string> kListed{
     {"streaming",
      "conventions net dds[conventions net] mavlink[conventions net] "
      "native[conventions net] natnet[conventions net] qualisys[conventions net] "
-     "vicon[conventions net] vrpn[conventions net] web[conventions native net]"},
+     "vicon[conventions net] vicon_udp[conventions net] vrpn[conventions net] web[conventions "
+     "native net]"},
     {"daemon",
      "recording config[recording] bodies[config recording views] "
      "views watch[bodies] review[bodies config] setup[bodies config]"},

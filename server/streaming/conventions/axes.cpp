@@ -126,6 +126,16 @@ Eigen::Vector3d roll_pitch_yaw(const Eigen::Quaterniond& q) {
           std::atan2(2 * (q.w() * q.z() + q.x() * q.y()), 1 - 2 * (q.y() * q.y() + q.z() * q.z()))};
 }
 
+Eigen::Vector3d xyz_angles(const Eigen::Matrix3d& R) {
+  // Below this cosine of a2 the entries that a1 and a3 come from are rounding noise.
+  constexpr double kGimbalLock = 1e-9;
+  const double a2 = std::asin(std::clamp(R(0, 2), -1.0, 1.0));
+  const bool locked = std::hypot(R(0, 0), R(0, 1)) < kGimbalLock;
+  const double a1 = locked ? std::atan2(R(2, 1), R(1, 1)) : std::atan2(-R(1, 2), R(2, 2));
+  const double a3 = locked ? 0.0 : std::atan2(-R(0, 1), R(0, 0));
+  return {a1, a2, a3};
+}
+
 std::int8_t autopilot_quality(const BodyPose& body) {
   if (!body.valid) return -1;
   const double relative_sigma = std::max(body.position_sigma_m() / kFullQualityPosition_m,

@@ -97,6 +97,10 @@ struct AutopilotOdometry {
 /// Roll, pitch, yaw of q_NF: turns about x, then y, then z of N. Pitch in [−π/2, π/2].
 [[nodiscard]] Eigen::Vector3d roll_pitch_yaw(const Eigen::Quaterniond& q_NF);
 
+/// Angles about x, y and z with R = Rx(a1) · Ry(a2) · Rz(a3), radians; a2 within ±pi/2. Within
+/// 1e-9 rad of there a3 is 0.
+[[nodiscard]] Eigen::Vector3d xyz_angles(const Eigen::Matrix3d& R);
+
 /// Covariance of v_P (with the attitude's uncertainty) and w_P, in body axes P.
 [[nodiscard]] Matrix6d body_twist_covariance(const BodyPose& body);
 

@@ -32,7 +32,7 @@ inline constexpr std::array<Word<WhenInvalid>, 3> kWhenInvalid{
 struct ProtocolConventions {
   std::string_view protocol;
   OutputAxes axes;
-  std::string_view attitude;  ///< `xyzw`, `wxyz` or `matrix`, as on the wire.
+  std::string_view attitude;  ///< On the wire: `xyzw`, `wxyz`, `matrix`, `angles`.
   WhenInvalid when_invalid{WhenInvalid::kFlag};
   std::string_view invalid_looks;  ///< How a client recognises it under `when_invalid`.
   NameRule names;
@@ -46,7 +46,7 @@ inline constexpr OutputAxes kMillimetres{UpAxis::kZ, AxesScope::kWorld, 1000.0};
 inline constexpr OutputAxes kAutopilot{UpAxis::kDown, AxesScope::kWorldAndBody, 1.0};
 inline constexpr NameRule kRosNames{90, "-./~{}:\\", true, false};
 
-inline constexpr std::array<ProtocolConventions, 8> kProtocolConventions{{
+inline constexpr std::array<ProtocolConventions, 9> kProtocolConventions{{
     {"vrpn", kMetres, "xyzw", WhenInvalid::kStop, "no reports", {95, "@"}, "UTC of the pose"},
     {"natnet",
      kMetresYUp,
@@ -62,6 +62,13 @@ inline constexpr std::array<ProtocolConventions, 8> kProtocolConventions{{
      "occluded",
      {127, "!\"#$%&'()*+,-./:;<=>?@[\\]^`{|}~", true, false},
      "frame number = time of the pose x rate; total latency counts back to that time"},
+    {"vicon_udp",
+     kMillimetres,
+     "angles",
+     WhenInvalid::kStop,
+     "absent",
+     {23, "!\"#$%&'()*+,-./:;<=>?@[\\]^`{|}~", true, false},
+     "no time, only a frame number"},
     {"qualisys",
      kMillimetres,
      "matrix",

@@ -11,9 +11,6 @@ namespace fiducap::qualisys {
 
 namespace {
 
-// Below this cosine of a2 the entries that a1 and a3 come from are rounding noise.
-constexpr double kGimbalLock = 1e-9;
-
 constexpr std::size_t kFrameHeader = kHeaderSize + 16;
 constexpr std::size_t kMostPerBody = 104;  // also more than any component's header
 constexpr std::uint32_t kCameraTime = 2;   // type of a time code
@@ -197,13 +194,7 @@ void FrameEncoder::write_bodies(Component component, bool wide, Writer& writer) 
   }
 }
 
-Eigen::Vector3d euler_deg(const Eigen::Matrix3d& R) {
-  const double a2 = std::asin(std::clamp(R(0, 2), -1.0, 1.0));
-  const bool locked = std::hypot(R(0, 0), R(0, 1)) < kGimbalLock;
-  const double a1 = locked ? std::atan2(R(2, 1), R(1, 1)) : std::atan2(-R(1, 2), R(2, 2));
-  const double a3 = locked ? 0.0 : std::atan2(-R(0, 1), R(0, 0));
-  return kDegreesPerRadian * Eigen::Vector3d(a1, a2, a3);
-}
+Eigen::Vector3d euler_deg(const Eigen::Matrix3d& R) { return kDegreesPerRadian * xyz_angles(R); }
 
 void FrameBoard::put(const std::shared_ptr<const SceneFrame>& frame, const BodyTable& bodies) {
   number_ = frame->number;
