@@ -71,19 +71,24 @@ void add_old_body(std::string& out, const BodyTable::Entry& body, std::size_t in
   out += "</Body>";
 }
 
+void add_old_bodies(std::string& out, Version version, std::span<const BodyTable::Entry> bodies) {
+  add(out, "Bodies", bodies.size());
+  for (std::size_t i = 0; i < bodies.size(); ++i) add_old_body(out, bodies[i], i);
+  if (version.minor >= 16)
+    out += "<Euler><First>Roll</First><Second>Pitch</Second><Third>Yaw</Third></Euler>";
+}
+
 void add_6d(std::string& out, Version version, std::span<const BodyTable::Entry> bodies) {
   out += "<The_6D>";
-  if (version.old_parameters()) add(out, "Bodies", bodies.size());
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    if (version.old_parameters()) {
-      add_old_body(out, bodies[i], i);
-    } else {
-      add_body(out, bodies[i], i);
-    }
+  if (version.old_parameters()) {
+    add_old_bodies(out, version, bodies);
+  } else {
+    for (std::size_t i = 0; i < bodies.size(); ++i) add_body(out, bodies[i], i);
   }
-  if (version.old_parameters() && version.minor >= 16)
-    out += "<Euler><First>Roll</First><Second>Pitch</Second><Third>Yaw</Third></Euler>";
   out += "</The_6D>";
+  // Newer SDKs that ask for an old version (libmotioncapture with a current one: 1.19) look for the
+  // old elements outside of The_6D.
+  if (version.old_parameters()) add_old_bodies(out, version, bodies);
 }
 
 std::string_view upwards(UpAxis up) {

@@ -146,6 +146,11 @@ TEST(QualisysParameters, ListBodiesInTheFormatOfTheVersion) {
                                    Not(HasSubstr("<Bodies>"))));
   EXPECT_THAT(xml("6D", 20),
               HasSubstr("<The_6D><Bodies>2</Bodies><Body><Name>arm &lt;1&gt;</Name><RGBColor>"));
+  EXPECT_THAT(
+      xml("6D", 19),
+      AllOf(HasSubstr("</Euler></The_6D><Bodies>2</Bodies><Body><Name>arm &lt;1&gt;</Name>"),
+            testing::EndsWith("</Euler></QTM_Parameters_Ver_1.19>")))
+      << "where a newer SDK that asks for an old version looks";
   EXPECT_THAT(xml("6D", 16), HasSubstr("<Euler><First>Roll</First>"));
   EXPECT_THAT(xml("6D", 15), Not(HasSubstr("<Euler>")));
 }
