@@ -29,11 +29,6 @@ struct NetworkConfig {
 /// Longest message in bytes, both ways: an uncompressed colour image of 12 megapixels.
 inline constexpr std::size_t kMaxMessage = 48u << 20;
 
-/// Configuration of Cyclone DDS; replaces CYCLONEDDS_URI, which is not read.
-/// @pre config.check().empty()
-/// @param attached_only  nothing is sent beyond the networks of the interface
-[[nodiscard]] std::string cyclone_xml(const NetworkConfig& config, bool attached_only);
-
 /// IPv4 addresses with the same first bits; host byte order.
 struct Ipv4Network {
   std::uint32_t address{};
@@ -45,7 +40,8 @@ struct Ipv4Network {
 
 /// Senders whose datagrams reach the participant: this machine, attached networks, and peers.
 struct AllowedSenders {
-  bool loopback_only{};
+  bool loopback_only{};               ///< This machine, by any of its interfaces.
+  std::vector<std::string> cards;     ///< With `loopback_only`: addresses from `local_cards`.
   unsigned interface_index{};         ///< 0: any interface.
   std::vector<Ipv4Network> networks;  ///< Of sender addresses.
   /// No peer is beyond the attached networks: no datagram need leave for an address beyond them.
@@ -54,6 +50,16 @@ struct AllowedSenders {
 
 /// By the present interfaces of the machine. Looks up the names of peers.
 [[nodiscard]] AllowedSenders allowed_senders(const NetworkConfig& config);
+
+/// An address of each interface by which programs of this machine with their vendor's defaults may
+/// be found: those that are up, not loopback, with multicast first; at most three, because Cyclone
+/// DDS takes four interfaces.
+[[nodiscard]] std::vector<std::string> local_cards();
+
+/// Configuration of Cyclone DDS; replaces CYCLONEDDS_URI, which is not read. With `loopback_only`
+/// announcements go by multicast to the cards as well, but do not leave the machine (TTL 0).
+/// @pre config.check().empty()
+[[nodiscard]] std::string cyclone_xml(const NetworkConfig& config, const AllowedSenders& senders);
 
 /// Restricts this process's sockets at the ports of the domain to these senders, for good: Cyclone
 /// DDS binds them to all addresses and answers to any address that a datagram claims.

@@ -6,10 +6,12 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "base/event_board.hpp"
 #include "base/expected.hpp"
+#include "base/time.hpp"
 #include "middleware/network.hpp"
 
 /// Membership in a DDS domain. Cyclone DDS is called in this folder only.
@@ -59,12 +61,18 @@ class Participant final {
   [[nodiscard]] std::int32_t handle() const { return participant_.handle(); }
   [[nodiscard]] int domain() const { return domain_; }
   [[nodiscard]] ParticipantCount count() const { return {present_, seen_}; }
-  /// There are more participants than plausible: release this one, so that they are forgotten.
-  [[nodiscard]] bool is_flooded() const { return flooded_; }
+  /// Release this one and join again: there are more participants than plausible, which are then
+  /// forgotten, or `look_at_cards` has found other cards.
+  [[nodiscard]] bool is_to_be_left() const { return flooded_ || cards_changed_; }
+  /// On loopback: whether none of the cards is left by which local programs find this participant,
+  /// and there is another one. Asks the system: once a second or less.
+  void look_at_cards();
 
  private:
-  Participant(Entity domain_entity, Entity participant, int domain, Alarm alarm)
+  Participant(Entity domain_entity, Entity participant, int domain, AllowedSenders senders,
+              Alarm alarm)
       : alarm_(std::move(alarm)),
+        senders_(std::move(senders)),
         domain_entity_(std::move(domain_entity)),
         participant_(std::move(participant)),
         domain_(domain) {}
@@ -76,6 +84,8 @@ class Participant final {
   std::atomic<int> present_{0};
   std::atomic<int> seen_{0};
   std::atomic<bool> flooded_{false};
+  std::atomic<bool> cards_changed_{false};
+  AllowedSenders senders_;
   Entity domain_entity_;
   Entity participant_;
   int domain_;
@@ -91,6 +101,8 @@ class Membership final {
 
   /// @return the present participant or a new one; Error while a flooded or former one is leaving
   [[nodiscard]] Expected<std::shared_ptr<Participant>> join();
+  /// Participant::look_at_cards of the present participant, if there is one.
+  void look_at_cards();
 
  private:
   NetworkConfig config_;
@@ -100,6 +112,13 @@ class Membership final {
   /// The last participant is deleted; `participant_` expires when its deletion begins.
   std::shared_ptr<std::atomic<bool>> has_left_{std::make_shared<std::atomic<bool>>(true)};
 };
+
+/// Joins the domain for at most `wait` as a program of this machine does by its defaults: by the
+/// card that Cyclone DDS chooses. Nothing leaves the machine, and nothing from outside is received.
+/// @param process  name of the program, as its participant announces it
+/// @return whether a topic of such a program of this machine was announced
+[[nodiscard]] Expected<bool> is_found_by_default(int domain, std::string_view process,
+                                                 Duration wait);
 
 /// Error of a negative return code of the middleware.
 [[nodiscard]] tl::unexpected<Error> failure_of(std::int32_t code, const std::string& what,

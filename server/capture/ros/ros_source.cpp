@@ -255,9 +255,10 @@ Expected<CameraModel> wait_for_lens(const Participant& participant, const std::s
 
 Expected<std::optional<SensorSample>> TopicSource::next(std::stop_token stop) {
   while (!stop.stop_requested()) {
-    if (participant_->is_flooded())
+    if (participant_->is_to_be_left())
       return fail(ErrorCode::kUnavailable,
-                  "the DDS domain has too many participants and is left for a short time");
+                  "the DDS domain has too many participants, or this machine other network cards, "
+                  "and is left for a short time");
     if (auto sample = next_sample()) return sample;
     // A message that arrives just now ends the next wait at once.
     [[maybe_unused]] const bool arrived = arrivals_.wait(kSlice);

@@ -66,8 +66,8 @@ using ProtocolConfig = DdsConfig;
 /// ROS 2 topics and the native keyed types on DDS. A topic without subscribers is not written.
 ///
 /// The middleware has its own threads for discovery and repeats; each topic is written once per
-/// frame, on the I/O thread. Leaves a domain with too many participants (Participant::is_flooded)
-/// and joins it again ten seconds later.
+/// frame, on the I/O thread. Leaves a domain with too many participants or other cards
+/// (Participant::is_to_be_left) and joins it again ten seconds later.
 /// @return Error with the topic that could not be created
 [[nodiscard]] StartedStreamer serve(const ProtocolContext& context, const DdsConfig& config);
 

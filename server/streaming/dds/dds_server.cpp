@@ -166,7 +166,7 @@ class DdsServer final : public Streamer {
   void publish(const std::shared_ptr<const SceneFrame>& frame) override {
     if (stopped_) return;
     if (!presence_) return rejoin(frame->model);
-    if (presence_->participant().is_flooded()) return leave();
+    if (presence_->participant().is_to_be_left()) return leave();
     if (frame->model->generation != model_->generation) {
       model_ = frame->model;
       if (const auto made = presence_->use(*model_); !made)

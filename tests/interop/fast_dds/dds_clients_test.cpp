@@ -1,5 +1,5 @@
 // Fast DDS of Debian subscribes to everything we offer: on loopback without multicast, and on
-// another host.
+// another host. Both vendors' programs with their defaults, on a machine with a network card.
 #include <gmock/gmock.h>
 
 #include <boost/asio/io_context.hpp>
@@ -127,6 +127,36 @@ TEST_F(FastDdsClient, ReliableReadersDoNotMatchBestEffortWriters) {
   EXPECT_NE(heard["rt/drone/pose"].incompatible, 0);
   EXPECT_GE(heard["rt/rover/pose"].count, kEnough);
   EXPECT_GE(heard["rt/tf"].count, kEnough) << "tf2 always requests repeats";
+}
+
+// As in `./dev demo`: the server is on loopback, the readers use what their vendors choose.
+TEST_F(FastDdsClient, BothVendorsDefaultsFindALoopbackServerBesideACard) {
+  TwoHosts hosts;
+  if (!hosts.problem.empty()) GTEST_SKIP() << hosts.problem;
+  NetworkConfig network;
+  network.domain = 46;
+  hosts.server.on([&] { open(network, {}); });
+  ASSERT_TRUE(server_);
+  std::optional<PeerProcess> fast;
+  std::optional<PeerProcess> cyclone;
+  std::optional<PeerProcess> outside;
+  hosts.server.on([&] {
+    fast.emplace(
+        std::vector<std::string>{"read", "46", "-", "-", "7", "PoseStamped:rt/drone/pose"});
+    cyclone.emplace(std::vector<std::string>{"46", "7", "rt/drone/pose"}, CYCLONE_PEER);
+  });
+  hosts.client.on([&] {
+    outside.emplace(std::vector<std::string>{"46", "7", "rt/drone/pose"}, CYCLONE_PEER);
+  });
+  publish_while(
+      [&] { return fast->is_running() || cyclone->is_running() || outside->is_running(); });
+  EXPECT_GE(fast->heard()["rt/drone/pose"].count, kEnough);
+  EXPECT_GE(cyclone->heard()["rt/drone/pose"].count, kEnough);
+  EXPECT_EQ(outside->heard()["rt/drone/pose"].count, 0) << "it is for this machine only";
+  hosts.server.on([&] {
+    server_.reset();
+    participant_.reset();
+  });
 }
 
 // Hosts joined by a cable on which multicast does not pass: only peers find each other. The cable

@@ -17,9 +17,11 @@ namespace {
 using eprosima::fastrtps::rtps::IPLocator;
 
 /// UDP on one address only; without multicast, discovery uses the address of the peer.
+/// @param own_address  `-`: the vendor's defaults, all transports on all interfaces
 dds::DomainParticipantQos qos_for(const std::string& own_address, const std::string& peer) {
   dds::DomainParticipantQos qos;
   qos.name("fast_dds_peer");
+  if (own_address == "-") return qos;
   auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
   udp->interfaceWhiteList.push_back(own_address);
   qos.transport().use_builtin_transports = false;
@@ -58,7 +60,7 @@ std::vector<WantedTopic> topics_from(int argc, char** argv, int first) {
 int run(int argc, char** argv) {
   if (argc < 6) {
     std::fprintf(stderr,
-                 "usage: fast_dds_peer read|write DOMAIN OWN_ADDRESS PEER|- SECONDS "
+                 "usage: fast_dds_peer read|write DOMAIN OWN_ADDRESS|- PEER|- SECONDS "
                  "TYPE:TOPIC[:FLAGS]...|CAMERA\n");
     return 2;
   }

@@ -19,11 +19,11 @@ struct Heard {
   std::string last;    ///< The newest message.
 };
 
-/// `fast_dds_peer` as a child process.
+/// `fast_dds_peer`, or `cyclone_peer`, as a child process.
 class PeerProcess final : public ChildProcess {
  public:
-  explicit PeerProcess(std::vector<std::string> arguments)
-      : ChildProcess(with_program(std::move(arguments))) {}
+  explicit PeerProcess(std::vector<std::string> arguments, const char* program = FAST_DDS_PEER)
+      : ChildProcess(with_program(std::move(arguments), program)) {}
 
   /// Waits for its end. By topic, as on the wire.
   [[nodiscard]] std::map<std::string, Heard> heard() {
@@ -44,8 +44,9 @@ class PeerProcess final : public ChildProcess {
   }
 
  private:
-  static std::vector<std::string> with_program(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), FAST_DDS_PEER);
+  static std::vector<std::string> with_program(std::vector<std::string> arguments,
+                                               const char* program) {
+    arguments.insert(arguments.begin(), program);
     return arguments;
   }
 };

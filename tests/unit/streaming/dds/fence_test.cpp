@@ -72,6 +72,47 @@ TEST_F(DdsFence, LoopbackReceivesNothingFromOutside) {
   expect_replies(*neighbour, *victim);
 }
 
+// The card is used as well, so that programs of this machine with default settings are found.
+TEST_F(DdsFence, LoopbackReceivesNoMulticastFromOutside) {
+  take_part("lo");
+  const auto victim = socket(hosts_.server, "127.0.0.1");
+  const auto neighbour = socket(hosts_.server, "127.0.0.1");
+  const auto outsider = outside(TwoHosts::kClient);
+  hosts_.client.on([&] {
+    outsider->join(kGroup, TwoHosts::kClient);
+    outsider->send(announcement(1, "127.0.0.1", victim->port()), kGroup, kMulticastPort);
+  });
+  announce(*neighbour, 2, "127.0.0.1", *neighbour, "127.0.0.1");
+  expect_replies(*neighbour, *victim);
+}
+
+TEST_F(DdsFence, LoopbackHearsThisMachineByItsCardAndSendsNothingOutside) {
+  const auto group = socket(hosts_.client, "0.0.0.0", kMulticastPort);
+  hosts_.client.on([&] { group->join(kGroup, TwoHosts::kClient); });
+  const auto local_group = socket(hosts_.server, "0.0.0.0", kMulticastPort);
+  hosts_.server.on([&] { local_group->join(kGroup, TwoHosts::kServer); });
+  take_part("lo");
+  const auto local = socket(hosts_.server, TwoHosts::kServer);
+  EXPECT_TRUE(local_group->hears_within(kTimeout_ms)) << "the server's own announcement";
+  hosts_.server.on([&] {
+    local->join(kGroup, TwoHosts::kServer);
+    local->set_multicast_ttl(0);  // only the server's datagrams could come out
+    local->send(announcement(1, TwoHosts::kServer, local->port()), kGroup, kMulticastPort);
+  });
+  EXPECT_TRUE(local->hears_within(kTimeout_ms)) << "a reply to the address of the card";
+  EXPECT_FALSE(group->has_heard());
+}
+
+TEST_F(DdsFence, LoopbackIsLeftWhenThereIsAnotherCard) {
+  ASSERT_TRUE(hosts_.server.run("ip link set fdc0 down").done);
+  take_part("lo");
+  hosts_.server.on([&] { participant_->look_at_cards(); });
+  EXPECT_FALSE(participant_->is_to_be_left()) << "no card before and now";
+  ASSERT_TRUE(hosts_.server.run("ip link set fdc0 up").done);
+  hosts_.server.on([&] { participant_->look_at_cards(); });
+  EXPECT_TRUE(participant_->is_to_be_left());
+}
+
 TEST_F(DdsFence, InterfaceReceivesFromItsNetworkOnly) {
   take_part(TwoHosts::kServer);
   const auto victim = outside(TwoHosts::kClient);

@@ -89,14 +89,14 @@ TEST_F(DdsFlood, IsNotReportedForAFewParticipants) {
   const auto participant = join();
   forge(*participant, 3);
   EXPECT_EQ(participant->count().present, 4);
-  EXPECT_FALSE(participant->is_flooded());
+  EXPECT_FALSE(participant->is_to_be_left());
   EXPECT_EQ(join(), participant) << "the same for all";
 }
 
 TEST_F(DdsFlood, IsReportedOnceAndEndsByLeavingTheDomain) {
   auto participant = join();
   forge(*participant, ParticipantCount::kMostPresent + 8);
-  EXPECT_TRUE(participant->is_flooded());
+  EXPECT_TRUE(participant->is_to_be_left());
   EXPECT_THAT(events_.after(0), testing::SizeIs(1));
   EXPECT_THAT(events_.standing(), Contains(Field(&Event::text, HasSubstr("257 participants"))));
   EXPECT_FALSE(membership_.join()) << "the flooded one is still held";

@@ -33,6 +33,9 @@ class Socket final {
                            sizeof(wanted.imr_interface)),
               0);
   }
+  void set_multicast_ttl(int ttl) const {
+    EXPECT_EQ(::setsockopt(fd_, IPPROTO_IP, IP_MULTICAST_TTL, &ttl, sizeof(ttl)), 0);
+  }
   [[nodiscard]] int port() const { return port_of(fd_); }
   void send(const std::vector<std::byte>& bytes, const std::string& address, int port) const {
     const auto to = ipv4(address, port);

@@ -158,26 +158,48 @@ TEST(DdsNetwork, DefaultsToThisMachineWithoutMulticast) {
   const NetworkConfig config;
   EXPECT_THAT(config.check(), IsEmpty());
   EXPECT_FALSE(config.uses_multicast());
-  const std::string xml = cyclone_xml(config, true);
-  EXPECT_THAT(xml, HasSubstr("name=\"lo\""));
+  AllowedSenders senders;
+  senders.loopback_only = true;
+  const std::string xml = cyclone_xml(config, senders);
+  EXPECT_THAT(xml, HasSubstr("name=\"lo\" multicast=\"false\""));
   EXPECT_THAT(xml, HasSubstr("<AllowMulticast>false<"));
   EXPECT_THAT(xml, HasSubstr("<Peer Address=\"127.0.0.1\"/>"));
   EXPECT_THAT(xml, HasSubstr("<MaxSampleSize>" + std::to_string(kMaxMessage) + "B<"));
   EXPECT_THAT(xml, HasSubstr("<DontRoute>true<"));
-  EXPECT_THAT(cyclone_xml(config, false), HasSubstr("<DontRoute>false<")) << "a peer is beyond";
+  senders.attached_only = false;
+  EXPECT_THAT(cyclone_xml(config, senders), HasSubstr("<DontRoute>false<")) << "a peer is beyond";
+}
+
+TEST(DdsNetwork, IsFoundByTheCardsOfThisMachineWithoutLeavingIt) {
+  AllowedSenders senders;
+  senders.loopback_only = true;
+  senders.cards = {"10.0.0.5", "192.168.1.5"};
+  const std::string xml = cyclone_xml({}, senders);
+  for (const char* part :
+       {"name=\"lo\" multicast=\"true\"", "address=\"10.0.0.5\"", "address=\"192.168.1.5\"",
+        "<AllowMulticast>spdp<", "<MulticastTimeToLive>0<", "<Peer Address=\"127.0.0.1\"/>"})
+    EXPECT_THAT(xml, HasSubstr(part));
+}
+
+TEST(DdsNetwork, LoopbackTakesNoPeersOfOtherMachines) {
+  NetworkConfig config;
+  config.peers = {"127.0.0.1"};
+  EXPECT_THAT(config.check(), IsEmpty());
+  config.peers = {"127.0.0.1", "192.168.1.7"};
+  EXPECT_THAT(config.check(), SizeIs(1));
 }
 
 TEST(DdsNetwork, UsesMulticastOnOtherInterfacesWithoutPeers) {
   NetworkConfig config;
   config.interface = "eth0";
   EXPECT_TRUE(config.uses_multicast());
-  EXPECT_THAT(cyclone_xml(config, true), HasSubstr("<AllowMulticast>spdp<"));
+  EXPECT_THAT(cyclone_xml(config, {}), HasSubstr("<AllowMulticast>spdp<"));
   config.peers = {"192.168.1.7", "robot.local"};
   EXPECT_FALSE(config.uses_multicast());
-  EXPECT_THAT(cyclone_xml(config, true),
+  EXPECT_THAT(cyclone_xml(config, {}),
               HasSubstr("<Peer Address=\"192.168.1.7\"/><Peer Address=\"robot.local\"/>"));
   config.interface = "192.168.1.5";
-  EXPECT_THAT(cyclone_xml(config, true), HasSubstr("address=\"192.168.1.5\""));
+  EXPECT_THAT(cyclone_xml(config, {}), HasSubstr("address=\"192.168.1.5\""));
 }
 
 TEST(DdsNetwork, RefusesCharactersThatEndAnAttribute) {
