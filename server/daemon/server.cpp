@@ -227,6 +227,7 @@ Expected<void> Server::Impl::build_streaming() {
                        if (!pages_.hub().empty()) pages_.put(frame);
                      });
   watch_.emplace(events_, *publisher_, clock_, [this] { give_up(); });
+  watch_->also([this] { membership_.look_at_cards(); });
   for (std::size_t i = 0; i < config_.bodies.size(); ++i)
     watch_->add(config_.bodies[i].id, config_.bodies[i].name, bodies_.workers()[i]->cameras(),
                 remedies_for(config_.bodies[i]), bodies_.workers()[i]->pulse());
@@ -316,7 +317,9 @@ ServerEnd Server::Impl::shut_down() {
   if (recorded) recording_.join();
   bodies_.log_statistics();
   log::info("daemon", std::to_string(publisher_->frames()) + " frames published, " +
-                          std::to_string(publisher_->missed()) + " ticks missed; stopped");
+                          std::to_string(publisher_->missed()) + " ticks missed, " +
+                          std::to_string(publisher_->frames() - watch_->delivered()) +
+                          " frames replaced by a newer one before they were sent; stopped");
   if (!stored || !recorded) return ServerEnd::kLost;
   if (is_set_up_) return ServerEnd::kSetUp;
   return all ? ServerEnd::kClean : ServerEnd::kLeftBehind;

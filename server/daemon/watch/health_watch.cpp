@@ -101,8 +101,12 @@ void MachineHealth::look(const MachineState& state, Instant now) {
 
 void MachineHealth::judge_rate(const MachineState& state, Instant now) {
   if (counted_at_ && to_seconds(now - *counted_at_) < kRateFor_s) return;
-  const auto missed = static_cast<double>(state.missed - counted_.missed);
-  const double all = static_cast<double>(state.frames - counted_.frames) + missed;
+  const auto since = [](std::uint64_t before, std::uint64_t count) {
+    return std::max(0.0, static_cast<double>(count) - static_cast<double>(before));
+  };
+  const double ticks = since(counted_.missed, state.missed);
+  const double all = since(counted_.frames, state.frames) + ticks;
+  const double missed = ticks + since(counted_.replaced, state.replaced);
   const bool counted = counted_at_ && all > 0;
   counted_ = state;
   counted_at_ = now;
@@ -324,9 +328,12 @@ void HealthWatch::look() {
     }
     body.health.look(pose, machine.waiting_share, now);
   }
+  const std::uint64_t delivered = delivered_;
   machine.frames = publisher_.frames();
   machine.missed = publisher_.missed();
+  machine.replaced = machine.frames - std::min(machine.frames, delivered);
   machine_.look(machine, now);
+  if (also_) also_();
   events_.settle(now);
 }
 

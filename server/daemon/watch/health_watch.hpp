@@ -28,6 +28,8 @@ struct MachineState {
   std::size_t most_descriptors{0};  ///< 0: not known.
   std::uint64_t frames{0};          ///< Published.
   std::uint64_t missed{0};          ///< Ticks of the publisher.
+  /// Of `frames`: a newer one came before they were sent, because the I/O thread got no time.
+  std::uint64_t replaced{0};
 };
 
 /// Reads the first four.
@@ -143,11 +145,14 @@ class HealthWatch final {
   /// @param body_id  in the frames
   void add(int body_id, std::string name, std::size_t cameras, ImageRemedies remedies,
            const BodyPulse& pulse);
+  /// Also called at each look.
+  void also(std::function<void()> look) { also_ = std::move(look); }
   /// Every delivered frame. From the I/O thread; never waits.
   void delivered(const std::shared_ptr<const SceneFrame>& frame);
   /// Until stopped.
   void run(std::stop_token stop);
   void look();
+  [[nodiscard]] std::uint64_t delivered() const { return delivered_; }
 
  private:
   void give_up();
@@ -161,6 +166,7 @@ class HealthWatch final {
   const Publisher& publisher_;
   const Clock& clock_;
   std::function<void()> give_up_;
+  std::function<void()> also_;
   std::vector<Body> bodies_;
   MachineHealth machine_;
   FrameWatchdog frames_{kMissedLooks};

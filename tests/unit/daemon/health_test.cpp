@@ -326,6 +326,23 @@ TEST_F(MachineHealthTest, ReportsMissedFramesAsOverload) {
   EXPECT_THAT(standing(), IsEmpty());
 }
 
+TEST_F(MachineHealthTest, ReportsFramesThatWereReplacedBeforeTheyWereSentAsOverload) {
+  MachineState state;
+  for (int i = 0; i < 5; ++i) {
+    state.frames += 200;
+    state.replaced += 40;
+    look(state);
+  }
+  EXPECT_THAT(standing(), ElementsAre("server overload"));
+  EXPECT_THAT(events_.standing().back().text, testing::HasSubstr("left out (20 %)"));
+  --state.replaced;  // the one that was on its way has been sent
+  for (int i = 0; i < 5; ++i) {
+    state.frames += 200;
+    look(state);
+  }
+  EXPECT_THAT(standing(), IsEmpty());
+}
+
 TEST(MachineState, IsReadFromThisMachine) {
   const MachineState state = read_machine_state();
   EXPECT_GT(state.open_descriptors, 3U);
