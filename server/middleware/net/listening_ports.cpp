@@ -69,6 +69,7 @@ std::optional<ListeningPort> listening_port_of(const std::string& line, Transpor
   ListeningPort port{transport, endpoint->first, endpoint->second};
   for (int skipped = 0; skipped < 5; ++skipped) words >> slot;  // queues, timers, user
   words >> port.inode;
+  if (transport == Transport::kUdp) words >> slot >> slot >> port.discarded;  // references, address
   return port;
 }
 

@@ -16,6 +16,8 @@ struct ListeningPort {
   std::uint16_t port{};
   unsigned long inode{};  ///< The kernel's number of the socket.
   std::string owner{};    ///< `vrpn_server (process 812)`; empty: of another user.
+  /// UDP: datagrams that were discarded since it was opened, because its program read too slowly.
+  std::uint64_t discarded{};
 };
 
 /// IPv4 and IPv6, from /proc; empty where there is no such folder.

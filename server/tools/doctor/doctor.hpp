@@ -105,6 +105,9 @@ struct ServerFacts {
   TokenFacts token;
   std::vector<RunningServer> servers;
   std::vector<ListeningPort> listening;
+  /// DDS on loopback: programs of this machine with default settings find the running server.
+  /// nullopt: not tried.
+  std::optional<bool> dds_found;
   std::optional<StoreFacts> store;  ///< nullopt: the configuration names none.
   FolderFacts recordings;
   Findings alarms;  ///< Conditions that the running server reports.
@@ -123,14 +126,16 @@ struct ServerFacts {
 [[nodiscard]] std::vector<std::string> faults_of(const ServedProtocol& protocol,
                                                  const std::vector<ListeningPort>& listening,
                                                  const std::vector<NetworkInterface>& interfaces);
-/// The same for DDS: does the interface exist, and does a participant of the domain listen on this
-/// machine?
+/// The same for DDS: does the interface exist, does a participant of the domain listen on this
+/// machine, and do programs with default settings find the server?
 [[nodiscard]] std::vector<std::string> faults_of(const dds::NetworkConfig& network,
-                                                 const std::vector<ListeningPort>& listening,
+                                                 const ServerFacts& facts,
                                                  const std::vector<NetworkInterface>& interfaces);
 /// Which machines may listen, and which may change the server.
 [[nodiscard]] Findings exposure_findings(const ServerConfig& config, const ServerFacts& facts,
                                          const std::vector<NetworkInterface>& interfaces);
+/// Programs of this machine that lose datagrams of any server.
+[[nodiscard]] Findings loss_findings(const ServerFacts& facts);
 /// Cores, priorities, buffers, clock, systemd.
 [[nodiscard]] Findings machine_findings(const ServerConfig& config, const ServerFacts& facts);
 /// The map's store and the recorder's folder.

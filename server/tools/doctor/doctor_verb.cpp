@@ -121,7 +121,19 @@ Findings protocol_findings(const StreamingConfig& streaming,
   return all;
 }
 
-Findings dds_findings(const ServerConfig& config, const std::vector<ListeningPort>& listening,
+Findings vicon_udp_findings(const vicon_udp::ViconUdpConfig& config) {
+  Findings all;
+  if (!config.enabled) {
+    all.push_back({Grade::kNote, "vicon_udp: switched off (streaming.vicon_udp.enabled)"});
+    return all;
+  }
+  all.push_back({Grade::kOk, "vicon_udp sends to " +
+                                 comma_list(config.targets, [](const auto& one) { return one; })});
+  note_conventions(all, "vicon_udp", conventions_of("vicon_udp").axes, config.when_invalid);
+  return all;
+}
+
+Findings dds_findings(const ServerConfig& config, const ServerFacts& facts,
                       const std::vector<NetworkInterface>& interfaces) {
   Findings all;
   if (!config.streaming.dds.enabled) {
@@ -132,8 +144,10 @@ Findings dds_findings(const ServerConfig& config, const std::vector<ListeningPor
   const std::string place =
       "dds on " + (network.interface.empty() ? "an interface of its choice" : network.interface) +
       ", ROS_DOMAIN_ID " + std::to_string(network.domain);
-  const auto faults = faults_of(network, listening, interfaces);
-  if (faults.empty()) all.push_back({Grade::kOk, place});
+  const auto faults = faults_of(network, facts, interfaces);
+  if (faults.empty())
+    all.push_back(
+        {Grade::kOk, place + (facts.dds_found ? ", found by programs of this machine" : "")});
   for (const std::string& fault : faults) all.push_back({Grade::kFault, place + ": " + fault});
   for (const char* profile : {"ros2", "px4"}) {
     if (profile == std::string_view("px4") && config.streaming.dds.px4 == dds::Px4Profile::kOff)
@@ -210,9 +224,11 @@ int run_doctor(const DoctorArguments& arguments, const Terminal& terminal) {
   const ServerFacts facts = gather_facts(*config, address->host);
   const auto interfaces = network_interfaces();
   findings.add("Network", {network_findings(interfaces)});
-  findings.add("Protocols: where they listen, what their clients receive",
-               {protocol_findings(config->streaming, facts.listening, interfaces),
-                dds_findings(*config, facts.listening, interfaces), port_findings(*config, facts)});
+  findings.add(
+      "Protocols: where they listen, what their clients receive",
+      {protocol_findings(config->streaming, facts.listening, interfaces),
+       vicon_udp_findings(config->streaming.vicon_udp), dds_findings(*config, facts, interfaces),
+       port_findings(*config, facts), loss_findings(facts)});
   findings.add("Access", {exposure_findings(*config, facts, interfaces)});
   findings.add("This machine", {machine_findings(*config, facts)});
   findings.add("Map and recordings", {disk_findings(*config, facts)});

@@ -17,6 +17,7 @@
 #include "daemon/watch/health_watch.hpp"
 #include "mapping/store/file_claim.hpp"
 #include "mapping/store/map_repair.hpp"
+#include "middleware/participant.hpp"
 #include "tools/doctor/doctor.hpp"
 
 namespace fiducap {
@@ -25,6 +26,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::chrono::milliseconds kPageTimeout{1500};
+// The server announces itself every dds.announce_s, 2 s by default.
+constexpr std::chrono::milliseconds kDdsTimeout{4000};
+constexpr const char* kServerProcess = "fiducapd";
 
 std::string first_word_of(const fs::path& path) {
   std::ifstream file(path);
@@ -74,7 +78,7 @@ std::vector<RunningServer> running_servers() {
   std::error_code gone;
   for (const auto& process : fs::directory_iterator("/proc", gone)) {
     const int pid = std::atoi(process.path().filename().c_str());
-    if (pid > 0 && first_word_of(process.path() / "comm") == "fiducapd")
+    if (pid > 0 && first_word_of(process.path() / "comm") == kServerProcess)
       all.push_back({pid, has_realtime_thread(process.path())});
   }
   return all;
@@ -138,6 +142,10 @@ ServerFacts gather_facts(const ServerConfig& config, const std::string& host) {
     facts.token.unreadable = token.error().text();
   facts.servers = running_servers();
   facts.listening = listening_ports();
+  if (config.streaming.dds.enabled && config.dds.is_loopback() && !facts.servers.empty()) {
+    const auto found = dds::is_found_by_default(config.dds.domain, kServerProcess, kDdsTimeout);
+    if (found) facts.dds_found = *found;
+  }
   if (!config.map.store.empty()) facts.store = store_facts(config.map.store);
   facts.recordings = recordings_of(config);
   if (config.streaming.web.enabled) {

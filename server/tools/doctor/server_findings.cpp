@@ -48,6 +48,9 @@ bool is_public(const std::string& address) {
 
 std::string allowed_clients(const ServerConfig& config, std::string_view protocol) {
   if (protocol != "natnet") return "all machines that reach the port";
+  const auto& clients = config.streaming.natnet.clients;
+  if (!clients.empty())
+    return "this machine and " + comma_list(clients, [](const std::string& one) { return one; });
   std::string text = "machines of the networks that this one is attached to";
   for (const std::string& one : config.streaming.natnet.networks) text += ", " + one;
   return text;
@@ -63,6 +66,11 @@ void check_natnet(Findings& all, const natnet::NatNetConfig& natnet) {
           "natnet trusts " + net::text_of(one) + ": frames go to any address of it that is forged",
           "name the clients' own networks in streaming.natnet.networks");
   }
+  if (!is_loopback(natnet.address) && natnet.clients.empty())
+    warn(all,
+         "natnet sends frames to each address of the attached networks that asks, also when a "
+         "datagram forges it: NatNet proves no address",
+         "streaming.natnet.clients: [the clients' addresses]");
   if (natnet.remote_control != RemoteControl::kOff)
     warn(all,
          std::string("natnet clients ") +
@@ -213,8 +221,7 @@ std::vector<std::string> faults_of(const ServedProtocol& protocol,
   return faults;
 }
 
-std::vector<std::string> faults_of(const dds::NetworkConfig& network,
-                                   const std::vector<ListeningPort>& listening,
+std::vector<std::string> faults_of(const dds::NetworkConfig& network, const ServerFacts& facts,
                                    const std::vector<NetworkInterface>& interfaces) {
   std::vector<std::string> faults;
   const bool known =
@@ -227,7 +234,7 @@ std::vector<std::string> faults_of(const dds::NetworkConfig& network,
         "above");
   // RTPS 2.2, 9.6.1.1: discovery port of participant i of a domain.
   const int first = 7400 + 250 * network.domain + 10;
-  const bool heard = std::ranges::any_of(listening, [&](const ListeningPort& one) {
+  const bool heard = std::ranges::any_of(facts.listening, [&](const ListeningPort& one) {
     const int index = (one.port - first) / 2;
     return one.transport == Transport::kUdp && one.port >= first && (one.port - first) % 2 == 0 &&
            index < network.max_participants;
@@ -236,6 +243,11 @@ std::vector<std::string> faults_of(const dds::NetworkConfig& network,
     faults.push_back("no program listens on " + std::to_string(first) +
                      " udp or the ports after it: is fiducapd running "
                      "with this configuration? Its log has the reason");
+  else if (facts.dds_found == false)
+    faults.push_back(
+        "programs of this machine with default settings do not find the server: start them with "
+        "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST (ROS 2 Humble and older: ROS_LOCALHOST_ONLY=1), "
+        "or set dds.interface to the card that they use");
   return faults;
 }
 
@@ -273,6 +285,18 @@ Findings exposure_findings(const ServerConfig& config, const ServerFacts& facts,
   check_natnet(all, config.streaming.natnet);
   add_checks(all, access_checks(config));
   check_token(all, facts.token);
+  return all;
+}
+
+Findings loss_findings(const ServerFacts& facts) {
+  Findings all;
+  for (const ListeningPort& one : facts.listening) {
+    if (one.discarded == 0 || one.owner.empty()) continue;
+    warn(all,
+         one.owner + " at UDP port " + std::to_string(one.port) + " has lost " +
+             std::to_string(one.discarded) + " datagrams that had arrived: it reads too slowly",
+         "a larger buffer (SO_RCVBUF, net.core.rmem_max), or less work between two reads");
+  }
   return all;
 }
 

@@ -1,7 +1,11 @@
 #pragma once
 
 #include <chrono>
+#include <condition_variable>
 #include <cstdint>
+#include <deque>
+#include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -36,7 +40,27 @@ struct ServerAddress {
 [[nodiscard]] std::string watch_lines(const Frame& frame, const ClientStatistics& statistics,
                                       bool with_names);
 /// One JSON object in one line. Unknown values are null.
-[[nodiscard]] std::string watch_json(const Frame& frame, const ClientStatistics& statistics);
+/// @param skipped  frames that were received but not printed, so far
+[[nodiscard]] std::string watch_json(const Frame& frame, const ClientStatistics& statistics,
+                                     std::uint64_t skipped);
+
+/// Every received frame for an output that may be slower for some seconds. When it is full, new
+/// frames are skipped, counted. Thread-safe.
+class FrameQueue final {
+ public:
+  static constexpr std::size_t kMost = 4096;
+
+  void push(const Frame& frame);
+  /// @return the oldest; nullopt: none came within `timeout`
+  [[nodiscard]] std::optional<Frame> pop(std::chrono::milliseconds timeout);
+  [[nodiscard]] std::uint64_t skipped() const;
+
+ private:
+  mutable std::mutex mutex_;
+  std::condition_variable came_;
+  std::deque<Frame> frames_;
+  std::uint64_t skipped_{0};
+};
 
 /// `2026-01-31 12:00:00.123 error   drone: lost, … – do this`
 [[nodiscard]] std::string event_line(const ServerEvent& event);

@@ -89,14 +89,15 @@ class Watch final {
       : name_(address.host + ":" + std::to_string(address.port)),
         json_(json),
         terminal_(terminal),
-        client_(client_options(address, "fiducap watch")) {}
+        client_(client_options(address, "fiducap watch")) {
+    if (json_) client_.on_frame([this](const Frame& frame) { queue_.push(frame); });
+  }
 
   int run(double duration_s) {
     const SteadyTime start = last_frame_;
     while (!interrupted() && terminal_.out && !is_over(start, duration_s)) {
       const SteadyTime now = std::chrono::steady_clock::now();
-      if (client_.wait_for_frame(newest_, std::chrono::milliseconds(100)) &&
-          client_.latest(frame_)) {
+      if (receive()) {
         newest_ = frame_.number;
         last_frame_ = now;
         seen_ = true;
@@ -111,6 +112,15 @@ class Watch final {
   }
 
  private:
+  /// Waits for a frame: the next one for JSON, else the newest.
+  bool receive() {
+    constexpr std::chrono::milliseconds kWait{100};
+    if (!json_) return client_.wait_for_frame(newest_, kWait) && client_.latest(frame_);
+    auto next = queue_.pop(kWait);
+    if (next) frame_ = std::move(*next);
+    return next.has_value();
+  }
+
   void report_silence() {
     if (reported_) return;
     reported_ = true;
@@ -126,7 +136,7 @@ class Watch final {
   void show(SteadyTime now) {
     if (json_) {
       if (frame_.number == shown_frame_) return;
-      terminal_.out << watch_json(frame_, client_.statistics()) << std::flush;
+      terminal_.out << watch_json(frame_, client_.statistics(), queue_.skipped()) << std::flush;
     } else if (terminal_.out_is_live) {
       if (now - last_shown_ < kLivePeriod) return;
       redraw(watch_table(name_, frame_, client_.statistics()));
@@ -151,6 +161,7 @@ class Watch final {
   std::string name_;
   bool json_;
   const Terminal& terminal_;
+  FrameQueue queue_;
   Client client_;
   Frame frame_;
   std::uint64_t newest_{0};
@@ -192,7 +203,8 @@ std::string watch_lines(const Frame& frame, const ClientStatistics& statistics, 
   return text;
 }
 
-std::string watch_json(const Frame& frame, const ClientStatistics& statistics) {
+std::string watch_json(const Frame& frame, const ClientStatistics& statistics,
+                       std::uint64_t skipped) {
   // nlohmann writes NaN as null.
   nlohmann::ordered_json json{{"frame", frame.number},
                               {"at_server_ns", frame.at_server_ns},
@@ -201,6 +213,7 @@ std::string watch_json(const Frame& frame, const ClientStatistics& statistics) {
                               {"server_rate_hz", frame.rate_hz},
                               {"received_rate_hz", statistics.rate_hz},
                               {"lost", statistics.lost},
+                              {"skipped", skipped},
                               {"latency_p50_s", statistics.latency_p50_s},
                               {"latency_p99_s", statistics.latency_p99_s},
                               {"bodies", nlohmann::ordered_json::array()}};
@@ -219,6 +232,30 @@ std::string watch_json(const Frame& frame, const ClientStatistics& statistics) {
                               {"age_s", body.age_s},
                               {"tags_in_view", body.tags_in_view}});
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+void FrameQueue::push(const Frame& frame) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (frames_.size() < kMost)
+      frames_.push_back(frame);
+    else
+      ++skipped_;
+  }
+  came_.notify_one();
+}
+
+std::optional<Frame> FrameQueue::pop(std::chrono::milliseconds timeout) {
+  std::unique_lock lock(mutex_);
+  if (!came_.wait_for(lock, timeout, [this] { return !frames_.empty(); })) return std::nullopt;
+  Frame frame = std::move(frames_.front());
+  frames_.pop_front();
+  return frame;
+}
+
+std::uint64_t FrameQueue::skipped() const {
+  const std::lock_guard lock(mutex_);
+  return skipped_;
 }
 
 bool is_over(SteadyTime start, double limit_s) {
@@ -263,7 +300,9 @@ void add_watch(CLI::App& app, ChosenVerb& chosen) {
   add_server_option(*verb, a.server);
   add_positive(*verb, "--duration", a.duration_s,
                "End after this many seconds; fails when nothing arrived");
-  verb->add_flag("--json", a.json, "One JSON object per frame and line");
+  verb->add_flag(
+      "--json", a.json,
+      "One JSON object per frame and line; lost: on the way, skipped: for a slow output");
   verb->footer(
       "Example:\n  fiducap watch --server robot-hall:21600\n"
       "  fiducap watch --json --duration 10 | jq '.bodies[0].position_m'");

@@ -75,13 +75,26 @@ TEST_F(WatchView, HidesInvalidPosesAndReportsSilence) {
 }
 
 TEST_F(WatchView, JsonIsOneLineWithUnknownAsNull) {
-  const std::string text = watch_json(frame_, statistics_);
+  const std::string text = watch_json(frame_, statistics_, 3);
   EXPECT_EQ(text.find('\n'), text.size() - 1);
   const auto json = nlohmann::json::parse(text);
   EXPECT_EQ(json["frame"], 42);
+  EXPECT_EQ(json["skipped"], 3);
   EXPECT_TRUE(json["latency_p99_s"].is_null());
   EXPECT_EQ(json["bodies"][0]["position_m"], (std::vector<double>{1.25, -2.5, 0.375}));
   EXPECT_EQ(json["bodies"][0]["tracking"], "tracking");
+}
+
+TEST_F(WatchView, QueueKeepsEveryFrameInOrderAndCountsThoseBeyondItsSize) {
+  FrameQueue queue;
+  for (std::uint64_t i = 1; i <= FrameQueue::kMost + 2; ++i) {
+    frame_.number = i;
+    queue.push(frame_);
+  }
+  EXPECT_EQ(queue.skipped(), 2);
+  for (std::uint64_t i = 1; i <= FrameQueue::kMost; ++i)
+    ASSERT_EQ(queue.pop(std::chrono::milliseconds(0)).value().number, i);
+  EXPECT_FALSE(queue.pop(std::chrono::milliseconds(0)));
 }
 
 }  // namespace

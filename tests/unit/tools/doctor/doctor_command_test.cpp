@@ -46,7 +46,9 @@ TEST(Doctor, FindsParticipantsByTheirPorts) {
   network.domain = 2;  // ports from 7400 + 2 · 250 + 10 = 7910 on
   network.max_participants = 3;
   const auto faults_at = [&](std::uint16_t port, Transport transport = Transport::kUdp) {
-    return faults_of(network, {{transport, "0.0.0.0", port}}, kInterfaces);
+    ServerFacts facts;
+    facts.listening = {{transport, "0.0.0.0", port}};
+    return faults_of(network, facts, kInterfaces);
   };
   EXPECT_THAT(faults_at(7910), IsEmpty());
   EXPECT_THAT(faults_at(7914), IsEmpty());
@@ -59,14 +61,34 @@ TEST(Doctor, FindsParticipantsByTheirPorts) {
 
 TEST(Doctor, FindsAMissingDdsInterface) {
   dds::NetworkConfig network;
-  const std::vector<ListeningPort> listening{{Transport::kUdp, "0.0.0.0", 7410}};
+  ServerFacts facts;
+  facts.listening = {{Transport::kUdp, "0.0.0.0", 7410}};
   network.interface = "wlan7";
-  EXPECT_THAT(faults_of(network, listening, kInterfaces),
-              ElementsAre(HasSubstr("set dds.interface")));
+  EXPECT_THAT(faults_of(network, facts, kInterfaces), ElementsAre(HasSubstr("set dds.interface")));
   for (const char* good : {"eth0", "10.0.0.5", ""}) {
     network.interface = good;
-    EXPECT_THAT(faults_of(network, listening, kInterfaces), IsEmpty()) << good;
+    EXPECT_THAT(faults_of(network, facts, kInterfaces), IsEmpty()) << good;
   }
+}
+
+TEST(Doctor, IsNotSatisfiedWithDdsThatLocalProgramsDoNotFind) {
+  ServerFacts facts;
+  facts.listening = {{Transport::kUdp, "0.0.0.0", 7410}};
+  facts.dds_found = true;
+  EXPECT_THAT(faults_of(dds::NetworkConfig{}, facts, kInterfaces), IsEmpty());
+  facts.dds_found = false;
+  EXPECT_THAT(faults_of(dds::NetworkConfig{}, facts, kInterfaces),
+              ElementsAre(HasSubstr("ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST")));
+}
+
+TEST(Doctor, ReadsHowManyDatagramsASocketHasLost) {
+  const auto port = listening_port_of(
+      " 120: 0100007F:05E7 00000000:0000 07 00000000:00000000 00:00000000 00000000     0        0 "
+      "4711 2 0000000000000000 356",
+      Transport::kUdp);
+  ASSERT_TRUE(port);
+  EXPECT_EQ(port->inode, 4711U);
+  EXPECT_EQ(port->discarded, 356U);
 }
 
 TEST(Doctor, ReadsTheKernelsListOfSockets) {

@@ -38,7 +38,7 @@ class ServerFindings : public testing::Test {
     Findings all;
     for (const Findings& part :
          {exposure_findings(config_, facts_, interfaces), machine_findings(config_, facts_),
-          disk_findings(config_, facts_), port_findings(config_, facts_)})
+          disk_findings(config_, facts_), port_findings(config_, facts_), loss_findings(facts_)})
       all.insert(all.end(), part.begin(), part.end());
     return all;
   }
@@ -112,6 +112,24 @@ TEST_F(ServerFindings, ListTheAddressesOfEachProtocol) {
   config_.streaming.web.enabled = true;
   config_.streaming.web.address = "0.0.0.0";
   expect(Grade::kOk, "web on 0.0.0.0 is open to all machines");
+}
+
+TEST_F(ServerFindings, WarnOfForgedNatNetClientsUntilTheyAreNamed) {
+  natnet().address = "10.0.0.5";
+  expect(Grade::kWarning, "also when a datagram forges it", "streaming.natnet.clients");
+  natnet().clients = {"10.0.0.7", "10.1.0.0/16"};
+  expect_none(Grade::kWarning, "forges");
+  expect(Grade::kOk, "natnet on 10.0.0.5 is open to this machine and 10.0.0.7, 10.1.0.0/16");
+  natnet() = {.enabled = true};
+  expect_none(Grade::kWarning, "forges");
+}
+
+TEST_F(ServerFindings, NameProgramsThatLoseDatagrams) {
+  facts_.listening = {{Transport::kUdp, "127.0.0.1", 1511, 7, "python3 (process 812)", 356},
+                      {Transport::kUdp, "127.0.0.1", 1512, 8, "python3 (process 813)", 0}};
+  expect(Grade::kWarning, "python3 (process 812) at UDP port 1511 has lost 356 datagrams",
+         "SO_RCVBUF");
+  expect_none(Grade::kWarning, "process 813");
 }
 
 TEST_F(ServerFindings, WarnOfExposure) {
