@@ -93,7 +93,7 @@ class Log {
     start();
     report_dropped(now);
     if (limiter_.allow({std::string(module), std::string(subject)}, level, now))
-      keep(level, module, escape_controls(text));
+      keep(level, module, printable(text));
     changed_.notify_one();
   }
 
@@ -141,7 +141,7 @@ class Log {
   void report_dropped(LineLimiter::Time now) {
     for (const auto& [source, level, lines] : limiter_.ended(now))
       keep(level, source.module,
-           (source.subject.empty() ? "" : escape_controls(source.subject) + ": ") +
+           (source.subject.empty() ? "" : printable(source.subject) + ": ") +
                std::to_string(lines) + " more lines of this kind were dropped");
   }
 

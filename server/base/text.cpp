@@ -72,21 +72,36 @@ std::string shortest(double value) {
   return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
 }
 
-std::string escape_controls(std::string_view text) {
+std::string printable(std::string_view text) {
   constexpr std::string_view kDigits = "0123456789abcdef";
   std::string out;
   out.reserve(text.size());
-  for (const char c : text) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (byte >= 0x20 && byte != 0x7f) {
-      out += c;
-    } else {
+  while (!text.empty()) {
+    const std::string_view from = text;
+    const auto character = take_character(text);
+    const std::string_view bytes = from.substr(0, from.size() - text.size());
+    const bool is_control =
+        !character || *character < 0x20 || (*character >= 0x7f && *character < 0xa0);
+    if (!is_control) {
+      out += bytes;
+      continue;
+    }
+    for (const char c : bytes) {
+      const auto byte = static_cast<unsigned char>(c);
       out += "\\x";
       out += kDigits[byte >> 4];
       out += kDigits[byte & 15];
     }
   }
   return out;
+}
+
+bool same_secret(std::string_view given, std::string_view secret) {
+  if (secret.empty() || given.size() != secret.size()) return false;
+  unsigned difference = 0;
+  for (std::size_t i = 0; i < given.size(); ++i)
+    difference |= byte_at(given, i) ^ byte_at(secret, i);
+  return difference == 0;
 }
 
 std::optional<char32_t> take_character(std::string_view& text) {

@@ -30,8 +30,12 @@ template <typename Range, typename ToText = std::identity>
   return all;
 }
 
-/// Escapes control characters and DEL as `\x1b`: text must not move the cursor. UTF-8 stays.
-[[nodiscard]] std::string escape_controls(std::string_view text);
+/// Text from outside for a log, a message or a terminal, which it must not control: escapes control
+/// characters (also U+0080 to U+009F) and bytes that are not UTF-8 as `\x1b`; the rest stays.
+[[nodiscard]] std::string printable(std::string_view text);
+
+/// Compares in constant time. An empty secret is equal to nothing.
+[[nodiscard]] bool same_secret(std::string_view given, std::string_view secret);
 
 /// Removes the first UTF-8 character. Strict, as RFC 3629: no overlong form, no surrogate.
 /// @return nullopt when the text does not begin with a character; then its first byte is removed

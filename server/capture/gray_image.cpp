@@ -55,6 +55,19 @@ Expected<PixelSize> jpeg_size(std::span<const std::byte> image) {
   return fail(ErrorCode::kInvalid, "has no JPEG size before its pixels");
 }
 
+/// A progressive JPEG repeats all pixels in each scan. Encoders write up to 14; a file of a few
+/// kilobytes with thousands would be decoded for minutes.
+constexpr std::ptrdiff_t kMostScans = 100;
+
+bool has_too_many_scans(std::string_view jpeg) {
+  constexpr std::string_view kScan = "\xff\xda";
+  std::ptrdiff_t scans = 0;
+  for (std::size_t at = jpeg.find(kScan); at != std::string_view::npos;
+       at = jpeg.find(kScan, at + kScan.size()))
+    if (++scans > kMostScans) return true;
+  return false;
+}
+
 constexpr int kQuality = 80;  // edges of tags stay sharp; a third of the bytes of 95
 
 /// The share of source pixel `i` that lies in [from, to).
@@ -112,7 +125,12 @@ std::string size_text(std::int64_t width, std::int64_t height) {
 Expected<PixelSize> encoded_size(std::span<const std::byte> image) {
   const std::string_view bytes = text_of_bytes(image);
   if (bytes.starts_with(kPng)) return png_size(image);
-  if (bytes.starts_with("\xff\xd8")) return jpeg_size(image);
+  if (bytes.starts_with("\xff\xd8")) {
+    if (has_too_many_scans(bytes))
+      return fail(ErrorCode::kInvalid,
+                  "has more than " + std::to_string(kMostScans) + " scans, which no camera writes");
+    return jpeg_size(image);
+  }
   return fail(ErrorCode::kUnsupported, "is neither JPEG nor PNG");
 }
 
@@ -173,8 +191,11 @@ Expected<void> GrayDecoder::read_file(const std::filesystem::path& file, Size wa
 /// Ignores the rotation tag of a JPEG: the calibration is for the image as it was read out.
 Expected<void> GrayDecoder::decode_any(std::span<const std::uint8_t> encoded, Size wanted,
                                        GrayImage& out) {
-  if (const auto size = encoded_size(std::as_bytes(encoded)))
+  if (const auto size = encoded_size(std::as_bytes(encoded))) {
     if (const auto fits = check_size(*size, wanted); !fits) return fits;
+  } else if (size.error().code == ErrorCode::kInvalid) {
+    return tl::unexpected(size.error());
+  }
   // Not decoded into `out`: OpenCV 4.6 leaves it unchanged without an error for broken bytes.
   cv::Mat decoded;
   try {

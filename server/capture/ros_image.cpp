@@ -62,11 +62,7 @@ const Encoding* find(std::string_view name) {
   return found == kEncodings.end() ? nullptr : found;
 }
 
-std::string printable(std::string_view text) {
-  std::string out;
-  for (const char c : text.substr(0, 32)) out += c >= ' ' && c <= '~' ? c : '.';
-  return out;
-}
+constexpr std::size_t kShownName = 32;
 
 Expected<void> check_size(std::int64_t width, std::int64_t height, const CameraModel& camera) {
   if (width == camera.width && height == camera.height) return {};
@@ -84,8 +80,9 @@ std::string without_compressed(const std::string& image_topic) {
 Expected<const Encoding*> encoding_of(const RawImage& image) {
   const Encoding* encoding = find(image.encoding);
   if (encoding == nullptr)
-    return fail(ErrorCode::kUnsupported,
-                "encoding \"" + printable(image.encoding) + "\" is not supported");
+    return fail(
+        ErrorCode::kUnsupported,
+        "encoding \"" + printable(image.encoding.substr(0, kShownName)) + "\" is not supported");
   const std::uint64_t row =
       std::uint64_t{image.width} * static_cast<std::uint64_t>(encoding->channels * encoding->bytes);
   const std::uint64_t needed = std::uint64_t{image.step} * (std::uint64_t{image.height} - 1) + row;

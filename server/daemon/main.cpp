@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "base/log.hpp"
+#include "base/text.hpp"
 #include "daemon/config/config_file.hpp"
 #include "daemon/operator_token.hpp"
 #include "daemon/review/config_review.hpp"
@@ -21,7 +22,7 @@
 namespace {
 
 int complain(const std::vector<fiducap::ConfigFault>& faults) {
-  for (const auto& fault : faults) std::cerr << fault.text() << "\n";
+  for (const auto& fault : faults) std::cerr << fiducap::printable(fault.text()) << "\n";
   return faults.empty() ? 0 : 2;
 }
 
@@ -31,21 +32,24 @@ int report(const fiducap::ConfigReview& review, bool as_json) {
     if (!(std::cout << fiducap::review_json(review) << std::endl)) return 1;
     return review.faults.empty() ? 0 : 2;
   }
-  for (const auto& fault : review.faults) std::cerr << "wrong     " << fault.text() << "\n";
-  for (const auto& doubt : review.doubts) std::cerr << "doubtful  " << doubt.text() << "\n";
+  for (const auto& fault : review.faults)
+    std::cerr << "wrong     " << fiducap::printable(fault.text()) << "\n";
+  for (const auto& doubt : review.doubts)
+    std::cerr << "doubtful  " << fiducap::printable(doubt.text()) << "\n";
   if (!review.faults.empty()) return 2;
-  for (const auto& line : review.plan) std::cout << "will run  " << line << "\n";
+  for (const auto& line : review.plan)
+    std::cout << "will run  " << fiducap::printable(line) << "\n";
   return std::cout.flush() ? 0 : 1;
 }
 
 /// @return exit code; nullopt: a configuration was written and is to be served
 std::optional<int> serve(fiducap::ServerConfig config, fiducap::ServerOptions options) {
-  auto token = fiducap::operator_token(config.operators, std::getenv("CREDENTIALS_DIRECTORY"));
-  if (!token) {
-    std::cerr << token.error().text() << "\n";
+  auto operators = fiducap::with_tokens(config.operators, std::getenv("CREDENTIALS_DIRECTORY"));
+  if (!operators) {
+    std::cerr << fiducap::printable(operators.error().text()) << "\n";
     return 2;
   }
-  config.operators.token = std::move(*token);
+  config.operators = std::move(*operators);
   options.stop_on_signals = true;
   options.give_up = [] {
     fiducap::log::flush(std::chrono::milliseconds(500));
@@ -100,7 +104,7 @@ int main(int argc, char** argv) {
     if (file.empty() && setup.empty()) throw CLI::RequiredError("--config or --setup");
     if (!setup.empty()) {
       if (const auto can = fiducap::can_write_setup(setup); !can) {
-        std::cerr << can.error().text() << "\n";
+        std::cerr << fiducap::printable(can.error().text()) << "\n";
         return 2;
       }
       auto pages = fiducap::load_config("", sets);  // nothing else is served before it is written

@@ -1,11 +1,11 @@
 #include "daemon/operator_service.hpp"
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 #include <fmt/chrono.h>
 
-#include "base/log.hpp"
 #include "base/text.hpp"
 #include "daemon/system.hpp"
 #include "scene/body_name.hpp"
@@ -19,12 +19,26 @@ constexpr double kUnit = 1e-3;  // larger errors of a quaternion's norm are no r
 constexpr double kMostOff_m = 0.05;
 
 std::string tag_named(int tag_id) { return "tag " + std::to_string(tag_id); }
+std::string body_named(int body_id) { return "body " + std::to_string(body_id); }
+
+std::string text_of(const CommitVersion& one) { return "store the map as \"" + one.name + "\""; }
+std::string text_of(const NameVersion& one) {
+  return "name version " + std::to_string(one.version) + " \"" + one.name + "\"";
+}
+std::string text_of(const RollBack& one) {
+  return "roll the map back to version " + std::to_string(one.version);
+}
+std::string text_of(const AlignMap& one) {
+  return "align the map to " + std::to_string(one.places.size()) + " tags";
+}
+std::string text_of(const QuarantineTag& one) { return "quarantine " + tag_named(one.tag_id); }
+std::string text_of(const ForgetTag& one) { return "forget " + tag_named(one.tag_id); }
 
 }  // namespace
 
-OperatorService::OperatorService(OperatorConfig config, Scene& scene, MapBuilder& map,
+OperatorService::OperatorService(AccessKeeper& access, Scene& scene, MapBuilder& map,
                                  SessionRecorder& recorder, EventBoard& events, MapKeeper* keeper)
-    : config_(std::move(config)),
+    : access_(access),
       scene_(scene),
       map_(map),
       recorder_(recorder),
@@ -32,10 +46,6 @@ OperatorService::OperatorService(OperatorConfig config, Scene& scene, MapBuilder
       keeper_(keeper) {
   for (const Scene::Listed& body : scene_.list())
     configured_names_.push_back(body.description.name);
-}
-
-bool OperatorService::admits(std::string_view token) const {
-  return is_secret(token, config_.token);
 }
 
 std::vector<OperatorApi::Body> OperatorService::bodies() const {
@@ -52,16 +62,63 @@ Expected<std::size_t> OperatorService::index_of(int body_id) const {
   return fail(ErrorCode::kNotFound, "there is no body with id " + std::to_string(body_id));
 }
 
-Expected<void> OperatorService::set_enabled(int body_id, bool enabled) {
+Expected<void> OperatorService::set_enabled(const Requester& by, int body_id, bool enabled) {
+  auto done = enable(body_id, enabled);
+  access_.note(by, (enabled ? "enable " : "disable ") + body_named(body_id), done);
+  return done;
+}
+
+Expected<void> OperatorService::rename(const Requester& by, int body_id, const std::string& name) {
+  auto done = give_name(body_id, name);
+  access_.note(by, "rename " + body_named(body_id) + " to \"" + name + "\"", done);
+  return done;
+}
+
+Expected<void> OperatorService::set_pivot(const Requester& by, int body_id, const Pose& X_BP) {
+  auto done = move_pivot(body_id, X_BP);
+  const Eigen::Vector3d& p = X_BP.p;
+  access_.note(by,
+               "move the pivot of " + body_named(body_id) + " to " +
+                   comma_list(std::array{p.x(), p.y(), p.z()}, shortest) + " m",
+               done);
+  return done;
+}
+
+Expected<void> OperatorService::set_map_mode(const Requester& by, MapMode mode) {
+  auto done = change_mode(mode);
+  access_.note(by, mode == MapMode::kFrozen ? "freeze the map" : "let the map grow", done);
+  return done;
+}
+
+Expected<void> OperatorService::change_map(const Requester& by, const MapChange& wanted) {
+  auto done = std::visit([this](const auto& one) { return change(one); }, wanted);
+  access_.note(by, std::visit([](const auto& one) { return text_of(one); }, wanted), done);
+  return done;
+}
+
+Expected<void> OperatorService::start_recording(const Requester& by, const std::string& wanted) {
+  const std::string name = wanted.empty() ? fmt::format("{:%Y-%m-%d_%H-%M-%S}",
+                                                        fmt::gmtime(utc_now_ns() / 1'000'000'000))
+                                          : wanted;
+  auto done = recorder_.start(name);
+  access_.note(by, "start the recording \"" + name + "\"", done);
+  return done;
+}
+
+Expected<void> OperatorService::stop_recording(const Requester& by) {
+  auto done = recorder_.stop();
+  access_.note(by, "stop the recording", done);
+  return done;
+}
+
+Expected<void> OperatorService::enable(int body_id, bool enabled) {
   const auto body = index_of(body_id);
   if (!body) return tl::unexpected(body.error());
   scene_.set_enabled(*body, enabled);
-  log::info("daemon", "body " + std::to_string(body_id) +
-                          (enabled ? " is streamed again" : " is not streamed any more"));
   return {};
 }
 
-Expected<void> OperatorService::rename(int body_id, const std::string& name) {
+Expected<void> OperatorService::give_name(int body_id, const std::string& name) {
   const auto body = index_of(body_id);
   if (!body) return tl::unexpected(body.error());
   if (const auto fault = body_name_fault(name))
@@ -71,12 +128,10 @@ Expected<void> OperatorService::rename(int body_id, const std::string& name) {
       return fail(ErrorCode::kInvalid, "another body has this name", shown_name(name));
   scene_.rename(*body, name);
   events_.rename(configured_names_.at(*body), name);
-  log::info("daemon",
-            "body " + std::to_string(body_id) + " is called " + name + " until the server ends");
   return {};
 }
 
-Expected<void> OperatorService::set_pivot(int body_id, const Pose& X_BP) {
+Expected<void> OperatorService::move_pivot(int body_id, const Pose& X_BP) {
   const auto body = index_of(body_id);
   if (!body) return tl::unexpected(body.error());
   if (!X_BP.p.allFinite() || !X_BP.q.coeffs().allFinite() || std::abs(X_BP.q.norm() - 1.0) > kUnit)
@@ -85,13 +140,7 @@ Expected<void> OperatorService::set_pivot(int body_id, const Pose& X_BP) {
   return {};
 }
 
-Expected<void> OperatorService::start_recording(const std::string& name) {
-  if (!name.empty()) return recorder_.start(name);
-  return recorder_.start(
-      fmt::format("{:%Y-%m-%d_%H-%M-%S}", fmt::gmtime(utc_now_ns() / 1'000'000'000)));
-}
-
-Expected<void> OperatorService::set_map_mode(MapMode mode) {
+Expected<void> OperatorService::change_mode(MapMode mode) {
   const bool is_frozen = mode == MapMode::kFrozen;
   if (is_frozen && map_.snapshot()->tags.empty())
     return fail(ErrorCode::kUnavailable,
@@ -100,10 +149,6 @@ Expected<void> OperatorService::set_map_mode(MapMode mode) {
   map_.set_mode(mode);
   report(is_frozen ? "frozen" : "mapping", is_frozen ? "is frozen" : "grows again");
   return {};
-}
-
-Expected<void> OperatorService::change_map(const MapChange& wanted) {
-  return std::visit([this](const auto& one) { return change(one); }, wanted);
 }
 
 Expected<void> OperatorService::change(const CommitVersion& wanted) {

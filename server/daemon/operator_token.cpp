@@ -7,12 +7,10 @@
 #include <filesystem>
 
 #include <fcntl.h>
-#include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "daemon/system.hpp"
-#include "middleware/net/peer.hpp"
 
 namespace fiducap {
 namespace {
@@ -54,6 +52,10 @@ std::vector<ConfigError> OperatorConfig::check() const {
                "must have at least 8 characters, or be empty, which disables operators")
       .require(token.empty() || token_file.empty(), "token_file", token_file,
                "has no effect beside token: remove one of both")
+      .require(read_token.empty() || read_token.size() >= kShortestToken, "read_token", "(secret)",
+               "must have at least 8 characters, or be empty: reading needs no token then")
+      .require(read_token.empty() || read_token_file.empty(), "read_token_file", read_token_file,
+               "has no effect beside read_token: remove one of both")
       .errors;
 }
 
@@ -63,7 +65,7 @@ Expected<std::string> read_token_file(const std::string& path) {
   struct stat about {};
   if (file.number() < 0 || ::fstat(file.number(), &about) != 0)
     return fail(ErrorCode::kNotFound,
-                std::string("the operator's token cannot be read: ") + std::strerror(errno), path);
+                std::string("the token cannot be read: ") + std::strerror(errno), path);
   if (const auto good = check_owner(about, path); !good) return tl::unexpected(good.error());
   std::array<char, kLongestToken + 1> text{};
   std::size_t size = 0;
@@ -72,42 +74,45 @@ Expected<std::string> read_token_file(const std::string& path) {
     if (got < 0 && errno == EINTR) continue;
     if (got < 0)
       return fail(ErrorCode::kUnavailable,
-                  std::string("the operator's token cannot be read: ") + std::strerror(errno),
-                  path);
+                  std::string("the token cannot be read: ") + std::strerror(errno), path);
     if (got == 0) return check_token({text.data(), size}, path);
     size += static_cast<std::size_t>(got);
   }
   return fail(ErrorCode::kInvalid, "is too long for a token", path);
 }
 
-Expected<std::string> operator_token(const OperatorConfig& config, const char* credentials) {
-  if (!config.token.empty()) return config.token;
-  if (!config.token_file.empty()) {
-    auto token = read_token_file(config.token_file);
+namespace {
+
+/// @param credential  name of the service manager's
+Expected<std::string> token_of(const std::string& text, const std::string& file,
+                               const std::string& key, const char* credentials,
+                               const char* credential) {
+  if (!text.empty()) return text;
+  if (!file.empty()) {
+    auto token = read_token_file(file);
     if (token && token->empty())
-      return fail(ErrorCode::kInvalid,
-                  "is empty: write a token into it, or remove operator.token_file",
-                  config.token_file);
+      return fail(ErrorCode::kInvalid, "is empty: write a token into it, or remove " + key, file);
     return token;
   }
   if (credentials == nullptr) return std::string();
-  const std::filesystem::path handed = std::filesystem::path(credentials) / "token";
+  const std::filesystem::path handed = std::filesystem::path(credentials) / credential;
   std::error_code error;
   if (!std::filesystem::exists(handed, error)) return std::string();
   return read_token_file(handed.string());
 }
 
-std::string fresh_secret() {
-  const auto key = net::random_key();
-  return fmt::format("{:016x}{:016x}", key[0], key[1]);
-}
+}  // namespace
 
-bool is_secret(std::string_view given, std::string_view secret) {
-  if (secret.empty() || given.size() != secret.size()) return false;
-  unsigned difference = 0;
-  for (std::size_t i = 0; i < given.size(); ++i)
-    difference |= static_cast<unsigned char>(given[i]) ^ static_cast<unsigned char>(secret[i]);
-  return difference == 0;
+Expected<OperatorConfig> with_tokens(OperatorConfig config, const char* credentials) {
+  auto token =
+      token_of(config.token, config.token_file, "operator.token_file", credentials, "token");
+  if (!token) return tl::unexpected(token.error());
+  auto read_token = token_of(config.read_token, config.read_token_file, "operator.read_token_file",
+                             credentials, "read_token");
+  if (!read_token) return tl::unexpected(read_token.error());
+  config.token = std::move(*token);
+  config.read_token = std::move(*read_token);
+  return config;
 }
 
 }  // namespace fiducap

@@ -14,7 +14,11 @@ inline constexpr std::size_t kShortestToken = 8;
 
 struct OperatorConfig {
   std::string token;       ///< Proves an operator; empty: there is no operator.
-  std::string token_file;  ///< Holds the token instead.
+  std::string token_file;  ///< Holds the token instead. Read again when it changes.
+  /// Needed to read pages, `/api/v1`, `/metrics` and camera views; empty: reading needs none.
+  std::string read_token;
+  std::string read_token_file;  ///< Holds it instead. Read again when it changes.
+  std::string audit_file;       ///< JSON lines of all changes; empty: only in the log.
 
   [[nodiscard]] std::vector<ConfigError> check() const;
 };
@@ -25,15 +29,9 @@ struct OperatorConfig {
 /// @return Error naming the file and the remedy
 [[nodiscard]] Expected<std::string> read_token_file(const std::string& path);
 
-/// `token`, else of `token_file`, else the credential `token` of the service manager.
+/// Each token: as configured, else of its file, else the credential `token` or `read_token` of the
+/// service manager.
 /// @param credentials  folder of such credentials ($CREDENTIALS_DIRECTORY); may be null
-[[nodiscard]] Expected<std::string> operator_token(const OperatorConfig& config,
-                                                   const char* credentials);
-
-/// 128 random bits from the kernel, hexadecimal.
-[[nodiscard]] std::string fresh_secret();
-
-/// Compares in constant time. An empty secret admits nothing.
-[[nodiscard]] bool is_secret(std::string_view given, std::string_view secret);
+[[nodiscard]] Expected<OperatorConfig> with_tokens(OperatorConfig config, const char* credentials);
 
 }  // namespace fiducap

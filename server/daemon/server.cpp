@@ -6,9 +6,12 @@
 #include <thread>
 #include <utility>
 
+#include <unistd.h>
+
 #include "base/event_board.hpp"
 #include "base/log.hpp"
 #include "base/process.hpp"
+#include "daemon/access_keeper.hpp"
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/bodies/body_worker.hpp"
 #include "daemon/map_keeper.hpp"
@@ -44,6 +47,7 @@ void stop_and_join(std::jthread& thread) {
 constexpr Duration kHold = std::chrono::seconds(1);
 constexpr Duration kSourceTimeout = std::chrono::milliseconds(600);
 constexpr Duration kMapTimeout = std::chrono::seconds(5);
+constexpr Duration kAuditTimeout = std::chrono::milliseconds(500);
 constexpr Duration kPollPeriod = std::chrono::milliseconds(5);
 constexpr std::chrono::seconds kLastCommit{1};
 
@@ -68,6 +72,8 @@ ImageRemedies remedies_for(const BodyConfig& body) {
   return {"Check its cable, its driver and the name of its topic or device"};
 }
 
+Requester this_server() { return {"server", {}, "user " + std::to_string(::geteuid())}; }
+
 }  // namespace
 
 class Server::Impl final {
@@ -76,6 +82,7 @@ class Server::Impl final {
       : config_(config),
         options_(options),
         clock_(clock),
+        access_(config.operators, events_, clock),
         membership_(config.dds, events_),
         opening_(config_, {options.motion, options.source}, clock, events_, membership_,
                  [this](std::size_t body) { scene_->source_lost(body); }),
@@ -99,11 +106,13 @@ class Server::Impl final {
   void give_up();
   ServerEnd shut_down();
   [[nodiscard]] bool map_is_stored();
+  [[nodiscard]] bool is_audited();
 
   ServerConfig config_;
   ServerOptions options_;
   const Clock& clock_;
   EventBoard events_{utc_now_ns, kHold};
+  AccessKeeper access_;
   dds::Membership membership_;
   BodyOpening opening_;
   std::optional<MapBuilder> map_;
@@ -122,8 +131,8 @@ class Server::Impl final {
   std::optional<HealthWatch> watch_;
   std::optional<SetupSession> setup_;
   std::atomic<bool> is_set_up_{false};
-  std::jthread paging_, viewing_, setting_up_, keeping_, refining_, recording_, publishing_,
-      watching_;
+  std::jthread auditing_, paging_, viewing_, setting_up_, keeping_, refining_, recording_,
+      publishing_, watching_;
 };
 
 Expected<void> Server::Impl::build() {
@@ -153,11 +162,11 @@ Expected<void> Server::Impl::build() {
                                      [this] {
                                        is_set_up_ = true;
                                        stop();
-                                     }});
+                                     },
+                                     access_});
   build_scene(*bodies);
   build_workers(std::move(*bodies));
-  operators_.emplace(config_.operators, *scene_, *map_, recorder_, events_,
-                     keeper_ ? &*keeper_ : nullptr);
+  operators_.emplace(access_, *scene_, *map_, recorder_, events_, keeper_ ? &*keeper_ : nullptr);
   if (!config_.recorder.at_start.empty()) {
     const auto opened = recorder_.start_and_open(config_.recorder.at_start);
     // A failing disk is a lasting event; robots are tracked nevertheless.
@@ -235,6 +244,7 @@ Expected<void> Server::Impl::build_streaming() {
 }
 
 void Server::Impl::start_threads() {
+  auditing_ = named("access", [this](std::stop_token stop) { access_.run(stop); });
   bodies_.start([this] {
     log::info("daemon", "every source has ended");
     if (options_.exit_at_end) stop();
@@ -264,6 +274,7 @@ ServerEnd Server::Impl::run() {
   start_threads();
   const std::string what = setup_ ? "set-up of " + options_.setup->file
                                   : "serving " + std::to_string(config_.bodies.size()) + " bodies";
+  access_.note(this_server(), "start: " + what, {});
   if (setup_ && ports_.web != 0) show_setup_address();
   log::info("daemon", what + (ports_.web == 0 || setup_
                                   ? ""
@@ -320,9 +331,21 @@ ServerEnd Server::Impl::shut_down() {
                           std::to_string(publisher_->missed()) + " ticks missed, " +
                           std::to_string(publisher_->frames() - watch_->delivered()) +
                           " frames replaced by a newer one before they were sent; stopped");
+  access_.note(this_server(), "end", {});
+  const bool audited = is_audited();
   if (!stored || !recorded) return ServerEnd::kLost;
   if (is_set_up_) return ServerEnd::kSetUp;
-  return all ? ServerEnd::kClean : ServerEnd::kLeftBehind;
+  return all && audited ? ServerEnd::kClean : ServerEnd::kLeftBehind;
+}
+
+bool Server::Impl::is_audited() {
+  auditing_.request_stop();
+  const Instant until = clock_.now() + kAuditTimeout;
+  while (access_.is_running() && clock_.now() < until)
+    static_cast<void>(clock_.wait_until(clock_.now() + kPollPeriod, {}));
+  if (access_.is_running()) return false;
+  auditing_.join();
+  return true;
 }
 
 bool Server::Impl::map_is_stored() {

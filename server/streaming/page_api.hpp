@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/expected.hpp"
+#include "streaming/operator_api.hpp"
 
 namespace fiducap {
 
@@ -59,7 +60,10 @@ class SetupApi {
   /// The newest image of the camera, JPEG; made while requested. @return nullptr: none yet
   [[nodiscard]] virtual std::shared_ptr<const std::string> picture() = 0;
   /// Runs later; the result is in the state. @return Error: too many are waiting
-  virtual Expected<void> command(std::string what, std::map<std::string, std::string> values) = 0;
+  virtual Expected<void> command(Requester by, std::string what,
+                                 std::map<std::string, std::string> values) = 0;
+  /// For the audit log: a request with a wrong secret.
+  virtual void note_refusal(const Requester& by) = 0;
   /// Tags to print, PDF. @param order  `family`, `size_mm`, `paper`
   /// @return Error with what was expected
   [[nodiscard]] virtual Expected<std::string> sheet(

@@ -2,7 +2,9 @@
 
 #include <chrono>
 #include <ostream>
+#include <streambuf>
 #include <string>
+#include <string_view>
 
 #include <nlohmann/json_fwd.hpp>
 
@@ -27,6 +29,27 @@ struct Terminal {
 [[nodiscard]] inline std::string counted(std::size_t number, const char* one, const char* several) {
   return std::to_string(number) + " " + (number == 1 ? one : several);
 }
+
+/// Passes text on to a stream that may be a terminal. Texts come from files and networks, so all
+/// but line feeds and tabs is made `printable`.
+class PrintableOutput final : public std::streambuf {
+ public:
+  explicit PrintableOutput(std::ostream& to) : to_(to) {}
+  /// Our own control sequences.
+  void pass(std::string_view bytes);
+
+ private:
+  int_type overflow(int_type c) override;
+  std::streamsize xsputn(const char* text, std::streamsize size) override;
+  int sync() override;
+  void write(std::string_view text);
+
+  std::ostream& to_;
+  std::string begun_;  ///< First bytes of a UTF-8 character.
+};
+
+/// Writes control sequences to a Terminal's stream. The text between them must be printable.
+void draw(std::ostream& to, std::string_view text);
 
 /// Writes the error to `err`. @return kExitFailed
 int report(const Terminal& terminal, const Error& error);

@@ -148,7 +148,8 @@ class ServedMap final {
         keeper_(MapStore::open(folder + "/map.sqlite").value(), map_, kNever_s, clock_, events,
                 [] { return std::vector<LearnedBody>{}; }),
         recorder_(RecorderConfig{folder, false}, clock_, events),
-        service_({std::move(token), {}}, scene_, map_, recorder_, events, &keeper_),
+        access_({.token = std::move(token)}, events, clock_),
+        service_(access_, scene_, map_, recorder_, events, &keeper_),
         keeping_([this](std::stop_token stop) { keeper_.run(stop); }) {}
 
   [[nodiscard]] std::shared_ptr<const TagMap> snapshot() const { return map_.snapshot(); }
@@ -162,6 +163,7 @@ class ServedMap final {
   MapBuilder map_;
   MapKeeper keeper_;
   SessionRecorder recorder_;
+  AccessKeeper access_;
   OperatorService service_;
   std::jthread keeping_;
 };

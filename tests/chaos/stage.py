@@ -274,8 +274,11 @@ def arguments_of_server(folder, disk, with_ros):
     config = os.path.join(folder, "server.yaml")
     with open(config, "w", encoding="utf-8") as file:
         file.write(text)
+    token_file = os.path.join(os.path.dirname(config), "token")
+    with open(os.open(token_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as file:
+        file.write(TOKEN)
     settings = {"estimator.corner_noise_px": 0.5, "map.mode": "mapping", "map.store": store_of(disk),
-                "recorder.folder": os.path.join(disk, "recordings"), "operator.token": TOKEN,
+                "recorder.folder": os.path.join(disk, "recordings"), "operator.token_file": token_file,
                 "bodies.2.source.faults": "{}"}
     for body in range(3):
         settings[f"bodies.{body}.source.camera.images"] = "false"

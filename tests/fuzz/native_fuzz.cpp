@@ -27,7 +27,7 @@ FUZZ(native_fuzz, input) {
 FUZZ(native_control_fuzz, input) {
   FakeOperatorApi operator_api;
   WrongProofs wrong;
-  ControlConversation conversation(std::string(32, 'c'), operator_api, wrong, 7);
+  ControlConversation conversation(std::string(32, 'c'), operator_api, wrong, {7});
   std::vector<std::byte> out;
   const std::size_t half = input.bytes.size() / 2;  // in two pieces, as a network would cut them
   const Instant now = instant_from_ns(50'000'000'000);

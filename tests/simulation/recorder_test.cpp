@@ -70,11 +70,16 @@ class RecorderTest : public testing::Test {
   RecorderTest() {
     auto arguments = corners_on_free_ports();
     arguments.insert(arguments.begin(), {"--config", demo_file()});
-    for (const std::string& set : {"streaming.native.port=" + std::to_string(port_),
-                                   std::string("operator.token=") + kOperatorToken,
-                                   "recorder.folder=" + folder_.file("recordings")})
+    for (const std::string& set :
+         {"streaming.native.port=" + std::to_string(port_), "operator.token_file=" + token_file(),
+          "recorder.folder=" + folder_.file("recordings")})
       arguments.insert(arguments.end(), {"--set", set});
     server_.emplace(arguments);
+  }
+  [[nodiscard]] std::string token_file() const {
+    const std::string file = folder_.write("token", kOperatorToken);
+    std::filesystem::permissions(file, std::filesystem::perms::owner_read);
+    return file;
   }
   [[nodiscard]] bool is_up() {
     return wait_until([&] { return operator_.server_answers(); });

@@ -5,6 +5,7 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "streaming/page_api.hpp"
 
@@ -24,7 +25,10 @@ class NotedSetup final : public SetupApi {
     ++asked;
     return shown;
   }
-  Expected<void> command(std::string what, std::map<std::string, std::string> values) override {
+  void note_refusal(const Requester& by) override { refused.push_back(by.address); }
+  Expected<void> command(Requester by, std::string what,
+                         std::map<std::string, std::string> values) override {
+    from = std::move(by.address);
     ++asked;
     if (is_full) return fail(ErrorCode::kUnavailable, "too many commands wait");
     said = std::move(what);
@@ -40,6 +44,8 @@ class NotedSetup final : public SetupApi {
 
   std::shared_ptr<const std::string> shown;
   std::string said;
+  std::string from;                  ///< Address of the client of the last command.
+  std::vector<std::string> refused;  ///< Addresses of clients with a wrong secret.
   std::map<std::string, std::string> with;
   bool is_full{false};
   mutable int asked{0};  ///< Calls that need the secret.

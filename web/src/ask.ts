@@ -7,7 +7,7 @@ export interface Question {
   /** Label of the confirming button. */
   yes: string;
   /** A text field; without it the question is yes or no. */
-  field?: { label: string; lines?: number; placeholder?: string; required?: boolean };
+  field?: { label: string; lines?: number; placeholder?: string; required?: boolean; secret?: boolean };
   /** @returns the fault of the typed text; empty: none */
   check?: (typed: string) => string;
 }
@@ -57,6 +57,10 @@ export function ask(question: Question): Promise<string | null> {
 function inputOf(field: NonNullable<Question['field']>): HTMLInputElement | HTMLTextAreaElement {
   const input = field.lines ? element('textarea') : element('input');
   if (input instanceof HTMLTextAreaElement) input.rows = field.lines ?? 1;
+  else if (field.secret) {
+    input.type = 'password';
+    input.autocomplete = 'off';
+  }
   input.placeholder = field.placeholder ?? '';
   input.required = field.required ?? false;
   return input;

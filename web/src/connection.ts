@@ -1,4 +1,5 @@
 import { parseMessage, type Message } from './protocol';
+import { reader } from './reader';
 
 export type LinkState = 'connecting' | 'live' | 'stale' | 'offline';
 
@@ -53,6 +54,7 @@ export class Connection {
 
   private open(): void {
     const socket = new WebSocket(this.url);
+    socket.binaryType = 'arraybuffer';
     this.socket = socket;
     this.lastMessageAt = performance.now();
     socket.onopen = () => this.events.opened();
@@ -61,8 +63,10 @@ export class Connection {
   }
 
   private receive(socket: WebSocket, event: MessageEvent): void {
-    if (socket !== this.socket || typeof event.data !== 'string') return;
+    if (socket !== this.socket) return;
     this.lastMessageAt = performance.now();
+    if (event.data instanceof ArrayBuffer) return void reader.prove(event.data, (bytes) => socket.send(bytes));
+    if (typeof event.data !== 'string') return;
     let message: Message | null = null;
     try {
       message = parseMessage(event.data);
@@ -72,6 +76,7 @@ export class Connection {
     }
     if (!message) return;
     this.failures = 0;
+    if (message.type === 'ticket') return reader.setTicket(message.ticket);
     if (message.type === 'frame') this.lastFrameAt = this.lastMessageAt;
     this.events.message(message);
     if (message.type === 'frame') this.report();

@@ -12,6 +12,7 @@ import { MapCommands } from './map_commands';
 import { MapPanel } from './map_panel';
 import { controlUrl } from './operator';
 import type { Frame, Hello, Message, TagMap, TagState } from './protocol';
+import { reader } from './reader';
 import { Scene3D } from './scene3d';
 import type { Guide } from './setup/guide';
 import { askForSetup, keepSecret, remembered, type SecondHalf } from './setup/memory';
@@ -193,7 +194,7 @@ class Page {
   private async showCameras(shown: boolean): Promise<void> {
     if (shown && !this.cameras) {
       const { CamerasPanel } = await import('./cameras_panel');
-      this.cameras ??= new CamerasPanel(byId('cameras'), document.baseURI, () => this.commands.token, () => this.showList('versions'));
+      this.cameras ??= new CamerasPanel(byId('cameras'), document.baseURI, () => this.commands.token ?? reader.token, () => this.showList('versions'));
       this.cameras.setBodies(this.hello?.bodies ?? []);
     }
     this.cameras?.show(document.body.dataset.list === 'cameras');

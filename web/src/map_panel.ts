@@ -3,6 +3,7 @@ import { element, setText } from './dom';
 import { compact, count, dateAndTime, duration, fixed, UNKNOWN } from './format';
 import { button, type MapCommands } from './map_commands';
 import { parseDiff, parseVersions, type MapDiff, type MapTag, type MapVersion, type TagChange, type TagFit, type TagMap } from './protocol';
+import { reader } from './reader';
 
 // The server reads versions from its disk on request; then the request is repeated.
 const ASK_AGAIN_MS = 300;
@@ -100,7 +101,7 @@ export class MapPanel {
   async refresh(): Promise<void> {
     this.showTags();
     if (this.host.hidden || document.hidden) return;
-    const answer = await fetch(new URL('api/v1/map/versions', document.baseURI)).catch(() => null);
+    const answer = await reader.fetch(new URL('api/v1/map/versions', document.baseURI)).catch(() => null);
     if (!answer?.ok) return; // the link reports it
     const text = await answer.text();
     if (text === this.listed) return;
@@ -130,7 +131,7 @@ export class MapPanel {
     this.press();
     if (this.compared === null) return this.show(null);
     for (let i = 0; i < ASK_AT_MOST; ++i) {
-      const answer = await fetch(new URL(`api/v1/map/diff/${version}/${newest}`, document.baseURI));
+      const answer = await reader.fetch(new URL(`api/v1/map/diff/${version}/${newest}`, document.baseURI));
       if (turn !== this.asking) return;
       if (answer.ok) return this.show(parseDiff(await answer.text()));
       if (answer.status !== 503) return this.say(await answer.text());

@@ -26,6 +26,12 @@ export interface Hello {
   bodies: BodyName[];
 }
 
+/** Authorises requests while this socket is open. */
+export interface Ticket {
+  type: 'ticket';
+  ticket: string;
+}
+
 export interface MapTag {
   id: number;
   edgeM: number;
@@ -171,7 +177,7 @@ export interface Events {
   events: ServerEvent[];
 }
 
-export type Message = Hello | Events | TagMap | TagFits | Frame | Clients | Log;
+export type Message = Hello | Ticket | Events | TagMap | TagFits | Frame | Clients | Log;
 
 function parsePose(body: Fields): BodyPose | null {
   const p = tuple<Vector3>(body.p, 3);
@@ -285,6 +291,8 @@ export function parseMessage(json: string): Message | null {
           return { id: number(body.id, 'body.id'), name: text(body.name, 'body.name') };
         }),
       };
+    case 'ticket':
+      return { type: 'ticket', ticket: text(message.ticket, 'ticket.ticket') };
     case 'events':
       return {
         type: 'events',

@@ -1,5 +1,6 @@
 import { encodeRequest, parseReply, RESULT } from './control_codec';
 import { retryDelay } from './connection';
+import { reader } from './reader';
 import { parsePicture, parseViewList, requestText, type ViewList, type ViewPicture, type PictureRequest } from './view_protocol';
 
 /** `api/v1/views` beside the page, also below a path of a proxy. */
@@ -33,7 +34,7 @@ export class ViewLink {
   /** Cameras that this client may see; never throws. */
   async list(): Promise<ViewList | null> {
     try {
-      const answer = await fetch(this.url, { cache: 'no-store' });
+      const answer = await reader.fetch(this.url, { cache: 'no-store' });
       return answer.ok ? parseViewList(await answer.text()) : null;
     } catch {
       return null;

@@ -95,14 +95,19 @@ class BagLog final : public RecordLog {
 
   Expected<bool> next(LoggedMessage& out) override {
     BagRecord record;
-    while (read_in_chunk(record) || read_record(record)) {
+    for (;;) {
+      const bool is_in_chunk = read_in_chunk(record);
+      if (!is_in_chunk && !read_record(record)) return false;
+      if (is_in_chunk && record.op == kChunk) {
+        drop_chunk("a chunk contains a chunk");
+        continue;
+      }
       if (record.op == kConnection) add_connection(record);
       if (record.op == kChunk)
         unpack(record.fields.text("compression"), record.data,
                record.fields.u32("size").value_or(0));
       if (record.op == kMessage && take(record, out)) return true;
     }
-    return false;
   }
 
   std::vector<std::string> remarks() const override {

@@ -50,7 +50,13 @@ class McapLog final : public RecordLog {
 
   Expected<bool> next(LoggedMessage& out) override {
     McapRecord record;
-    while (read_in_chunk(record) || read_record(record)) {
+    for (;;) {
+      const bool is_in_chunk = read_in_chunk(record);
+      if (!is_in_chunk && !read_record(record)) return false;
+      if (is_in_chunk && record.op == kMcapChunk) {
+        drop_chunk("a chunk contains a chunk");
+        continue;
+      }
       if (data_ended_ && record.op != kMcapFooter) continue;  // the summary repeats data
       if (record.op == kMcapSchema) add_schema(record.content);
       if (record.op == kMcapChannel) add_channel(record.content);
@@ -59,7 +65,6 @@ class McapLog final : public RecordLog {
       if (record.op == kMcapDataEnd) end_of_data(record.content);
       if (record.op == kMcapFooter) check_summary(record.content);
     }
-    return false;
   }
 
   std::vector<std::string> remarks() const override {

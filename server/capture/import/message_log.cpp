@@ -7,6 +7,7 @@
 #include <zstd.h>
 
 #include "base/bytes.hpp"
+#include "base/text.hpp"
 #include "capture/import/input_file.hpp"
 #include "capture/recording/recording_layout.hpp"
 
@@ -19,11 +20,7 @@ std::string plain_type(const std::string& type) {
   return type.substr(0, at) + "/" + type.substr(at + kMiddle.size());
 }
 
-std::string printable_name(std::string_view text) {
-  std::string out;
-  for (const char c : text.substr(0, 200)) out += c >= ' ' && c != 0x7f ? c : '.';
-  return out;
-}
+std::string printable_name(std::string_view text) { return printable(text.substr(0, 200)); }
 
 std::size_t MessageLog::index_of(LoggedTopic topic) {
   const auto known = std::ranges::find_if(topics_, [&](const LoggedTopic& one) {
@@ -61,8 +58,9 @@ struct UnpackStep {
 /// Runs `step(in, out)` until the content ends; `out` grows by factors of 1.5.
 template <typename Step>
 Expected<void> unpack_all(std::span<const std::byte> packed, std::uint64_t stated,
-                          std::vector<std::byte>& out, Step&& step) {
+                          UnpackBudget& budget, std::vector<std::byte>& out, Step&& step) {
   const std::uint64_t most = stated > 0 ? stated : kLargestChunk_bytes;
+  const std::uint64_t begun_with = budget.left();
   out.clear();
   std::size_t filled = 0;
   for (;;) {
@@ -77,6 +75,11 @@ Expected<void> unpack_all(std::span<const std::byte> packed, std::uint64_t state
     if (did.failed) return fail(ErrorCode::kInvalid, "cannot be unpacked: it is damaged");
     packed = packed.subspan(did.taken);
     filled += did.given;
+    budget.spend(did.given);
+    if (filled > begun_with)
+      return fail(ErrorCode::kUnsupported, "was left out: the file unpacks to more than " +
+                                               std::to_string(UnpackBudget::kPerByte) +
+                                               " times its size");
     if (filled > most)
       return fail(ErrorCode::kInvalid,
                   "unpacks to more than the stated " + std::to_string(most) + " bytes");
@@ -91,7 +94,7 @@ Expected<void> unpack_all(std::span<const std::byte> packed, std::uint64_t state
 }
 
 Expected<void> unpack_bz2(std::span<const std::byte> packed, std::uint64_t stated,
-                          std::vector<std::byte>& out) {
+                          UnpackBudget& budget, std::vector<std::byte>& out) {
   struct End {
     void operator()(bz_stream* s) const { BZ2_bzDecompressEnd(s); }
   };
@@ -99,7 +102,7 @@ Expected<void> unpack_bz2(std::span<const std::byte> packed, std::uint64_t state
   if (BZ2_bzDecompressInit(&stream, 0, 0) != BZ_OK)
     return fail(ErrorCode::kUnavailable, "there was no memory to unpack it");
   const std::unique_ptr<bz_stream, End> closes(&stream);
-  return unpack_all(packed, stated, out, [&](auto in, auto to) {
+  return unpack_all(packed, stated, budget, out, [&](auto in, auto to) {
     stream.next_in = const_cast<char*>(reinterpret_cast<const char*>(in.data()));
     stream.avail_in = static_cast<unsigned>(in.size());
     stream.next_out = reinterpret_cast<char*>(to.data());
@@ -111,7 +114,7 @@ Expected<void> unpack_bz2(std::span<const std::byte> packed, std::uint64_t state
 }
 
 Expected<void> unpack_lz4(std::span<const std::byte> packed, std::uint64_t stated,
-                          std::vector<std::byte>& out) {
+                          UnpackBudget& budget, std::vector<std::byte>& out) {
   struct End {
     void operator()(LZ4F_dctx* c) const { LZ4F_freeDecompressionContext(c); }
   };
@@ -119,7 +122,7 @@ Expected<void> unpack_lz4(std::span<const std::byte> packed, std::uint64_t state
   if (LZ4F_isError(LZ4F_createDecompressionContext(&made, LZ4F_VERSION)) != 0)
     return fail(ErrorCode::kUnavailable, "there was no memory to unpack it");
   const std::unique_ptr<LZ4F_dctx, End> context(made);
-  return unpack_all(packed, stated, out, [&](auto in, auto to) {
+  return unpack_all(packed, stated, budget, out, [&](auto in, auto to) {
     std::size_t taken = in.size();
     std::size_t given = to.size();
     const std::size_t code =
@@ -129,13 +132,13 @@ Expected<void> unpack_lz4(std::span<const std::byte> packed, std::uint64_t state
 }
 
 Expected<void> unpack_zstd(std::span<const std::byte> packed, std::uint64_t stated,
-                           std::vector<std::byte>& out) {
+                           UnpackBudget& budget, std::vector<std::byte>& out) {
   struct End {
     void operator()(ZSTD_DStream* s) const { ZSTD_freeDStream(s); }
   };
   const std::unique_ptr<ZSTD_DStream, End> stream(ZSTD_createDStream());
   if (!stream) return fail(ErrorCode::kUnavailable, "there was no memory to unpack it");
-  return unpack_all(packed, stated, out, [&](auto in, auto to) {
+  return unpack_all(packed, stated, budget, out, [&](auto in, auto to) {
     ZSTD_inBuffer from{in.data(), in.size(), 0};
     ZSTD_outBuffer into{to.data(), to.size(), 0};
     const std::size_t code = ZSTD_decompressStream(stream.get(), &into, &from);
@@ -146,7 +149,8 @@ Expected<void> unpack_zstd(std::span<const std::byte> packed, std::uint64_t stat
 }  // namespace
 
 Expected<void> unpack_chunk(std::string_view compression, std::span<const std::byte> packed,
-                            std::uint64_t stated_bytes, std::vector<std::byte>& out) {
+                            std::uint64_t stated_bytes, UnpackBudget& budget,
+                            std::vector<std::byte>& out) {
   if (stated_bytes > kLargestChunk_bytes || packed.size() > kLargestChunk_bytes)
     return fail(ErrorCode::kUnsupported, "is larger than 512 MiB");
   if (compression.empty() || compression == "none") {
@@ -158,9 +162,9 @@ Expected<void> unpack_chunk(std::string_view compression, std::span<const std::b
     out.clear();
     return {};
   }
-  if (compression == "bz2") return unpack_bz2(packed, stated_bytes, out);
-  if (compression == "lz4") return unpack_lz4(packed, stated_bytes, out);
-  if (compression == "zstd") return unpack_zstd(packed, stated_bytes, out);
+  if (compression == "bz2") return unpack_bz2(packed, stated_bytes, budget, out);
+  if (compression == "lz4") return unpack_lz4(packed, stated_bytes, budget, out);
+  if (compression == "zstd") return unpack_zstd(packed, stated_bytes, budget, out);
   return fail(ErrorCode::kUnsupported, "is packed by '" + std::string(compression.substr(0, 16)) +
                                            "'; supported are none, bz2, lz4 and zstd");
 }

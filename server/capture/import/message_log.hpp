@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -73,18 +74,38 @@ class MessageLog {
 /// `sensor_msgs/msg/Imu` → `sensor_msgs/Imu`.
 [[nodiscard]] std::string plain_type(const std::string& type);
 
-/// Text from outside, fit for a message: printable, at most 200 characters.
+/// `printable`, of at most 200 bytes.
 [[nodiscard]] std::string printable_name(std::string_view text);
 
 /// Largest chunk or message that is unpacked.
 inline constexpr std::uint64_t kLargestChunk_bytes = std::uint64_t{1} << 29;
 
+/// Bytes that a file may unpack to in total. Images and IMU readings shrink to a tenth at best;
+/// content that was made to take time and memory shrinks to a thirty-thousandth.
+class UnpackBudget final {
+ public:
+  static constexpr std::uint64_t kPerByte = 250;
+  static constexpr std::uint64_t kAlways_bytes = std::uint64_t{1} << 30;
+
+  explicit UnpackBudget(std::uint64_t file_bytes)
+      : left_(kAlways_bytes + kPerByte * std::min(file_bytes, kLargestFile_bytes)) {}
+  [[nodiscard]] std::uint64_t left() const { return left_; }
+  void spend(std::uint64_t bytes) { left_ -= std::min(left_, bytes); }
+
+ private:
+  static constexpr std::uint64_t kLargestFile_bytes = std::uint64_t{1} << 50;  // no overflow
+
+  std::uint64_t left_;
+};
+
 /// Unpacks a chunk or message: `none` (or empty), `bz2`, `lz4` (frames, as ROS and MCAP write
 /// them), `zstd`. Memory grows with the actual content, at most to the stated size.
 /// @param stated_bytes  size of the content according to the file; 0: not known
-/// @return Error when it is damaged, or has another size than stated
+/// @param budget  of the file
+/// @return Error when it is damaged, has another size than stated, or the budget is spent
 [[nodiscard]] Expected<void> unpack_chunk(std::string_view compression,
                                           std::span<const std::byte> packed,
-                                          std::uint64_t stated_bytes, std::vector<std::byte>& out);
+                                          std::uint64_t stated_bytes, UnpackBudget& budget,
+                                          std::vector<std::byte>& out);
 
 }  // namespace fiducap

@@ -38,14 +38,14 @@ class RecordLog : public MessageLog {
   double share() const final { return file_.share(); }
 
  protected:
-  explicit RecordLog(InputFile file) : file_(std::move(file)) {}
+  explicit RecordLog(InputFile file) : file_(std::move(file)), budget_(file_.size()) {}
 
-  /// Fills `chunk_`; empty when it is damaged.
+  /// Fills `chunk_`; empty when it is damaged. Not from a chunk, which could contain itself.
   bool unpack(std::string_view compression, std::span<const std::byte> packed,
               std::uint64_t stated_bytes) {
     chunk_at_ = 0;
-    const auto unpacked = unpack_chunk(compression, packed, stated_bytes, unpacked_);
-    chunk_.swap(unpacked_);  // `packed` may be in a damaged chunk itself
+    const auto unpacked = unpack_chunk(compression, packed, stated_bytes, budget_, unpacked_);
+    chunk_.swap(unpacked_);
     if (!unpacked) drop_chunk("a chunk " + unpacked.error().what);
     return unpacked.has_value();
   }
@@ -60,6 +60,7 @@ class RecordLog : public MessageLog {
   LogDamage damage_;
 
  private:
+  UnpackBudget budget_;
   std::vector<std::byte> unpacked_;
 };
 

@@ -29,7 +29,7 @@ class Db3Log final : public MessageLog {
         last && sqlite3_step(last.get()) == SQLITE_ROW)
       last_row_ = sqlite3_column_int64(last.get(), 0);
     // In recorded order, without sorting.
-    messages_ = prepare("SELECT topic_id, timestamp, data, rowid FROM messages");
+    messages_ = prepare("SELECT topic_id, timestamp, data, rowid FROM messages NOT INDEXED");
     if (!messages_)
       return fail(ErrorCode::kInvalid, "its table 'messages' is not that of rosbag2", path_);
     return {};
@@ -37,12 +37,20 @@ class Db3Log final : public MessageLog {
 
   Expected<bool> next(LoggedMessage& out) override {
     for (;;) {
-      const int code = sqlite3_step(messages_.get());
+      steps_ = 0;
+      const int code = failure_.empty() ? sqlite3_step(messages_.get()) : SQLITE_DONE;
       if (code != SQLITE_ROW) {
-        if (code != SQLITE_DONE && failure_.empty()) failure_ = sqlite3_errmsg(file_.get());
+        if (code != SQLITE_DONE) failure_ = sqlite3_errmsg(file_.get());
         return false;
       }
-      row_ = sqlite3_column_int64(messages_.get(), 3);
+      const std::int64_t row = sqlite3_column_int64(messages_.get(), 3);
+      given_bytes_ += static_cast<std::uint64_t>(sqlite3_column_bytes(messages_.get(), 2));
+      // Pages that are linked twice would give rows without end.
+      if (is_begun_ && row <= row_) failure_ = "its rows repeat";
+      if (given_bytes_ > file_bytes_) failure_ = "its rows have more bytes than the file";
+      if (!failure_.empty()) return false;
+      is_begun_ = true;
+      row_ = row;
       const auto topic = by_id_.find(sqlite3_column_int64(messages_.get(), 0));
       if (topic == by_id_.end()) {
         ++lost_;
@@ -74,15 +82,33 @@ class Db3Log final : public MessageLog {
     const int code = sqlite3_open_v2(path_.c_str(), &file, SQLITE_OPEN_READONLY, nullptr);
     file_.reset(file);
     if (code != SQLITE_OK) return fail(ErrorCode::kUnavailable, "cannot be opened", path_);
-    // Runs nothing that the file defines, and limits sizes to that of a message.
+    for (const char* part : {"", "-wal"}) {
+      std::error_code missing;
+      const auto bytes = std::filesystem::file_size(path_ + part, missing);
+      if (!missing) file_bytes_ += bytes;
+    }
+    // Runs nothing that the file defines, and limits steps without a row, and sizes to that of a
+    // message.
+    sqlite3_progress_handler(
+        file, kStepsAtOnce,
+        [](void* steps) { return ++*static_cast<int*>(steps) > kMostSteps ? 1 : 0; }, &steps_);
     sqlite3_db_config(file, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
     sqlite3_db_config(file, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
     sqlite3_limit(file, SQLITE_LIMIT_LENGTH, static_cast<int>(kLargestChunk_bytes));
     return {};
   }
 
-  /// Plain tables: a view or a virtual table could compute without end.
+  /// Plain tables with plain columns: views, virtual tables and generated columns could compute
+  /// without end.
   Expected<void> require_tables() const {
+    const Db3Rows computed = prepare(
+        "SELECT count(*) FROM sqlite_master AS t JOIN pragma_table_xinfo(t.name) AS c "
+        "WHERE t.name IN ('topics', 'messages') AND c.hidden <> 0");
+    if (computed && sqlite3_step(computed.get()) == SQLITE_ROW &&
+        sqlite3_column_int(computed.get(), 0) > 0)
+      return fail(ErrorCode::kInvalid,
+                  "is no recording of rosbag2: its tables compute columns, which is not run",
+                  path_);
     const Db3Rows rows = prepare(
         "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND rootpage > 0 AND name IN "
         "('topics', 'messages')");
@@ -119,12 +145,19 @@ class Db3Log final : public MessageLog {
                : std::string(begin, static_cast<std::size_t>(sqlite3_column_bytes(rows, column)));
   }
 
+  static constexpr int kStepsAtOnce = 1000;  // of SQLite's machine
+  static constexpr int kMostSteps = 100'000;
+
   std::string path_;
+  int steps_{0};  ///< Of kStepsAtOnce, since the last row.
   std::unique_ptr<sqlite3, CloseDb3> file_;
   Db3Rows messages_;
   std::map<std::int64_t, std::size_t> by_id_;
   std::int64_t row_{0};
   std::int64_t last_row_{0};
+  bool is_begun_{false};
+  std::uint64_t file_bytes_{0};
+  std::uint64_t given_bytes_{0};
   std::uint64_t lost_{0};
   std::string failure_;
 };
@@ -138,7 +171,7 @@ struct LogParts {
 /// Several files as one log.
 class JoinedLog final : public MessageLog {
  public:
-  explicit JoinedLog(LogParts parts) : parts_(std::move(parts)) {}
+  explicit JoinedLog(LogParts parts) : parts_(std::move(parts)), budget_(size_of(parts_.files)) {}
 
   Expected<void> begin() { return open_part(); }
 
@@ -158,7 +191,7 @@ class JoinedLog final : public MessageLog {
         of_part_.push_back(index_of(log_->topics()[of_part_.size()]));
       out.topic = of_part_[out.topic];
       if (!parts_.messages_packed) return true;
-      if (unpack_chunk("zstd", out.bytes, 0, unpacked_)) {
+      if (unpack_chunk("zstd", out.bytes, 0, budget_, unpacked_)) {
         out.bytes = unpacked_;
         return true;
       }
@@ -189,7 +222,18 @@ class JoinedLog final : public MessageLog {
     return {};
   }
 
+  static std::uint64_t size_of(const std::vector<std::filesystem::path>& files) {
+    std::uint64_t sum = 0;
+    for (const auto& file : files) {
+      std::error_code missing;
+      const auto bytes = std::filesystem::file_size(file, missing);
+      if (!missing) sum += bytes;
+    }
+    return sum;
+  }
+
   LogParts parts_;
+  UnpackBudget budget_;
   std::size_t part_{0};
   std::unique_ptr<MessageLog> log_;
   std::vector<std::size_t> of_part_;  ///< Our topic for each of the open file.

@@ -44,6 +44,10 @@ void apply_override(YAML::Node& document, const std::string& assignment, YamlRea
   const auto parts = split(path);
   if (equals == std::string::npos || parts.empty())
     return broken("?", "must be written path.to.key=value");
+  if (path == "operator" || path == "operator.token" || path == "operator.read_token")
+    return broken("(secret)",
+                  "must not be on a command line, which every user of the machine sees: set "
+                  "operator.token_file or operator.read_token_file");
   const std::string value = assignment.substr(equals + 1);
   YAML::Node parsed(value);
   if (!value.empty()) {

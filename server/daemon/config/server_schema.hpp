@@ -150,6 +150,9 @@ template <class V>
 void describe(V& v, OperatorConfig& c) {
   v.secret("token", c.token);
   v.path("token_file", c.token_file);
+  v.secret("read_token", c.read_token);
+  v.path("read_token_file", c.read_token_file);
+  v.path("audit_file", c.audit_file);
 }
 
 template <class V>

@@ -152,8 +152,11 @@ nlohmann::json json_of(const std::vector<ConfigFault>& faults) {
 
 /// Ports, tokens, folders.
 void review_service(const ServerConfig& config, ConfigReview& review) {
-  if (const auto token = operator_token(config.operators, nullptr); !token)
-    review.fault("operator.token_file", config.operators.token_file, token.error().what);
+  if (const auto tokens = with_tokens(config.operators, nullptr); !tokens) {
+    const bool is_read = tokens.error().context == config.operators.read_token_file;
+    review.fault(is_read ? "operator.read_token_file" : "operator.token_file",
+                 tokens.error().context, tokens.error().what);
+  }
   const std::string& card = config.dds.interface;
   const bool is_name = !card.empty() && card.find_first_not_of("0123456789.:") != std::string::npos;
   if (is_name && ::if_nametoindex(card.c_str()) == 0)

@@ -171,7 +171,7 @@ Expected<void> write_setup(const std::string& file, const SetupResult& result, b
   if (!read) return fail(ErrorCode::kInvalid, read.error().front().text(), file);
   const std::string token_file = token_file_of(file);
   if (!fs::exists(token_file, ignored))  // an existing one may be in use
-    if (auto token = write_whole_file(token_file, fresh_secret() + "\n", 0600); !token)
+    if (auto token = write_whole_file(token_file, net::random_secret() + "\n", 0600); !token)
       return token;
   return write_whole_file(file, text);
 }

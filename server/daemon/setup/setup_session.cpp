@@ -141,7 +141,7 @@ constexpr int kPictureWidth_px = 752;
 
 SetupSession::SetupSession(SetupSurroundings surroundings)
     : surroundings_(std::move(surroundings)),
-      secret_(fresh_secret()),
+      secret_(net::random_secret()),
       events_(utc_now_ns),
       inbox_(kMostImages),
       guide_(*this, [this] { show(); }) {
@@ -165,7 +165,7 @@ void SetupSession::run(std::stop_token stop) {
 
 // --- for the pages -------------------------------------------------------------------------------
 
-bool SetupSession::admits(std::string_view secret) const { return is_secret(secret, secret_); }
+bool SetupSession::admits(std::string_view secret) const { return same_secret(secret, secret_); }
 
 std::shared_ptr<const std::string> SetupSession::state() const {
   const std::lock_guard lock(mutex_);
@@ -178,15 +178,20 @@ std::shared_ptr<const std::string> SetupSession::picture() {
   return picture_;
 }
 
-Expected<void> SetupSession::command(std::string what, std::map<std::string, std::string> values) {
+Expected<void> SetupSession::command(Requester by, std::string what,
+                                     std::map<std::string, std::string> values) {
   {
     const std::lock_guard lock(mutex_);
     if (commands_.size() >= kMostCommands)
       return fail(ErrorCode::kUnavailable, "too many commands wait: is a calibration running?");
-    commands_.push_back({std::move(what), std::move(values)});
+    commands_.push_back({std::move(by), {std::move(what), std::move(values)}});
   }
   inbox_.wake();
   return {};
+}
+
+void SetupSession::note_refusal(const Requester& by) {
+  surroundings_.access.note_refusal(by, "use the set-up", "wrong secret");
 }
 
 Expected<std::string> SetupSession::sheet(std::map<std::string, std::string> order) const {
@@ -196,13 +201,16 @@ Expected<std::string> SetupSession::sheet(std::map<std::string, std::string> ord
 // --- the guide's thread --------------------------------------------------------------------------
 
 void SetupSession::carry_out_commands() {
-  std::vector<SetupCommand> commands;
+  std::vector<std::pair<Requester, SetupCommand>> commands;
   {
     const std::lock_guard lock(mutex_);
     commands.swap(commands_);
   }
-  for (const SetupCommand& command : commands) {
+  for (const auto& [by, command] : commands) {
     const auto done = command.what == "write" ? write(command) : guide_.command(command);
+    std::string what = command.what;
+    for (const auto& [key, value] : command.values) what += " " + key + "=" + value;
+    surroundings_.access.note(by, what, done);
     error_ = done ? "" : done.error().text();
     show();
   }

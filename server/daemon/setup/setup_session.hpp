@@ -9,9 +9,11 @@
 #include <string>
 #include <string_view>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "base/event_board.hpp"
+#include "daemon/access_keeper.hpp"
 #include "daemon/bodies/body_reader.hpp"
 #include "daemon/setup/setup_guide.hpp"
 #include "daemon/setup/setup_rig.hpp"
@@ -27,6 +29,7 @@ struct SetupSurroundings {
   const Clock& clock;
   std::function<Expected<std::shared_ptr<dds::Participant>>()> join_dds;
   std::function<void()> written;  ///< The configuration was written; called once.
+  AccessKeeper& access;
 };
 
 /// A set-up in progress: its sensors, their readers, and the guide's thread. A queue of commands
@@ -44,7 +47,9 @@ class SetupSession final : public SetupApi, private SetupRig {
   [[nodiscard]] bool admits(std::string_view secret) const override;
   [[nodiscard]] std::shared_ptr<const std::string> state() const override;
   [[nodiscard]] std::shared_ptr<const std::string> picture() override;
-  Expected<void> command(std::string what, std::map<std::string, std::string> values) override;
+  Expected<void> command(Requester by, std::string what,
+                         std::map<std::string, std::string> values) override;
+  void note_refusal(const Requester& by) override;
   [[nodiscard]] Expected<std::string> sheet(
       std::map<std::string, std::string> order) const override;
 
@@ -87,7 +92,7 @@ class SetupSession final : public SetupApi, private SetupRig {
   std::atomic<std::int64_t> picture_asked_ns_{0};
 
   mutable std::mutex mutex_;  ///< Of the members below.
-  std::vector<SetupCommand> commands_;
+  std::vector<std::pair<Requester, SetupCommand>> commands_;
   std::shared_ptr<const std::string> state_;
   std::shared_ptr<const std::string> picture_;
 };

@@ -117,6 +117,9 @@ Expected<SqliteFile> open_damaged(const std::string& path) {
   if (*application != kMapStoreId || *schema > kMapStoreSchema)
     return fail(ErrorCode::kUnsupported,
                 "is no map store that this program knows; it was not changed", path);
+  if (const auto definition = file->definition(); definition && !definition->empty())
+    return fail(ErrorCode::kInvalid,
+                "has a " + *definition + ", which no map store has; it was not run", path);
   return file;
 }
 

@@ -2,11 +2,18 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <chrono>
+#include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <string_view>
 #include <utility>
 
+#include <fcntl.h>
+#include <unistd.h>
+
+#include "base/text.hpp"
 #include "mapping/store/file_claim.hpp"
 #include "mapping/store/sqlite_file.hpp"
 
@@ -89,6 +96,11 @@ Expected<bool> check_kind(const SqliteFile& file) {
                     "); update Fiducap or give another path",
                 file.path());
   if (*schema < 1) return damaged(file, "(schema " + std::to_string(*schema) + ")");
+  const auto definition = file.definition();
+  if (!definition) return tl::unexpected(definition.error());
+  if (!definition->empty())
+    return fail(ErrorCode::kInvalid,
+                "has a " + *definition + ", which no map store has; it was not run", file.path());
   return false;
 }
 
@@ -199,6 +211,41 @@ Expected<MapStore> MapStore::open(const std::string& path) {
   return MapStore(std::move(*file));
 }
 
+Expected<MapBackup> MapStore::back_up(const std::string& path, const std::string& to) {
+  namespace fs = std::filesystem;
+  const auto source = open_to_read(path);
+  if (!source) return tl::unexpected(source.error());
+  // SQLite opens by name: an empty file of our own is there first.
+  std::string part = to + ".partXXXXXX";
+  const int made = ::mkostemp(part.data(), O_CLOEXEC);
+  if (made < 0)
+    return fail(ErrorCode::kUnavailable, std::string("cannot be written: ") + std::strerror(errno),
+                to);
+  ::close(made);
+  const auto copied = [&]() -> Expected<MapBackup> {
+    auto copy = SqliteFile::open(part);
+    if (!copy) return tl::unexpected(copy.error());
+    if (auto done = source->file_->copy_to(*copy); !done) return tl::unexpected(done.error());
+    const auto fault = copy->structural_fault();
+    if (!fault) return tl::unexpected(fault.error());
+    if (!fault->empty()) return damaged(*source->file_, "(" + *fault + ")");
+    const MapStore stored(std::move(*copy));
+    const auto versions = stored.log();
+    if (!versions) return tl::unexpected(versions.error());
+    const auto sound = stored.newest_sound();
+    if (!sound) return tl::unexpected(sound.error());
+    return MapBackup{versions->size(), sound->map.version, sound->damaged};
+  }();
+  std::error_code error;
+  if (copied) fs::permissions(part, fs::status(path, error).permissions(), error);
+  if (copied && !error) fs::rename(part, to, error);
+  if (copied && !error) return copied;
+  const std::string why = error.message();
+  fs::remove(part, error);
+  if (!copied) return copied;
+  return fail(ErrorCode::kUnavailable, "cannot be written: " + why, to);
+}
+
 Expected<MapStore> MapStore::open_to_read(const std::string& path) {
   auto file = SqliteFile::open(path, SqliteFile::Access::kSalvage);
   if (!file) return tl::unexpected(file.error());
@@ -233,9 +280,7 @@ Expected<TagMap> MapStore::commit(const TagMap& map, const std::string& comment)
 }
 
 Expected<void> check_version_name(const std::string& name) {
-  const bool has_control =
-      std::ranges::any_of(name, [](unsigned char c) { return c < ' ' || c == 0x7f; });
-  if (name.empty() || name.size() > kLongestName || has_control)
+  if (name.empty() || name.size() > kLongestName || printable(name) != name)
     return fail(ErrorCode::kInvalid, "a version's name must have 1 to 200 characters in one line");
   if (name == kAutomaticComment)
     return fail(ErrorCode::kInvalid, "this name marks versions that the server stored by itself");

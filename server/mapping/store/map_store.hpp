@@ -33,6 +33,13 @@ struct SoundVersion {
   std::vector<DamagedVersion> damaged;  ///< Newer ones, newest first.
 };
 
+/// A copy of a store.
+struct MapBackup {
+  std::size_t versions{};
+  std::int64_t newest{};                ///< Newest undamaged version; 0: none.
+  std::vector<DamagedVersion> damaged;  ///< Newer ones, as in the store.
+};
+
 class FileClaim;
 
 /// Accepted versions of one map, in one SQLite file (WAL, synced at each commit). A kill or a power
@@ -47,6 +54,9 @@ class MapStore final {
   /// For reading, also of a damaged file: nothing is created or changed, and versions are checked
   /// when they are loaded.
   [[nodiscard]] static Expected<MapStore> open_to_read(const std::string& path);
+  /// Copies a store, also while a server writes to it: all versions at one instant.
+  /// @param to  replaced atomically
+  [[nodiscard]] static Expected<MapBackup> back_up(const std::string& path, const std::string& to);
   /// For writers: until this is destroyed no other process can claim the store.
   /// @return Error naming the process that has it
   [[nodiscard]] Expected<void> claim();

@@ -10,6 +10,7 @@ namespace fiducap {
 namespace {
 
 constexpr int kBusyTimeout_ms = 500;
+constexpr int kLongestValue_bytes = 64 << 20;
 
 Error error_of(int code, const std::string& detail, const std::string& path) {
   switch (code & 0xff) {
@@ -164,11 +165,16 @@ Expected<SqliteFile> SqliteFile::open(const std::string& path, Access access) {
   if (code != SQLITE_OK) return tl::unexpected<Error>(error_of(code, sqlite3_errstr(code), path));
   sqlite3_extended_result_codes(file, 1);
   sqlite3_busy_timeout(file, kBusyTimeout_ms);
+  // The file may come from anyone: functions are not run for what it defines.
+  sqlite3_db_config(file, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
+  sqlite3_db_config(file, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, nullptr);
+  sqlite3_db_config(file, SQLITE_DBCONFIG_ENABLE_VIEW, 0, nullptr);
+  sqlite3_limit(file, SQLITE_LIMIT_LENGTH, kLongestValue_bytes);
   if (access == Access::kSalvage) {
     opened.write_back_on_close(false);
     // writable_schema: reads a file that is shorter than its header claims, too.
-    for (const char* pragma : {"PRAGMA trusted_schema = OFF", "PRAGMA cell_size_check = ON",
-                               "PRAGMA writable_schema = ON", "PRAGMA query_only = ON"}) {
+    for (const char* pragma :
+         {"PRAGMA cell_size_check = ON", "PRAGMA writable_schema = ON", "PRAGMA query_only = ON"}) {
       if (auto set = opened.execute(pragma); !set) return tl::unexpected<Error>(set.error());
     }
   }
@@ -205,6 +211,32 @@ Expected<std::int64_t> SqliteFile::integer(std::string_view sql) const {
 Expected<std::string> SqliteFile::text(std::string_view sql) const {
   auto query = prepare(sql);
   return query.step().map([&query](bool row) { return row ? query.text(0) : std::string{}; });
+}
+
+Expected<std::string> SqliteFile::definition() const {
+  // Automatic indices have no text.
+  auto plain = text(
+      "SELECT coalesce(min(type || ' ' || name), '') FROM sqlite_master "
+      "WHERE type NOT IN ('table', 'index') OR rootpage = 0");
+  if (!plain || !plain->empty()) return plain;
+  return text(
+      "SELECT coalesce(min('generated column ' || t.name || '.' || c.name), '') "
+      "FROM sqlite_master AS t JOIN pragma_table_xinfo(t.name) AS c "
+      "WHERE t.type = 'table' AND c.hidden <> 0");
+}
+
+Expected<void> SqliteFile::copy_to(SqliteFile& other) const {
+  constexpr int kAllPages = -1;
+  sqlite3_backup* const copying =
+      sqlite3_backup_init(other.file_.get(), "main", file_.get(), "main");
+  if (copying == nullptr)
+    return tl::unexpected<Error>(error_of(sqlite3_errcode(other.file_.get()),
+                                          sqlite3_errmsg(other.file_.get()), other.path_));
+  const int step = sqlite3_backup_step(copying, kAllPages);
+  const int end = sqlite3_backup_finish(copying);
+  if (step == SQLITE_DONE && end == SQLITE_OK) return {};
+  const int code = step == SQLITE_DONE ? end : step;
+  return tl::unexpected<Error>(error_of(code, sqlite3_errstr(code), other.path_));
 }
 
 /// SQLite's check reports unreadable parts of the disk as faults of the file.

@@ -90,6 +90,12 @@ class SqliteFile final {
   /// The one value of a query such as a PRAGMA.
   [[nodiscard]] Expected<std::int64_t> integer(std::string_view sql) const;
   [[nodiscard]] Expected<std::string> text(std::string_view sql) const;
+  /// @return a view, trigger, virtual table or generated column, by name; empty: there are plain
+  /// tables only
+  [[nodiscard]] Expected<std::string> definition() const;
+  /// Replaces the content of `other` by this one's at one instant; other processes may write to
+  /// this file meanwhile.
+  [[nodiscard]] Expected<void> copy_to(SqliteFile& other) const;
   /// @return what is wrong with its structure, in one line; empty: nothing
   [[nodiscard]] Expected<std::string> structural_fault() const;
   /// False: closing writes nothing, so that a foreign file stays as it is.

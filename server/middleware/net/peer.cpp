@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <bit>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <system_error>
 
@@ -144,6 +145,16 @@ std::uint64_t random_word() {
 }
 
 std::array<std::uint64_t, 2> random_key() { return {random_word(), random_word()}; }
+
+std::string random_secret() {
+  std::string secret;
+  for (const std::uint64_t word : random_key()) {
+    std::array<char, 17> digits{};
+    std::snprintf(digits.data(), digits.size(), "%016llx", static_cast<unsigned long long>(word));
+    secret += digits.data();
+  }
+  return secret;
+}
 
 std::uint64_t address_hash(const std::array<std::uint64_t, 2>& key, const Peer& peer) {
   return siphash(key, std::span(peer.address).first(peer.is_ipv4() ? 16 : 8));

@@ -96,6 +96,8 @@ class SocketAddress final {
 /// From the system's source of randomness.
 [[nodiscard]] std::uint64_t random_word();
 [[nodiscard]] std::array<std::uint64_t, 2> random_key();
+/// 128 random bits, hexadecimal.
+[[nodiscard]] std::string random_secret();
 
 /// Keyed hash of an address, for tables whose collisions an attacker must not choose. Without the
 /// port; of IPv6 the network only, since one host owns all 2^64 addresses of its network.

@@ -52,12 +52,4 @@ template <class Number>
   return std::ranges::equal(a, b, {}, lower, lower);
 }
 
-/// Printable ASCII, other bytes as `?`.
-[[nodiscard]] inline std::string printable(std::string_view text) {
-  std::string safe(text);
-  for (char& c : safe)
-    if (c < ' ' || c > '~') c = '?';
-  return safe;
-}
-
 }  // namespace fiducap

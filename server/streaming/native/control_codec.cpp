@@ -62,16 +62,19 @@ void append_length(std::vector<std::byte>& out, std::size_t size) {
   for (int i = 0; i < 4; ++i) out.push_back(static_cast<std::byte>(size >> (8 * i)));
 }
 
-/// @param change  with the OperatorApi and the id of the body
+/// @param change  with the OperatorApi, the client and the id of the body
 template <typename Change>
 Expected<ControlAction> of_body(std::uint32_t id, Change change) {
   if (id == 0 || id > 0x7fffffff) return fail(ErrorCode::kInvalid, "body_id must be 1 or more");
-  return
-      [body_id = static_cast<int>(id), change](OperatorApi& api) { return change(api, body_id); };
+  return [body_id = static_cast<int>(id), change](OperatorApi& api, const Requester& by) {
+    return change(api, by, body_id);
+  };
 }
 
 ControlAction of_map(MapChange change) {
-  return [change = std::move(change)](OperatorApi& api) { return api.change_map(change); };
+  return [change = std::move(change)](OperatorApi& api, const Requester& by) {
+    return api.change_map(by, change);
+  };
 }
 
 Expected<int> to_tag_id(std::uint32_t id) {
@@ -124,31 +127,35 @@ Expected<ControlAction> decode_control_command(const std::string& body) {
     case v1::ControlCommand::kListBodies:
       return ControlAction{};
     case v1::ControlCommand::kSetEnabled:
-      return of_body(in.set_enabled().body_id(),
-                     [enabled = in.set_enabled().enabled()](OperatorApi& api, int id) {
-                       return api.set_enabled(id, enabled);
-                     });
+      return of_body(
+          in.set_enabled().body_id(),
+          [enabled = in.set_enabled().enabled()](OperatorApi& api, const Requester& by, int id) {
+            return api.set_enabled(by, id, enabled);
+          });
     case v1::ControlCommand::kRename:
-      return of_body(in.rename().body_id(), [name = in.rename().name()](OperatorApi& api, int id) {
-        return api.rename(id, name);
-      });
+      return of_body(in.rename().body_id(),
+                     [name = in.rename().name()](OperatorApi& api, const Requester& by, int id) {
+                       return api.rename(by, id, name);
+                     });
     case v1::ControlCommand::kSetPivot: {
       const auto X_BP = to_pose(in.set_pivot());
       if (!X_BP) return tl::unexpected(X_BP.error());
       return of_body(in.set_pivot().body_id(),
-                     [X_BP = *X_BP](OperatorApi& api, int id) { return api.set_pivot(id, X_BP); });
+                     [X_BP = *X_BP](OperatorApi& api, const Requester& by, int id) {
+                       return api.set_pivot(by, id, X_BP);
+                     });
     }
     case v1::ControlCommand::kSetMapMode:
       return [mode = in.set_map_mode().mapping() ? MapMode::kMapping : MapMode::kFrozen](
-                 OperatorApi& api) { return api.set_map_mode(mode); };
+                 OperatorApi& api, const Requester& by) { return api.set_map_mode(by, mode); };
     case v1::ControlCommand::kCommitMap:
       return of_map(CommitVersion{in.commit_map().name()});
     case v1::ControlCommand::kStartRecording:
-      return [name = in.start_recording().name()](OperatorApi& api) {
-        return api.start_recording(name);
+      return [name = in.start_recording().name()](OperatorApi& api, const Requester& by) {
+        return api.start_recording(by, name);
       };
     case v1::ControlCommand::kStopRecording:
-      return [](OperatorApi& api) { return api.stop_recording(); };
+      return [](OperatorApi& api, const Requester& by) { return api.stop_recording(by); };
     case v1::ControlCommand::kNameVersion:
       return of_map(NameVersion{in.name_version().version(), in.name_version().name()});
     case v1::ControlCommand::kRollBack:

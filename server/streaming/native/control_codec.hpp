@@ -28,7 +28,7 @@ struct ControlRequest {
 };
 
 /// What a command does; empty: it only asks for the state.
-using ControlAction = std::function<Expected<void>(OperatorApi&)>;
+using ControlAction = std::function<Expected<void>(OperatorApi&, const Requester& by)>;
 
 [[nodiscard]] Expected<ControlRequest> decode_control_request(std::span<const std::byte> message);
 /// @return Error `kUnsupported` for a command of a later version, `kInvalid` for invalid numbers

@@ -31,13 +31,11 @@ std::string random_challenge() {
 }
 
 ControlConversation::ControlConversation(std::string challenge, OperatorApi& operator_api,
-                                         WrongProofs& wrong, std::uint64_t address_hash,
-                                         SharedEvents* events)
+                                         WrongProofs& wrong, ControlClient client)
     : challenge_(std::move(challenge)),
       operator_api_(operator_api),
       wrong_(wrong),
-      address_hash_(address_hash),
-      events_(events) {}
+      client_(std::move(client)) {}
 
 void ControlConversation::greet(std::vector<std::byte>& out, Instant now) {
   idle_since_ = now;
@@ -88,18 +86,25 @@ bool ControlConversation::answer(std::span<const std::byte> message, std::vector
   };
   if (!request) return refuse(ControlResult::kMalformed, request.error().what);
   if (feed_ || request->watch_after) return watch(*request, out, now);
-  if (wrong_.shut_out(address_hash_, now))
+  if (wrong_.shut_out(client_.address_hash, now))
     return refuse(ControlResult::kBusy, "too many wrong tokens from this address: wait 10 s");
-  if (operator_api_.token().empty())
+  const bool is_readable = client_.reads_only && !operator_api_.read_token().empty();
+  if (operator_api_.token().empty() && !is_readable)
     return refuse(ControlResult::kForbidden,
                   "this server takes no commands: set operator.token or operator.token_file in its "
                   "configuration");
   if (request->sequence != sequence_ + 1 || !is_proven(*request)) {
-    wrong_.note(address_hash_, now);
-    return refuse(ControlResult::kForbidden, "wrong operator token");
+    wrong_.note(client_.address_hash, now);
+    operator_api_.note_refusal({client_.by.protocol, {}, client_.by.address}, "prove a token",
+                               "wrong token");
+    return refuse(ControlResult::kForbidden,
+                  client_.reads_only ? "wrong token" : "wrong operator token");
   }
   sequence_ = request->sequence;
+  proven_at_ = operator_api_.tokens_changed();
   const auto action = decode_control_command(request->body);
+  if (action && *action && client_.reads_only)
+    return refuse(ControlResult::kForbidden, "this connection takes no commands");
   ControlReply reply;
   if (action) {
     reply = carry_out(*action);
@@ -115,14 +120,14 @@ bool ControlConversation::answer(std::span<const std::byte> message, std::vector
 
 bool ControlConversation::watch(const ControlRequest& request, std::vector<std::byte>& out,
                                 Instant now) {
-  if (feed_ || events_ == nullptr) {
+  if (feed_ || client_.events == nullptr) {
     const auto [result, why] =
         feed_ ? std::pair{ControlResult::kMalformed, "no request may follow a request for events"}
               : std::pair{ControlResult::kUnsupported, "this server has no events"};
     append(out, {request.sequence, result, why});
     return false;
   }
-  feed_.emplace(*events_, *request.watch_after, request.sequence);
+  feed_.emplace(*client_.events, *request.watch_after, request.sequence);
   append_events(out, now);
   return true;
 }
@@ -131,8 +136,13 @@ bool ControlConversation::is_proven(const ControlRequest& request) const {
   proof::Digest given{};
   if (request.proof.size() != given.size()) return false;
   std::copy(request.proof.begin(), request.proof.end(), given.begin());
-  return proof::equal(given, proof::control_proof(std::string(operator_api_.token()), challenge_,
-                                                  request.sequence, request.body));
+  const auto proves = [&](const std::string& token) {
+    return !token.empty() &&
+           proof::equal(given,
+                        proof::control_proof(token, challenge_, request.sequence, request.body));
+  };
+  return proves(operator_api_.token()) ||
+         (client_.reads_only && proves(operator_api_.read_token()));
 }
 
 ControlReply ControlConversation::carry_out(const ControlAction& action) {
@@ -141,7 +151,7 @@ ControlReply ControlConversation::carry_out(const ControlAction& action) {
     reply.state = ControlState{operator_api_.bodies(), operator_api_.map_mode(),
                                operator_api_.recording().value_or(""), operator_api_.recordings(),
                                version_of(operator_api_.map().get())};
-  } else if (const auto done = action(operator_api_); !done) {
+  } else if (const auto done = action(operator_api_, client_.by); !done) {
     reply.result = ControlResult::kRefused;
     reply.text = done.error().text();
   }
@@ -153,13 +163,15 @@ class ControlServer::Session final : public net::TcpSession {
   Session(net::Socket socket, const Clock& clock, OperatorApi& operator_api, WrongProofs& wrong,
           std::uint64_t address_hash, SharedEvents* events)
       : TcpSession(std::move(socket), "native", clock),
-        conversation_(random_challenge(), operator_api, wrong, address_hash, events) {
+        conversation_(
+            random_challenge(), operator_api, wrong,
+            {address_hash, {"native", kOperatorRight, net::text_of(peer())}, false, events}) {
     conversation_.greet(replies(), this->clock().now());
   }
 
   /// Operators keep their place; other clients have kTimeToProve.
   [[nodiscard]] bool may_be_replaced(Instant now) const override {
-    return !conversation_.is_operator() && now - since() >= kTimeToProve;
+    return !conversation_.is_admitted() && now - since() >= kTimeToProve;
   }
 
  protected:

@@ -88,6 +88,14 @@ using net::WrongProofs;
 /// kChallengeSize random bytes.
 [[nodiscard]] std::string random_challenge();
 
+/// The other end of a ControlConversation.
+struct ControlClient {
+  std::uint64_t address_hash{};  ///< For wrong proofs.
+  Requester by{};
+  bool reads_only{false};  ///< May prove the token for reading instead; has no commands.
+  SharedEvents* events{};  ///< nullptr: no events.
+};
+
 /// One client's commands: bytes in → bytes out, time passed in, no socket. They come by TCP
 /// (ControlServer) or in the messages of a WebSocket (`web`).
 ///
@@ -97,10 +105,8 @@ using net::WrongProofs;
 class ControlConversation final {
  public:
   /// @param challenge  kChallengeSize random bytes, others for each connection
-  /// @param address_hash  for wrong proofs
-  /// @param events  nullptr: no events
   ControlConversation(std::string challenge, OperatorApi& operator_api, WrongProofs& wrong,
-                      std::uint64_t address_hash, SharedEvents* events = nullptr);
+                      ControlClient client);
 
   void greet(std::vector<std::byte>& out, Instant now);
   /// Bytes cut anywhere. @return false: send `out`, then disconnect
@@ -110,8 +116,10 @@ class ControlConversation final {
   void append_events(std::vector<std::byte>& out, Instant now);
   /// @return false: no request, or no end of one, for too long
   [[nodiscard]] bool is_alive(Instant now) const;
-  /// The client has proven the operator's token.
-  [[nodiscard]] bool is_operator() const { return sequence_ > 0; }
+  /// The client has proven a token that is still valid.
+  [[nodiscard]] bool is_admitted() const {
+    return sequence_ > 0 && proven_at_ == operator_api_.tokens_changed();
+  }
 
  private:
   [[nodiscard]] bool answer(std::span<const std::byte> message, std::vector<std::byte>& out,
@@ -123,10 +131,10 @@ class ControlConversation final {
   std::string challenge_;
   OperatorApi& operator_api_;
   WrongProofs& wrong_;
-  std::uint64_t address_hash_;
-  SharedEvents* events_;
+  ControlClient client_;
   std::optional<EventFeed> feed_;  ///< Of a watching client.
   std::uint64_t sequence_{0};      ///< Of the last request.
+  std::uint64_t proven_at_{0};     ///< tokens_changed() then.
   std::vector<std::byte> begun_;   ///< Incomplete message.
   Instant idle_since_{};
 };

@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "streaming/conventions/text_fields.hpp"
+#include "base/text.hpp"
 
 namespace fiducap::native {
 

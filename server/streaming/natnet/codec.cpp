@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/bytes.hpp"
+#include "base/text.hpp"
 #include "streaming/conventions/text_fields.hpp"
 
 namespace fiducap::natnet {

@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "base/log.hpp"
+#include "base/text.hpp"
 #include "streaming/conventions/text_fields.hpp"
 
 namespace fiducap::natnet {
@@ -216,17 +217,20 @@ std::optional<Datagram> take_property(const Command& command, const ServerView& 
   return encode_text_response(*name);
 }
 
-Expected<void> start_recording(const Command&, const ServerView& server, std::string& next_take) {
-  auto started = server.operator_api->start_recording(next_take);
+Expected<void> start_recording(const Command&, const ServerView& server, const Requester& by,
+                               std::string& next_take) {
+  auto started = server.operator_api->start_recording(by, next_take);
   if (started) next_take.clear();  // a name is used once
   return started;
 }
 
-Expected<void> stop_recording(const Command&, const ServerView& server, std::string&) {
-  return server.operator_api->stop_recording();
+Expected<void> stop_recording(const Command&, const ServerView& server, const Requester& by,
+                              std::string&) {
+  return server.operator_api->stop_recording(by);
 }
 
-Expected<void> set_take_name(const Command& command, const ServerView&, std::string& next_take) {
+Expected<void> set_take_name(const Command& command, const ServerView&, const Requester&,
+                             std::string& next_take) {
   if (command[0].empty() || command[0].size() > kMaxTakeName)
     return fail(ErrorCode::kInvalid, "a take's name has 1 to 128 bytes");
   next_take = command[0];
@@ -234,13 +238,15 @@ Expected<void> set_take_name(const Command& command, const ServerView&, std::str
 }
 
 template <bool kEnabled>
-Expected<void> set_enabled(const Command& command, const ServerView& server, std::string&) {
+Expected<void> set_enabled(const Command& command, const ServerView& server, const Requester& by,
+                           std::string&) {
   const auto body = body_of(command, server);
   if (!body) return tl::unexpected(body.error());
-  return server.operator_api->set_enabled(body->id, kEnabled);
+  return server.operator_api->set_enabled(by, body->id, kEnabled);
 }
 
-Expected<void> reset_orientation(const Command& command, const ServerView& server, std::string&) {
+Expected<void> reset_orientation(const Command& command, const ServerView& server,
+                                 const Requester& by, std::string&) {
   const auto body = body_of(command, server);
   if (!body) return tl::unexpected(body.error());
   const BodyPose* now = nullptr;
@@ -251,38 +257,41 @@ Expected<void> reset_orientation(const Command& command, const ServerView& serve
   if (now == nullptr)
     return fail(ErrorCode::kUnavailable, "the body is not tracked: its attitude is unknown");
   // Rotates the pivot so that the body's present attitude becomes the identity: q_WP q_PP' = 1.
-  return server.operator_api->set_pivot(body->id,
+  return server.operator_api->set_pivot(by, body->id,
                                         {body->X_BP.q * now->X_WP.q.conjugate(), body->X_BP.p});
 }
 
-Expected<void> reset_location(const Command& command, const ServerView& server, std::string&) {
+Expected<void> reset_location(const Command& command, const ServerView& server, const Requester& by,
+                              std::string&) {
   const auto body = body_of(command, server);
   if (!body) return tl::unexpected(body.error());
-  return server.operator_api->set_pivot(body->id, {body->X_BP.q, Eigen::Vector3d::Zero()});
+  return server.operator_api->set_pivot(by, body->id, {body->X_BP.q, Eigen::Vector3d::Zero()});
 }
 
-Expected<void> recalibrate(const Command&, const ServerView&, std::string&) {
+Expected<void> recalibrate(const Command&, const ServerView&, const Requester&, std::string&) {
   return fail(ErrorCode::kUnsupported, "has no meaning for a body that sees tags");
 }
 
-Expected<void> set_property(const Command& command, const ServerView& server, std::string&) {
+Expected<void> set_property(const Command& command, const ServerView& server, const Requester& by,
+                            std::string&) {
   if (command.count < 3 || command[0].empty())
     return fail(ErrorCode::kUnsupported,
                 "the server's own properties are set in its configuration");
   const auto body = body_of(command, server);
   if (!body) return tl::unexpected(body.error());
   const std::string name = plain(command[1]);
-  if (name == "name") return server.operator_api->rename(body->id, std::string(command[2]));
+  if (name == "name") return server.operator_api->rename(by, body->id, std::string(command[2]));
   if (!is_active(name))
     return fail(ErrorCode::kUnsupported, "only Name and Active of a body can be set");
   const auto wanted = read_bool(command[2]);
   if (!wanted) return fail(ErrorCode::kInvalid, "Active is true or false");
-  return server.operator_api->set_enabled(body->id, *wanted);
+  return server.operator_api->set_enabled(by, body->id, *wanted);
 }
 
 struct OperatorCommand {
   std::string_view word;
-  Expected<void> (*run)(const Command&, const ServerView&, std::string& next_take);
+  Expected<void> (*run)(const Command&, const ServerView&, const Requester&,
+                        std::string& next_take);
 };
 constexpr std::array<OperatorCommand, 9> kOperatorCommands{{
     {"StartRecording", start_recording},
@@ -310,14 +319,19 @@ std::optional<Datagram> run_operator_command(const Command& command, const Serve
   const auto at = std::ranges::find_if(
       kOperatorCommands, [&](const auto& known) { return known.word == command.word; });
   if (at == kOperatorCommands.end()) return std::nullopt;
-  const std::string what = std::string(at->word) + " " +
-                           printable(command[0].substr(0, kLongestNode)) + " of " + text_of(from);
   if (!may_change(server, from)) {
-    log::info("natnet", what + " refused: streaming.natnet.remote_control does not allow it");
+    if (server.operator_api != nullptr)
+      server.operator_api->note_refusal(
+          {"natnet", {}, text_of(from)},
+          std::string(at->word) + " " + std::string(command[0].substr(0, kLongestNode)),
+          "streaming.natnet.remote_control does not allow it");
     return encode_response(kRefused);
   }
-  const auto done = at->run(command, server, next_take);
-  log::info("natnet", what + (done ? ": done" : " refused: " + done.error().text()));
+  const Requester by{"natnet", "remote_control", text_of(from)};
+  const auto done = at->run(command, server, by, next_take);
+  if (!done)
+    log::info("natnet",
+              std::string(at->word) + " of " + by.address + " is refused: " + done.error().text());
   return encode_response(done ? kDone : kRefused);
 }
 

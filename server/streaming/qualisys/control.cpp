@@ -43,10 +43,14 @@ bool is_saved(const std::vector<RecordingStatus>& recordings, const std::string&
 Reply Control::take(ClientId client, std::string_view peer, std::string_view password) {
   if (is_master(client)) return Reply::done("You are already master");
   if (operator_api_ == nullptr) return Reply::refused("Client control disabled in QTM");
-  if (!operator_api_->admits(password)) return {false, "Wrong or missing password", true};
-  if (master_) return Reply::refused(master_peer_ + " is already master");
+  if (!operator_api_->admits(password)) {
+    operator_api_->note_refusal({kName, {}, std::string(peer)}, "prove a token", "wrong token");
+    return {false, "Wrong or missing password", true};
+  }
+  if (master_ && is_master(*master_)) return Reply::refused(master_peer_ + " is already master");
   master_ = client;
   master_peer_ = peer;
+  proven_at_ = operator_api_->tokens_changed();
   return Reply::done("You are now master");
 }
 
@@ -57,7 +61,7 @@ Reply Control::release(ClientId client) {
 }
 
 void Control::left(ClientId client) {
-  if (is_master(client)) master_.reset();
+  if (master_ == client) master_.reset();
 }
 
 std::optional<Reply> Control::execute(ClientId client, const Command& command) {
@@ -78,7 +82,7 @@ std::optional<Reply> Control::execute(ClientId client, const Command& command) {
 Reply Control::start(std::string_view argument) {
   if (same_word(argument, "RTFromFile")) return Reply::refused("No file open");
   if (recording()) return Reply::refused("Measurement is already running");
-  if (const auto started = operator_api_->start_recording({}); !started)
+  if (const auto started = operator_api_->start_recording(master(), {}); !started)
     return Reply::refused(started.error().text());
   return Reply::done("Starting measurement");
 }
@@ -89,7 +93,7 @@ Reply Control::stop() {
     return Reply::refused(failed ? *failed : "No measurement is running");
   }
   last_capture_ = *operator_api_->recording();
-  if (const auto stopped = operator_api_->stop_recording(); !stopped)
+  if (const auto stopped = operator_api_->stop_recording(master()); !stopped)
     return Reply::refused(stopped.error().text());
   return Reply::done("Stopping measurement");
 }
@@ -119,7 +123,8 @@ Reply Control::apply_settings(ClientId client, std::string_view xml,
     const auto body =
         std::ranges::find_if(bodies, [&](const auto& entry) { return entry.name == one.name; });
     if (body == bodies.end()) return failed();
-    if (body->enabled != one.enabled && !operator_api_->set_enabled(body->id, one.enabled))
+    if (body->enabled != one.enabled &&
+        !operator_api_->set_enabled(master(), body->id, one.enabled))
       return failed();
   }
   return Reply::done("Setting parameters succeeded");

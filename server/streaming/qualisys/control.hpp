@@ -41,7 +41,10 @@ class Control final {
   [[nodiscard]] Reply release(ClientId client);
   /// The connection ended: control is free.
   void left(ClientId client);
-  [[nodiscard]] bool is_master(ClientId client) const { return master_ == client; }
+  /// A change of the token ends its control.
+  [[nodiscard]] bool is_master(ClientId client) const {
+    return master_ == client && proven_at_ == operator_api_->tokens_changed();
+  }
 
   /// New, Close, Start, Stop, Save, Load, LoadProject, Trig, Event, Reprocess, Calibrate, …
   /// @return nullopt: not one of them
@@ -63,10 +66,14 @@ class Control final {
   Reply stop();
   Reply save() const;
   Reply close();
+  [[nodiscard]] Requester master() const { return {kName, kOperatorRight, master_peer_}; }
+
+  static constexpr std::string_view kName = "qualisys";
 
   OperatorApi* operator_api_;
   std::optional<ClientId> master_;
   std::string master_peer_;
+  std::uint64_t proven_at_{0};          ///< tokens_changed() then.
   std::optional<std::string> running_;  ///< Recording at the last `observe`.
   std::optional<std::string> ending_;   ///< Stopped, not yet saved or failed.
   std::string last_capture_;            ///< Name; empty: none, or it was closed.

@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "base/bytes.hpp"
+#include "base/text.hpp"
 #include "streaming/conventions/text_fields.hpp"
 
 namespace fiducap::vrpn {
@@ -55,9 +56,7 @@ std::string_view as_text(std::span<const std::byte> bytes) {
 
 /// Short and printable, for an error's text.
 std::string shown(std::string_view text) {
-  std::string out = "\"";
-  for (const char c : text.substr(0, 40)) out += c >= ' ' && c <= '~' ? c : '.';
-  return out + (text.size() > 40 ? "...\"" : "\"");
+  return "\"" + printable(text.substr(0, 40)) + (text.size() > 40 ? "...\"" : "\"");
 }
 
 Expected<std::uint16_t> checked_port(std::int64_t port, const char* context) {

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <utility>
 
+#include "base/text.hpp"
 namespace fiducap::vrpn {
 
 namespace {
@@ -12,12 +13,6 @@ constexpr Duration kReportPeriod = std::chrono::seconds(1);
 constexpr std::size_t kMaxExplained = 4;
 
 bool in_range(std::int32_t id) { return id >= 0 && id < kMaxIds; }
-
-std::string printable(std::string_view text) {
-  std::string out;
-  for (const char c : text) out += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '.' : c;
-  return out;
-}
 
 }  // namespace
 

@@ -79,6 +79,9 @@ class BeastSession final : public WebSession {
   [[nodiscard]] std::optional<HttpResponse> refusal_of(SocketKind kind);
   void upgrade(SocketKind kind);
   void on_upgraded(ErrorCodeOf error);
+  void join_live();
+  void on_live_proof(ErrorCodeOf error, std::size_t bytes);
+  void on_live_reply(ErrorCodeOf error, std::size_t bytes);
   void on_live_read(ErrorCodeOf error, std::size_t bytes);
   template <class Client>
   void write_next(Client& client, std::string_view places);
@@ -105,6 +108,8 @@ class BeastSession final : public WebSession {
   std::shared_ptr<ViewConnection> view_;
   Message writing_;
   std::unique_ptr<native::ControlConversation> control_;
+  std::unique_ptr<native::ControlConversation> reader_;  ///< Of a live page that needs a proof.
+  std::uint64_t tokens_at_{0};                           ///< tokens_changed() at the upgrade.
   std::vector<std::byte> replies_;
   bool hangs_up_{false};
   std::size_t lingered_{0};

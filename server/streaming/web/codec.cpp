@@ -165,6 +165,10 @@ bool had_pose(const BodyPose& body) {
   return body.valid || body.covariance.diagonal().head<3>().maxCoeff() > 0;
 }
 
+std::string encode_ticket(std::string_view ticket) {
+  return message("ticket", [&](JsonWriter& out) { out.member("ticket", ticket); });
+}
+
 std::string encode_hello(const Hello& hello, const SceneModel& model) {
   return message("hello", [&](JsonWriter& out) {
     out.member("server", "fiducapd");

@@ -102,6 +102,9 @@ struct Hello {
   bool takes_commands{};  ///< An operator's token is configured.
 };
 
+/// `ticket`: authorises HTTP requests (`Authorization: Bearer`) while the page is connected.
+[[nodiscard]] std::string encode_ticket(std::string_view ticket);
+
 /// `hello`: server, version, map_mode, page_rate_hz, takes_commands, bodies [{id, name}]
 [[nodiscard]] std::string encode_hello(const Hello& hello, const SceneModel& model);
 

@@ -163,7 +163,8 @@ HttpResponse sheet_of(const HttpRequest& request, SetupApi& setup) {
 HttpResponse run_command(const HttpRequest& request, SetupApi& setup) {
   auto values = query_of(request.target);
   if (!values) return plain_response(400, "expected ?key=value&key=value\n");
-  const auto taken = setup.command(std::string(below_setup(request.target)), std::move(*values));
+  const auto taken = setup.command({"set-up", "secret of the set-up", std::string(request.address)},
+                                   std::string(below_setup(request.target)), std::move(*values));
   return taken ? plain_response(202, "\n") : later_response(503, taken.error().what + "\n");
 }
 
@@ -214,6 +215,10 @@ HttpResponse answer(const HttpRequest& request, const PageFiles& page,
     return response;
   }
   return plain_response(404, "nothing here; the page is at /\n");
+}
+
+bool is_open(std::string_view path) {
+  return path != "/metrics" && (!path.starts_with("/api/") || is_setup(path));
 }
 
 bool is_our_name(std::string_view host, const std::vector<std::string>& names) {
@@ -274,10 +279,13 @@ HttpResponse answer_setup(const HttpRequest& request, SetupApi* setup, bool is_h
     return plain_response(403,
                           "The set-up works at this machine only: open the page there, or through "
                           "`ssh -L 8080:127.0.0.1:8080`.\n");
-  if (!setup->admits(request.setup))
+  if (!setup->admits(request.setup)) {
+    if (!request.setup.empty() || request.method == "POST")
+      setup->note_refusal({"set-up", {}, std::string(request.address)});
     return plain_response(403,
                           "Open the address that fiducapd --setup printed in its terminal, with "
                           "everything after #.\n");
+  }
   const std::string_view what = below_setup(request.target);
   bool knows_method = false;
   for (const SetupRoute& route : kRoutes) {

@@ -32,7 +32,8 @@ struct HttpRequest {
   std::string_view if_none_match{};
   std::string_view accept_encoding{};
   std::string_view accept{};
-  std::string_view setup{};  ///< `X-Fiducap-Setup`: secret of the set-up.
+  std::string_view setup{};    ///< `X-Fiducap-Setup`: secret of the set-up.
+  std::string_view address{};  ///< Of the client.
 };
 
 struct HttpResponse {
@@ -66,6 +67,9 @@ struct RouteSources {
   /// JSON of `/api/v1/map/diff/BEFORE/AFTER`. @return nullopt: they are being read
   std::function<Expected<std::optional<Content>>(std::int64_t before, std::int64_t after)> diff{};
 };
+
+/// @return a request at this path needs no token for reading
+[[nodiscard]] bool is_open(std::string_view path);
 
 [[nodiscard]] HttpResponse plain_response(int status, std::string text);
 

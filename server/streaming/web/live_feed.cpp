@@ -43,6 +43,11 @@ void LiveConnection::offer_log(Message message, std::uint64_t last_number) {
   log_given_ = last_number;
 }
 
+void LiveConnection::give_ticket() {
+  ticket_ = net::random_secret();
+  offer(Topic::kTicket, shared(encode_ticket(ticket_)));
+}
+
 std::optional<std::uint64_t> LiveConnection::log_wanted_after() const {
   if (waiting_[slot(Topic::kLog)]) return std::nullopt;
   return log_given_;

@@ -22,8 +22,8 @@ namespace fiducap::web {
 using Message = std::shared_ptr<const std::string>;
 
 /// The kinds of messages, in the order in which waiting ones leave.
-enum class Topic : std::size_t { kHello, kEvents, kMap, kFits, kFrame, kClients, kLog };
-inline constexpr std::size_t kTopics = 7;
+enum class Topic : std::size_t { kTicket, kHello, kEvents, kMap, kFits, kFrame, kClients, kLog };
+inline constexpr std::size_t kTopics = 8;
 
 /// One client of a feed, without its socket: one write at a time, and its counts.
 class FeedClient {
@@ -58,7 +58,7 @@ class FeedClient {
   bool dismissed_{false};
 };
 
-/// One live page: keeps the newest message per topic, so a slow page costs at most seven messages.
+/// One live page: keeps the newest message per topic, so a slow page costs at most eight messages.
 /// Only frames count as dropped; log lines are collected.
 class LiveConnection final : public FeedClient {
  public:
@@ -66,6 +66,9 @@ class LiveConnection final : public FeedClient {
 
   /// Replaces a waiting message of the same topic.
   void offer(Topic topic, Message message);
+  /// A secret for HTTP requests while the page is connected: its user has proven a token.
+  void give_ticket();
+  [[nodiscard]] const std::string& ticket() const { return ticket_; }
   /// Log lines up to `last_number`. @pre log_wanted_after()
   void offer_log(Message message, std::uint64_t last_number);
   /// @return the number after which lines are wanted; nullopt while older lines still wait.
@@ -81,6 +84,7 @@ class LiveConnection final : public FeedClient {
  private:
   std::array<Message, kTopics> waiting_{};
   std::uint64_t log_given_{0};
+  std::string ticket_;
 };
 
 /// Messages of the live pages: frames at the page's rate; map and events when they change; clients,

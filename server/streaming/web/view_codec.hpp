@@ -36,10 +36,11 @@ inline constexpr std::size_t kMostViewRequests = 16;
 struct ViewAccess {
   enum class Kind {
     kGranted,
-    kProof,   ///< With a proof of the operator's token.
+    kProof,   ///< With a proof of a token.
     kDenied,  ///< `why` has the remedy.
   } kind{};
   std::string why;
+  bool for_readers{};  ///< A proof of the token for reading is enough.
 };
 
 /// The reply of `/api/v1/views` to a plain request: access (`granted`, `proof` or `denied`), why,

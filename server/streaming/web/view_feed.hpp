@@ -18,7 +18,7 @@
 
 namespace fiducap::web {
 
-/// One viewer, without its socket: proves the operator's token if required, requests cameras, and
+/// One viewer, without its socket: proves a token if required, requests cameras, and
 /// gets pictures: the newest per camera, at the requested rate, at most kMostPerSecond in total.
 class ViewConnection final : public FeedClient {
  public:
@@ -28,12 +28,14 @@ class ViewConnection final : public FeedClient {
   /// @param proof  asks for the token; nullptr: not required
   ViewConnection(const net::Peer& peer, Instant connected_at, std::size_t cameras,
                  std::unique_ptr<native::ControlConversation> proof);
-  [[nodiscard]] bool is_admitted() const { return proof_ == nullptr || proof_->is_operator(); }
+  [[nodiscard]] bool is_admitted() const { return proof_ == nullptr || proof_->is_admitted(); }
   /// One of a bounded number, see ViewFeed.
   void give_place() { has_place_ = true; }
   [[nodiscard]] bool has_place() const { return has_place_ && !dismissed(); }
-  /// @return false: no proof within the time limit
-  [[nodiscard]] bool is_alive(Instant now) const { return is_admitted() || proof_->is_alive(now); }
+  /// @return false: no proof within the time limit, or of a token that has been replaced
+  [[nodiscard]] bool is_alive(Instant now) const {
+    return is_admitted() || (!has_place_ && proof_->is_alive(now));
+  }
 
   /// The request for a proof, if required.
   void greet(std::vector<std::byte>& out, Instant now);

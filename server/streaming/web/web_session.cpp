@@ -5,6 +5,8 @@
 #include <boost/beast/http/write.hpp>
 
 #include "base/log.hpp"
+#include "base/text.hpp"
+#include "streaming/conventions/text_fields.hpp"
 #include "streaming/net/bind.hpp"
 #include "streaming/net/interfaces.hpp"
 #include "streaming/web/beast_session.hpp"
@@ -35,6 +37,9 @@ void BeastSession::tick(Instant now) {
     read_request();
   }
   if (control_ && !control_->is_alive(now)) return end();
+  if (reader_ && !live_ && !reader_->is_alive(now)) return end();
+  const bool is_old = (live_ || view_) && tokens_at_ != context_->tokens_changed();
+  if (is_old && context_->reading_needs_proof()) return end();
   if (view_ && !view_->is_alive(now)) return end();
   pump();
 }
@@ -69,17 +74,23 @@ void BeastSession::on_request(ErrorCodeOf error, std::size_t) {
                                "streaming.web.hosts\n"),
                 false);
   if (socket) return upgrade(*socket);
+  const std::string address = net::text_of(peer());
   const HttpRequest asked{view_of(request.method_string()),
                           view_of(request.target()),
                           view_of(request[http::field::if_none_match]),
                           view_of(request[http::field::accept_encoding]),
                           view_of(request[http::field::accept]),
-                          view_of(request[kSetupHeader])};
+                          view_of(request[kSetupHeader]),
+                          address};
   const bool for_another = is_forwarded();
   if (is_setup(path_of(asked.target))) {
     if (!is_own_page())
       return send(plain_response(403, "the set-up serves its own page only\n"), false);
     return send(context_->answer_setup(asked, peer(), for_another), request.keep_alive());
+  }
+  if (!is_open(path_of(asked.target))) {
+    auto refusal = context_->refusal_to_read(view_of(request[http::field::authorization]), peer());
+    if (refusal) return send(std::move(*refusal), request.keep_alive());
   }
   send(context_->answer(asked, context_->view_access(peer(), for_another)), request.keep_alive());
 }
@@ -109,6 +120,7 @@ void BeastSession::send(HttpResponse response, bool keep_alive) {
   if (response.retry_after_s > 0)
     response_->set(http::field::retry_after, std::to_string(response.retry_after_s));
   if (!response.etag.empty()) response_->set(http::field::etag, response.etag);
+  if (response.status == 401) response_->set(http::field::www_authenticate, "Bearer");
   if (response.status == 405) response_->set(http::field::allow, "GET, HEAD");
   response_->set("Content-Security-Policy",
                  beast::string_view(kContentSecurityPolicy.data(), kContentSecurityPolicy.size()));
@@ -171,9 +183,7 @@ std::shared_ptr<ViewConnection> WebContext::join_views(const net::Peer& peer, bo
   if (access.kind == ViewAccess::Kind::kDenied || (may_look && !view_feed_.has_place(peer)))
     return nullptr;
   std::unique_ptr<native::ControlConversation> proof;
-  if (access.kind == ViewAccess::Kind::kProof)
-    proof = std::make_unique<native::ControlConversation>(native::random_challenge(), *operators_,
-                                                          wrong_, hash(peer));
+  if (access.kind == ViewAccess::Kind::kProof) proof = begin_proof(peer, access.for_readers);
   return view_feed_.join(peer, now(), std::move(proof));
 }
 
@@ -190,8 +200,33 @@ std::unique_ptr<native::ControlConversation> WebContext::begin_control(WebSessio
     (*other)->close("is closed: another operator needs its place", log::Level::kInfo);
   }
   controls_.push_back(&session);
-  return std::make_unique<native::ControlConversation>(native::random_challenge(), *operators_,
-                                                       wrong_, hash(session.peer()));
+  return begin_proof(session.peer(), false);
+}
+
+std::unique_ptr<native::ControlConversation> WebContext::begin_proof(const net::Peer& peer,
+                                                                     bool reads_only) {
+  return std::make_unique<native::ControlConversation>(
+      native::random_challenge(), *operators_, wrong_,
+      native::ControlClient{hash(peer), {"web", kOperatorRight, net::text_of(peer)}, reads_only});
+}
+
+std::optional<HttpResponse> WebContext::refusal_to_read(std::string_view authorization,
+                                                        const net::Peer& peer) {
+  constexpr std::string_view kScheme = "Bearer ";
+  if (!reading_needs_proof()) return std::nullopt;
+  const HttpResponse refusal = plain_response(
+      401, "this needs the server's token for reading: Authorization: Bearer TOKEN\n");
+  if (!same_word(authorization.substr(0, kScheme.size()), kScheme)) return refusal;
+  const std::string_view given = authorization.substr(kScheme.size());
+  const bool has_ticket = std::ranges::any_of(
+      feed_.connections(), [&](const auto& page) { return same_secret(given, page->ticket()); });
+  if (has_ticket) return std::nullopt;
+  if (wrong_.shut_out(hash(peer), now()))
+    return later_response(429, "too many wrong tokens from this address: wait 10 s\n");
+  if (same_secret(given, operators_->read_token())) return std::nullopt;
+  wrong_.note(hash(peer), now());
+  operators_->note_refusal({"web", {}, net::text_of(peer)}, "prove a token", "wrong token");
+  return refusal;
 }
 
 std::shared_ptr<WebSession> make_session(net::Socket socket, const net::Peer& peer,

@@ -64,8 +64,24 @@ class WebContext final {
   /// @param is_forwarded  see ViewFeed
   [[nodiscard]] ViewAccess view_access(const net::Peer& peer, bool is_forwarded) const {
     const bool has_token = operators_ != nullptr && !operators_->token().empty();
-    return view_feed_.access(peer, is_forwarded, has_token);
+    ViewAccess access = view_feed_.access(peer, is_forwarded, has_token);
+    if (access.kind == ViewAccess::Kind::kGranted && reading_needs_proof())
+      access = {ViewAccess::Kind::kProof, "camera views need a token of this server", true};
+    return access;
   }
+  /// A token for reading is configured.
+  [[nodiscard]] bool reading_needs_proof() const {
+    return operators_ != nullptr && !operators_->read_token().empty();
+  }
+  [[nodiscard]] std::uint64_t tokens_changed() const {
+    return operators_ == nullptr ? 0 : operators_->tokens_changed();
+  }
+  /// @param authorization  of an HTTP request   @return nullopt: it may read
+  [[nodiscard]] std::optional<HttpResponse> refusal_to_read(std::string_view authorization,
+                                                            const net::Peer& peer);
+  /// @param reads_only  a proof of the token for reading is enough, and there are no commands
+  [[nodiscard]] std::unique_ptr<native::ControlConversation> begin_proof(const net::Peer& peer,
+                                                                         bool reads_only);
   /// @return `secret` is that of the running set-up
   [[nodiscard]] bool leads_setup(std::string_view secret) const {
     return setup_ != nullptr && setup_->admits(secret);

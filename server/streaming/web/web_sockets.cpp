@@ -49,7 +49,8 @@ std::optional<HttpResponse> BeastSession::refusal_of(SocketKind kind) {
   if (!is_own_page()) return plain_response(403, "the sockets serve their own page only\n");
   if (kind == SocketKind::kControl && !context_->takes_commands())
     return plain_response(404, "this server takes no commands\n");
-  if (kind == SocketKind::kLive && !context_->has_place(peer()))
+  const bool proves_first = context_->reading_needs_proof();
+  if (kind == SocketKind::kLive && !proves_first && !context_->has_place(peer()))
     return later_response(503, "too many live pages; try again later\n");
   if (kind == SocketKind::kViews) {
     const ViewAccess access = context_->view_access(peer(), is_forwarded());
@@ -79,9 +80,36 @@ void BeastSession::upgrade(SocketKind kind) {
 }
 
 void BeastSession::on_upgraded(ErrorCodeOf error) {
-  // The last place may have been taken during the handshake.
-  if (!error) live_ = context_->join(peer());
+  if (error) return end();
+  tokens_at_ = context_->tokens_changed();
+  if (!context_->reading_needs_proof()) return join_live();
+  reader_ = context_->begin_proof(peer(), true);
+  stream_.binary(true);
+  reader_->greet(replies_, context_->now());
+  stream_.async_write(asio::buffer(replies_), on(&BeastSession::on_live_reply));
+}
+
+void BeastSession::on_live_proof(ErrorCodeOf error, std::size_t) {
+  if (error || !context_->take_request(peer(), 1)) return end();
+  hangs_up_ = stream_.got_text() || !reader_->receive(received(), replies_, context_->now());
+  buffer_.clear();
+  if (replies_.empty()) return on_live_reply({}, 0);  // half a request, or none at all
+  stream_.async_write(asio::buffer(replies_), on(&BeastSession::on_live_reply));
+}
+
+void BeastSession::on_live_reply(ErrorCodeOf error, std::size_t) {
+  replies_.clear();
+  if (error) return end();
+  if (hangs_up_) return close_socket(websocket::close_code::policy_error);
+  if (reader_->is_admitted()) return join_live();
+  stream_.async_read(buffer_, on(&BeastSession::on_live_proof));
+}
+
+void BeastSession::join_live() {
+  // The last place may have been taken meanwhile.
+  live_ = context_->join(peer());
   if (!live_) return end();
+  if (reader_) live_->give_ticket();
   tune_socket(true);
   stream_.async_read(buffer_, on(&BeastSession::on_live_read));
   pump();
@@ -164,6 +192,7 @@ void BeastSession::on_replied(ErrorCodeOf error, std::size_t) {
 }
 
 void BeastSession::on_views_upgraded(ErrorCodeOf error) {
+  tokens_at_ = context_->tokens_changed();
   if (!error) view_ = context_->join_views(peer(), is_forwarded());
   if (!view_) return end();
   tune_socket(false);

@@ -53,9 +53,11 @@ using net::ListeningPort;
 using net::Transport;
 
 /// The body of a reply 200, at most 4 MB. Each wait ends after `timeout`.
+/// @param token  for reading; empty: none
 [[nodiscard]] Expected<std::string> http_get(const std::string& host, std::uint16_t port,
                                              const std::string& path,
-                                             std::chrono::milliseconds timeout);
+                                             std::chrono::milliseconds timeout,
+                                             const std::string& token = {});
 
 struct MachineFacts {
   int cores{};

@@ -106,7 +106,8 @@ std::optional<std::string> multicast_fault(const NetworkInterface& interface) {
 }
 
 Expected<std::string> http_get(const std::string& host, std::uint16_t port, const std::string& path,
-                               std::chrono::milliseconds timeout) {
+                               std::chrono::milliseconds timeout, const std::string& token) {
+  const std::string authorization = token.empty() ? "" : "Authorization: Bearer " + token + "\r\n";
   const std::string where = host + ":" + std::to_string(port);
   addrinfo hints{};
   hints.ai_socktype = SOCK_STREAM;
@@ -117,8 +118,8 @@ Expected<std::string> http_get(const std::string& host, std::uint16_t port, cons
   for (const addrinfo* one = first; one != nullptr; one = one->ai_next) {
     const Descriptor connection(::socket(one->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0));
     if (!connect_to(connection, *one, timeout)) continue;
-    auto answer = ask(connection.number(), "GET " + path + " HTTP/1.1\r\nHost: " + where +
-                                               "\r\nConnection: close\r\n\r\n");
+    auto answer = ask(connection.number(), "GET " + path + " HTTP/1.1\r\nHost: " + where + "\r\n" +
+                                               authorization + "Connection: close\r\n\r\n");
     auto body = answer ? body_of(*answer) : std::move(answer);
     if (!body) return fail(body.error().code, body.error().what, where);
     return body;

@@ -136,10 +136,11 @@ ServerFacts gather_facts(const ServerConfig& config, const std::string& host) {
   facts.machine.send_buffer_most = number_in("/proc/sys/net/core/wmem_max");
   facts.machine.clock_synchronised = read_machine_state().clock_synchronised;
   facts.machine.unit = unit_state();
-  if (const auto token = operator_token(config.operators, std::getenv("CREDENTIALS_DIRECTORY")))
-    facts.token.length = token->size();
+  const auto tokens = with_tokens(config.operators, std::getenv("CREDENTIALS_DIRECTORY"));
+  if (tokens)
+    facts.token.length = tokens->token.size();
   else
-    facts.token.unreadable = token.error().text();
+    facts.token.unreadable = tokens.error().text();
   facts.servers = running_servers();
   facts.listening = listening_ports();
   if (config.streaming.dds.enabled && config.dds.is_loopback() && !facts.servers.empty()) {
@@ -149,7 +150,8 @@ ServerFacts gather_facts(const ServerConfig& config, const std::string& host) {
   if (!config.map.store.empty()) facts.store = store_facts(config.map.store);
   facts.recordings = recordings_of(config);
   if (config.streaming.web.enabled) {
-    if (const auto state = http_get(host, config.streaming.web.port, "/api/v1/state", kPageTimeout))
+    if (const auto state = http_get(host, config.streaming.web.port, "/api/v1/state", kPageTimeout,
+                                    tokens ? tokens->read_token : ""))
       facts.alarms = alarms_in(*state);
   }
   return facts;

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/text.hpp"
+#include "daemon/operator_token.hpp"
 #include "fiducap/control.hpp"
 #include "tools/live/live_verbs.hpp"
 #include "tools/tags/map_files.hpp"
@@ -19,6 +20,7 @@ namespace {
 
 struct ControlArguments {
   std::string server{"127.0.0.1"};
+  std::string token_file;  ///< Empty: `token`.
   std::string token;       ///< Empty: the environment's FIDUCAP_TOKEN.
   std::string body;        ///< Name or id.
   std::string name;        ///< New name of the body, of the recording or of the version.
@@ -37,12 +39,17 @@ Expected<ControlOptions> options_of(const ControlArguments& arguments) {
   options.server = address->host;
   options.port = address->port;
   options.token = arguments.token;
+  if (!arguments.token_file.empty()) {
+    auto token = read_token_file(arguments.token_file);
+    if (!token) return tl::unexpected(token.error());
+    options.token = std::move(*token);
+  }
   const char* from_environment = std::getenv("FIDUCAP_TOKEN");
   if (options.token.empty() && from_environment != nullptr) options.token = from_environment;
   if (options.token.empty())
     return fail(ErrorCode::kInvalid,
-                "needs the operator's token (operator.token of the server's configuration): export "
-                "FIDUCAP_TOKEN=$(cat FILE), or --token T, which other users see");
+                "needs the operator's token (operator.token_file of the server's configuration): "
+                "--token-file FILE, or export FIDUCAP_TOKEN=$(cat FILE)");
   return options;
 }
 
@@ -307,6 +314,9 @@ class ControlVerbs final {
     auto& verb = *control_.add_subcommand(name, what);
     arguments_ = &arguments_of<ControlArguments>(
         verb, chosen_, [command](const ControlArguments& arguments, const Terminal& terminal) {
+          if (!arguments.token.empty())
+            terminal.err << "fiducap: warning: every user of this machine sees --token: use "
+                            "--token-file, and choose a new token\n";
           const auto options = options_of(arguments);
           if (!options) return report(terminal, options.error());
           Control control(*options);
@@ -316,10 +326,12 @@ class ControlVerbs final {
           return kExitOk;
         });
     add_server_option(verb, arguments_->server);
-    verb.add_option("--token", arguments_->token,
-                    "The operator's token; better the environment's FIDUCAP_TOKEN: every user of "
-                    "the machine sees command lines");
-    verb.footer("Example:\n  fiducap control " + name + example);
+    auto* file = verb.add_option("--token-file", arguments_->token_file,
+                                 "File with the operator's token; without it: the environment's "
+                                 "FIDUCAP_TOKEN");
+    // Of earlier versions: every user of the machine sees command lines.
+    verb.add_option("--token", arguments_->token, "")->group("")->excludes(file);
+    verb.footer("Example:\n  fiducap control " + name + example + " --token-file robot.token");
     return verb;
   }
   CLI::App& add_for_body(const char* name, const char* what, Command command,
@@ -361,11 +373,10 @@ void add_control(CLI::App& app, ChosenVerb& chosen) {
   auto* control = app.add_subcommand("control", "Change a running server: bodies, map, recording");
   control->require_subcommand(1);
   control->footer(
-      "The server's configuration names the token: operator.token or operator.token_file.\n"
-      "Other users of this machine see command lines, but not the environment.\n"
-      "Before: export FIDUCAP_TOKEN=$(cat robot.token)\n"
-      "Example:\n  fiducap control disable rover\n"
-      "  fiducap control record flight-3");
+      "operator.token_file of the server's configuration names the token's file.\n"
+      "Instead of --token-file: export FIDUCAP_TOKEN=$(cat robot.token)\n"
+      "Example:\n  fiducap control disable rover --token-file robot.token\n"
+      "  fiducap control record flight-3 --token-file robot.token");
   ControlVerbs verbs(*control, chosen);
   verbs.add_bodies_and_mode();
   verbs.add_map_commands();

@@ -70,7 +70,7 @@ std::string event_line(const ServerEvent& event) {
   severity.resize(8, ' ');
   const std::string remedy = event.remedy.empty() ? "" : " – " + event.remedy;
   return time_text(event.at_utc_ms) + " " + severity +
-         escape_controls(event.subject + ": " + event.text + remedy) + "\n";
+         printable(event.subject + ": " + event.text + remedy) + "\n";
 }
 
 void add_events(CLI::App& app, ChosenVerb& chosen) {

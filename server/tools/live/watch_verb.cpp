@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/numeric.hpp"
+#include "base/text.hpp"
 #include "tools/live/live_verbs.hpp"
 #include "tools/verb_options.hpp"
 
@@ -153,8 +154,12 @@ class Watch final {
   void redraw(const std::string& table) {
     std::string text;
     if (lines_shown_ > 0) text += "\x1b[" + std::to_string(lines_shown_) + "A\r";
-    for (const char c : table) text += c == '\n' ? std::string("\x1b[K\n") : std::string(1, c);
-    terminal_.out << text << "\x1b[J" << std::flush;
+    for (std::string_view rest = table; !rest.empty();) {
+      const std::size_t end = std::min(rest.find('\n'), rest.size() - 1);
+      text += printable(rest.substr(0, end)) + "\x1b[K\n";
+      rest.remove_prefix(end + 1);
+    }
+    draw(terminal_.out, text + "\x1b[J");
     lines_shown_ = std::count(table.begin(), table.end(), '\n');
   }
 

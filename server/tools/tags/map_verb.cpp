@@ -305,6 +305,23 @@ int run_map_repair(const MapArguments& arguments, const Terminal& terminal) {
   return kExitOk;
 }
 
+int run_map_backup(const MapArguments& arguments, const Terminal& terminal) {
+  std::error_code error;
+  if (!arguments.replaces && std::filesystem::exists(arguments.file, error))
+    return report(terminal,
+                  {ErrorCode::kInvalid, "is there already: name another file, or add --replace",
+                   arguments.file});
+  if (std::filesystem::equivalent(arguments.store, arguments.file, error))
+    return report(terminal, {ErrorCode::kInvalid, "is the store itself", arguments.file});
+  const auto backup = MapStore::back_up(arguments.store, arguments.file);
+  if (!backup) return report(terminal, backup.error());
+  for (const DamagedVersion& one : backup->damaged)
+    terminal.err << arguments.store << ": version " << one.version << ' ' << one.fault << "\n";
+  terminal.out << arguments.file << ": " << backup->versions
+               << " versions, the newest sound one is " << backup->newest << "\n";
+  return backup->damaged.empty() ? kExitOk : kExitFailed;
+}
+
 void add_map(CLI::App& app, ChosenVerb& chosen) {
   auto* map =
       app.add_subcommand("map", "Build tag maps; read, change, import and export those of a store");
@@ -320,6 +337,11 @@ void add_map(CLI::App& app, ChosenVerb& chosen) {
   add_map_verb(*map, chosen, "repair",
                "Make a store of the undamaged versions; the damaged store is kept beside it", false,
                "repair --store hall.map", run_map_repair);
+  const MapVerb backup =
+      add_map_verb(*map, chosen, "backup", "Copy the store, also while a server writes to it",
+                   false, "backup --store hall.map --out hall-backup.map", run_map_backup);
+  backup.verb.add_option("--out", backup.arguments.file, "The copy")->required();
+  backup.verb.add_flag("--replace", backup.arguments.replaces, "Replace an existing copy");
 }
 
 }  // namespace fiducap

@@ -12,7 +12,7 @@ namespace fiducap {
 /// Of all verbs below `fiducap map` but `build`.
 struct MapArguments {
   std::string store;
-  std::string file;                     ///< export: to; import: from
+  std::string file;                     ///< export, backup: to; import: from
   std::optional<std::int64_t> version;  ///< show, export: nullopt is the newest; rollback, name
   std::optional<std::int64_t> before;   ///< diff: nullopt is the parent of `after`
   std::optional<std::int64_t> after;    ///< diff: nullopt is the newest
@@ -29,11 +29,12 @@ struct MapArguments {
   std::vector<double> survey;           ///< edit: id, place, optionally attitude w x y z
   double sigma_m{0};                    ///< edit: of the survey
   std::string comment;                  ///< import, edit, align
+  bool replaces{false};                 ///< backup: an existing file
   bool json{false};
 };
 
-/// `fiducap map export | import | log | diff | show | check | repair`. @return exit code; `check`
-/// fails when something is damaged
+/// `fiducap map export | import | log | diff | show | check | repair | backup`. @return exit code;
+/// `check` fails when something is damaged
 [[nodiscard]] int run_map_export(const MapArguments& arguments, const Terminal& terminal);
 [[nodiscard]] int run_map_import(const MapArguments& arguments, const Terminal& terminal);
 [[nodiscard]] int run_map_log(const MapArguments& arguments, const Terminal& terminal);
@@ -41,6 +42,7 @@ struct MapArguments {
 [[nodiscard]] int run_map_show(const MapArguments& arguments, const Terminal& terminal);
 [[nodiscard]] int run_map_check(const MapArguments& arguments, const Terminal& terminal);
 [[nodiscard]] int run_map_repair(const MapArguments& arguments, const Terminal& terminal);
+[[nodiscard]] int run_map_backup(const MapArguments& arguments, const Terminal& terminal);
 
 /// `fiducap map rollback | name | align | edit`: changes a store that no server has open. Each but
 /// `name` makes a version; earlier versions stay.

@@ -55,8 +55,14 @@ TEST(Utf8, InvalidSequenceCostsItsFirstByteOnly) {
   EXPECT_EQ(all_of("\xff"), U"\ufffd");
 }
 
-TEST(EscapeControls, KeepsAllOtherCharacters) {
-  EXPECT_EQ(escape_controls("Größe\n\x1b[2J\x7f"), "Größe\\x0a\\x1b[2J\\x7f");
+TEST(Printable, EscapesControlCharactersOnly) {
+  EXPECT_EQ(printable("Größe\n\x1b[2J\x7f 日\u00a0"), "Größe\\x0a\\x1b[2J\\x7f 日\u00a0");
+  // U+0080 to U+009F, as UTF-8 and as bytes: terminals obey both.
+  EXPECT_EQ(printable("x\u009b31m\u0080\x9b"
+                      "2Jé"),
+            "x\\xc2\\x9b31m\\xc2\\x80\\x9b2Jé");
+  EXPECT_EQ(printable("\xc3"), "\\xc3") << "cut";
+  EXPECT_EQ(printable("\xe0\x80\xaf"), "\\xe0\\x80\\xaf") << "overlong";
 }
 
 TEST(YamlText, AliasRepeatsItsAnchor) {

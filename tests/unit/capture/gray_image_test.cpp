@@ -42,6 +42,15 @@ TEST(EncodedSize, RefusesEveryTruncationOfTheHeader) {
   }
 }
 
+// Each scan of a progressive JPEG costs as much as all pixels, and a few bytes.
+TEST(EncodedSize, RefusesAJpegOfThousandsOfScans) {
+  std::vector<std::uint8_t> jpeg;
+  cv::imencode(".jpg", cv::Mat(48, 64, CV_8UC1, cv::Scalar(9)), jpeg);
+  EXPECT_TRUE(encoded_size(std::as_bytes(std::span(jpeg))));
+  for (int i = 0; i < 1000; ++i) jpeg.insert(jpeg.end(), {0xff, 0xda});
+  EXPECT_THAT(error_of(encoded_size(std::as_bytes(std::span(jpeg)))), HasSubstr("100 scans"));
+}
+
 TEST(EncodedSize, RefusesOtherFiles) {
   for (const char* other :
        {"", "ff", "ffd8", "ffd8ffd9", "ffd8ffda0008", "47494638396101000100", "89504e470d0a1a0a",

@@ -33,6 +33,18 @@ TEST(CommandLine, FailedOutputIsAFailure) {
   EXPECT_THAT(err.str(), HasSubstr("is the disk full?"));
 }
 
+TEST(PrintableOutput, PassesNoControlCharacterOfAText) {
+  std::ostringstream terminal;
+  PrintableOutput output(terminal);
+  std::ostream out(&output);
+  out << "a\tGröße\x1b]0;name\x07" << '\n'
+      << "\xe6\x97" << '\xa5' << "\x9b"
+      << "2J\u009b";
+  draw(out, "\x1b[K");
+  out << "\xc3" << std::flush;
+  EXPECT_EQ(terminal.str(), "a\tGröße\\x1b]0;name\\x07\n日\\x9b2J\\xc2\\x9b\x1b[K\\xc3");
+}
+
 TEST(TagsSheet, OverwritesNoConfiguration) {
   const TemporaryFolder folder;
   const std::string mine = folder.write("robot.yaml", "bodies: []\n");

@@ -2,7 +2,11 @@
 
 #include <gmock/gmock.h>
 #include <lz4frame.h>
+#include <sqlite3.h>
 #include <zstd.h>
+
+#include <filesystem>
+#include <fstream>
 
 #include "support/log_files.hpp"
 #include "support/results.hpp"
@@ -179,8 +183,9 @@ std::string lz4(const std::string& text) {
 class ChunkCodecTest : public testing::Test {
  protected:
   Expected<void> unpack(const std::string& codec, const std::string& packed, std::uint64_t size) {
-    return unpack_chunk(codec, bytes_of(packed), size, out_);
+    return unpack_chunk(codec, bytes_of(packed), size, budget_, out_);
   }
+  UnpackBudget budget_{0};
   std::vector<std::byte> out_;
   const std::string text_ = std::string(300'000, 'a') + "end";
 };
@@ -203,6 +208,111 @@ TEST_F(ChunkCodecTest, RefusesTruncatedAndDamagedChunks) {
   }
   EXPECT_FALSE(unpack("bz2", "BZh9 and no more", text_.size()));
   EXPECT_FALSE(unpack("lzma", "x", 1));
+}
+
+TEST_F(ChunkCodecTest, AFileUnpacksToNoMoreThanItsBudget) {
+  EXPECT_EQ(UnpackBudget(1000).left(), UnpackBudget::kAlways_bytes + 250'000);
+  EXPECT_GT(UnpackBudget(~std::uint64_t{0}).left(), std::uint64_t{1} << 57);
+  for (const auto& [name, packed] :
+       {std::pair("zstd", zstd(text_)), std::pair("lz4", lz4(text_))}) {
+    budget_ = UnpackBudget(0);
+    budget_.spend(budget_.left() - text_.size());
+    EXPECT_TRUE(unpack(name, packed, text_.size())) << name;
+    EXPECT_EQ(budget_.left(), 0u);
+    EXPECT_THAT(error_of(unpack(name, packed, text_.size())), HasSubstr("250 times its size"));
+  }
+}
+
+std::string mcap_of(char op, const std::string& content) {
+  std::string length(8, '\0');
+  for (std::size_t i = 0; i < 8; ++i) length[i] = static_cast<char>(content.size() >> (8 * i));
+  return op + length + content;
+}
+
+std::string chunk_of(const std::string& records) {
+  const std::string size = mcap_of(0, records).substr(1, 8);
+  return mcap_of(6, std::string(16, '\0') + size + std::string(8, '\0') + size + records);
+}
+
+// It could contain itself, and be unpacked without end.
+TEST_F(MessageLogTest, OpensNoChunkInAChunk) {
+  const std::string schema = mcap_of(3, std::string("\1\0\1\0\0\0x\0\0\0\0\0\0\0\0", 15));
+  const std::string channel = mcap_of(4, std::string("\1\0\1\0\2\0\0\0/a\3\0\0\0cdr\0\0\0\0", 21));
+  const std::string message = mcap_of(5, std::string("\1\0", 2) + std::string(20, '\0') + "m");
+  const std::string records = schema + channel + message;
+  const std::string magic = "\x89MCAP0\r\n";
+  EXPECT_THAT(read("a.mcap", magic + chunk_of(records)).messages, ElementsAre("/a x 0 m"));
+  const Read nested = read("b.mcap", magic + chunk_of(records + chunk_of(records)));
+  EXPECT_THAT(nested.messages, ElementsAre("/a x 0 m"));
+  EXPECT_THAT(nested.remarks, testing::Contains(HasSubstr("a chunk contains a chunk")));
+}
+
+class Db3Test : public testing::Test {
+ protected:
+  void run(const std::string& sql) {
+    sqlite3* file = nullptr;
+    ASSERT_EQ(sqlite3_open(path_.c_str(), &file), SQLITE_OK);
+    EXPECT_EQ(sqlite3_exec(file, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sql;
+    sqlite3_close(file);
+  }
+  TemporaryFolder folder_;
+  const std::string path_ = folder_.file("a.db3");
+};
+
+TEST_F(Db3Test, RunsNoGeneratedColumn) {
+  for (const char* kind : {"VIRTUAL", "STORED"}) {
+    std::filesystem::remove(path_);
+    run("CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format);"
+        "INSERT INTO topics VALUES(1, '/imu0', 'sensor_msgs/msg/Imu', 'cdr');"
+        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, "
+        "data BLOB GENERATED ALWAYS AS (zeroblob(1000)) " +
+        std::string(kind) + "); INSERT INTO messages(topic_id, timestamp) VALUES(1, 5);");
+    EXPECT_THAT(read_all(path_).messages, ElementsAre(HasSubstr("compute columns"))) << kind;
+  }
+}
+
+TEST_F(Db3Test, RunsNoView) {
+  test::write_db3(path_, kMessages);
+  run("ALTER TABLE messages RENAME TO m; CREATE VIEW messages AS SELECT * FROM m;");
+  EXPECT_THAT(read_all(path_).messages, ElementsAre(HasSubstr("no tables 'topics'")));
+}
+
+// A literal default is not stored in the rows.
+TEST_F(Db3Test, GivesNoMoreBytesThanTheFileHas) {
+  test::write_db3(path_, kMessages);
+  run("CREATE TABLE n(id INTEGER PRIMARY KEY, topic_id, timestamp);"
+      "INSERT INTO n SELECT id, topic_id, timestamp FROM messages; DROP TABLE messages;"
+      "ALTER TABLE n ADD COLUMN data DEFAULT '" +
+      std::string(20'000, 'x') + "'; ALTER TABLE n RENAME TO messages;");
+  const Read log = read_all(path_);
+  EXPECT_LT(log.messages.size(), kMessages.size());
+  EXPECT_THAT(log.remarks, ElementsAre(HasSubstr("more bytes than the file")));
+}
+
+// Twenty levels of such pages would give more rows than can be read in a life.
+TEST_F(Db3Test, ReadsEachRowOnce) {
+  test::write_db3(path_, std::vector<StoredMessage>(2000, kMessages.front()));
+  ASSERT_EQ(read_all(path_).messages.size(), 2000u);
+  std::fstream file(path_, std::ios::in | std::ios::out | std::ios::binary);
+  std::string bytes(std::filesystem::file_size(path_), '\0');
+  file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  constexpr std::size_t kPage = 4096;
+  const auto number = [&](std::size_t at) {
+    return static_cast<unsigned char>(bytes[at]) * 256U + static_cast<unsigned char>(bytes[at + 1]);
+  };
+  bool is_changed = false;
+  for (std::size_t page = kPage; page < bytes.size(); page += kPage) {
+    if (bytes[page] != 5) continue;  // a table's page with links
+    for (std::size_t cell = 1; cell < number(page + 3); ++cell)
+      bytes.replace(page + number(page + 12 + 2 * cell), 4, bytes, page + number(page + 12), 4);
+    is_changed = true;
+  }
+  ASSERT_TRUE(is_changed);
+  file.seekp(0);
+  file << bytes << std::flush;
+  const Read log = read_all(path_);
+  EXPECT_LT(log.messages.size(), 2000u);
+  EXPECT_THAT(log.remarks, ElementsAre(HasSubstr("its rows repeat")));
 }
 
 }  // namespace

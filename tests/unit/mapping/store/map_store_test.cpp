@@ -106,6 +106,61 @@ TEST_F(MapStoreTest, GivesAForeignMapNoParent) {
   EXPECT_EQ(commit(foreign).parent, 0);
 }
 
+TEST_F(MapStoreTest, IsBackedUpWhileAServerWrites) {
+  auto server = open();
+  value_of(server.claim());
+  const auto first = value_of(server.commit(make_map({1, 2}), "first"));
+  StoredExtrinsics camera;
+  camera.body = "drone";
+  value_of(server.save_extrinsics(camera));
+  // A commit under way: its version is not there yet.
+  auto writing = value_of(SqliteFile::open(path_));
+  value_of(writing.execute("BEGIN IMMEDIATE; UPDATE version SET comment = 'half'"));
+  const std::string copy = folder_.file("copy.map");
+  const MapBackup backup = value_of(MapStore::back_up(path_, copy));
+  EXPECT_EQ(backup.versions, 1u);
+  EXPECT_EQ(backup.newest, 1);
+  value_of(writing.execute("COMMIT"));
+  EXPECT_EQ(value_of(server.commit(make_map({1, 2, 3}), "second")).version, 2);
+  EXPECT_EQ(std::filesystem::status(copy).permissions(),
+            std::filesystem::status(path_).permissions());
+  // Restored: the copy in the place of the store.
+  path_ = copy;
+  EXPECT_EQ(value_of(open().newest()).hash, first.hash);
+  EXPECT_EQ(value_of(open().log()).front().comment, "first");
+  EXPECT_EQ(value_of(open().extrinsics()).size(), 1u);
+  EXPECT_EQ(value_of(open().commit(make_map({4}), "later")).version, 2);
+}
+
+TEST_F(MapStoreTest, FailedBackupLeavesTheEarlierOne) {
+  commit(make_map({1}));
+  const std::string copy = folder_.file("copy.map");
+  value_of(MapStore::back_up(path_, copy));
+  const auto before = value_of(read_whole_file(copy));
+  EXPECT_FALSE(MapStore::back_up(folder_.file("none.map"), copy));
+  write_bytes(folder_.file("other.map"), "no store");
+  EXPECT_FALSE(MapStore::back_up(folder_.file("other.map"), copy));
+  EXPECT_FALSE(MapStore::back_up(path_, folder_.file("none/copy.map")));
+  EXPECT_EQ(value_of(read_whole_file(copy)), before);
+  std::size_t files = 0;
+  for (const auto& one : std::filesystem::directory_iterator(folder_.text()))
+    files += one.path().string().find(".part") != std::string::npos ? 1 : 0;
+  EXPECT_EQ(files, 0u) << "no temporary file stays";
+}
+
+TEST_F(MapStoreTest, RunsNothingThatAFileDefines) {
+  for (const char* sql : {"CREATE TRIGGER t AFTER INSERT ON tag BEGIN DELETE FROM tag; END",
+                          "CREATE VIEW v AS SELECT * FROM tag",
+                          "ALTER TABLE tag ADD COLUMN big AS (zeroblob(50000000))"}) {
+    std::filesystem::remove(path_);
+    commit(make_map({1}));
+    value_of(value_of(SqliteFile::open(path_)).execute(sql));
+    expect_refused(ErrorCode::kInvalid, "which no map store has");
+    EXPECT_FALSE(MapStore::open_to_read(path_));
+    EXPECT_FALSE(MapStore::back_up(path_, folder_.file("copy.map")));
+  }
+}
+
 TEST_F(MapStoreTest, NamesAMissingVersion) {
   const auto missing = open().load(3);
   ASSERT_FALSE(missing);

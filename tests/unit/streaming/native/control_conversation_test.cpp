@@ -45,7 +45,7 @@ class ControlConversationTest : public testing::Test {
   }
   /// On a new connection from this address.
   bool receive_from(std::uint64_t address, const Bytes& bytes) {
-    ControlConversation conversation(kChallenge, operator_api_, wrong_, address);
+    ControlConversation conversation(kChallenge, operator_api_, wrong_, {address});
     out_.clear();
     return conversation.receive(bytes, out_, now_);
   }
@@ -58,7 +58,8 @@ class ControlConversationTest : public testing::Test {
   FakeOperatorApi operator_api_;
   WrongProofs wrong_;
   Bytes out_;
-  ControlConversation conversation_{kChallenge, operator_api_, wrong_, 7};
+  ControlConversation conversation_{
+      kChallenge, operator_api_, wrong_, {7, {"native", kOperatorRight, "10.0.0.7:5"}}};
 };
 
 TEST_F(ControlConversationTest, ExecutesProvenCommandsOnce) {
@@ -168,8 +169,8 @@ TEST_F(ControlConversationTest, EventsAreEncodedOnceForAllWatchers) {
   watch.mutable_watch_events();
   std::vector<std::unique_ptr<ControlConversation>> watchers;
   for (int i = 0; i < 32; ++i) {
-    watchers.push_back(
-        std::make_unique<ControlConversation>(kChallenge, operator_api_, wrong_, 7, &shared));
+    watchers.push_back(std::make_unique<ControlConversation>(kChallenge, operator_api_, wrong_,
+                                                             ControlClient{7, {}, false, &shared}));
     watch.set_sequence(static_cast<std::uint64_t>(i) + 1);
     ASSERT_TRUE(
         watchers.back()->receive(bytes(control_frame(watch.SerializeAsString())), out_, now_));

@@ -130,7 +130,7 @@ TEST_F(QualisysControl, ReportsRecordingsOfOtherProtocolsOnce) {
   operator_api_.under_way = "by the page";
   EXPECT_THAT(events(), ElementsAre(Event::kCaptureStarted));
   EXPECT_THAT(events(), IsEmpty());
-  ASSERT_TRUE(operator_api_.stop_recording());
+  ASSERT_TRUE(operator_api_.stop_recording({}));
   EXPECT_THAT(events(),
               ElementsAre(Event::kCaptureStopped, Event::kCaptureSaved, Event::kConnected));
   EXPECT_EQ(control_.state(), Event::kConnected);
