@@ -1,5 +1,6 @@
 #include "capture/video/video_source.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <utility>
@@ -49,6 +50,12 @@ class OpenCvStream final : public VideoStream {
     return std::isfinite(given_ms) && given_ms < kLongest_ms ? from_seconds(given_ms * 1e-3)
                                                              : Duration{-1};
   }
+  std::optional<Duration> place_after(Duration last) override {
+    constexpr Duration kRounding = std::chrono::microseconds(10);  // of milliseconds as double
+    if (!stamps_) stamps_ = container_stamps(what_);
+    const auto next = std::ranges::upper_bound(*stamps_, last + kRounding);
+    return next == stamps_->end() ? std::nullopt : std::optional(*next);
+  }
   Expected<std::shared_ptr<const GrayImage>> image() override {
     if (!video_.retrieve(decoded_) || decoded_.empty()) {
       if (++undecodable_ == 1)
@@ -68,6 +75,7 @@ class OpenCvStream final : public VideoStream {
   std::string what_;
   int backend_;
   CameraModel camera_;
+  std::optional<std::vector<Duration>> stamps_;  ///< Read when a stamp is missing.
   cv::Mat decoded_;
   GrayImagePool pool_;
   std::uint64_t undecodable_{0};

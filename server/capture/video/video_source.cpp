@@ -86,14 +86,20 @@ Expected<std::optional<SensorSample>> VideoFile::next(std::stop_token stop) {
   return std::nullopt;
 }
 
-/// Time of the image in the file, or by counting where that is missing or decreases.
+/// Time of the image in the file; where the decoder does not have it, of the next image in the
+/// container; by counting where that is missing, too.
 Duration VideoFile::place_of_image() {
-  const Duration counted = last_place_ ? *last_place_ + period_ : Duration{0};
-  const Duration given = stream_->place();
-  const bool is_usable = config_.rate_hz <= 0 && given >= Duration{0};
-  Duration place = is_usable ? given : counted;
-  constexpr Duration kLongestGap = std::chrono::minutes(1);
-  if (last_place_ && (place <= *last_place_ || place > *last_place_ + kLongestGap)) place = counted;
+  const auto is_next = [&](Duration place) {
+    constexpr Duration kLongestGap = std::chrono::minutes(1);
+    return last_place_ ? place > *last_place_ && place <= *last_place_ + kLongestGap
+                       : place >= Duration{0};
+  };
+  Duration place = last_place_ ? *last_place_ + period_ : Duration{0};
+  if (config_.rate_hz <= 0) {
+    std::optional<Duration> given = stream_->place();
+    if (last_place_ && !is_next(*given)) given = stream_->place_after(*last_place_);
+    if (given && is_next(*given)) place = *given;
+  }
   last_place_ = place;
   return place;
 }

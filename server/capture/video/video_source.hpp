@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/expected.hpp"
 #include "base/time.hpp"
@@ -19,13 +20,21 @@ class VideoStream {
   virtual ~VideoStream() = default;
   /// Goes to the next image. @return false when there is none
   [[nodiscard]] virtual bool grab() = 0;
-  /// Time in the file of the image grabbed last; negative: not known.
+  /// Time in the file of the image grabbed last; negative: not known. Images at the end that the
+  /// decoder held back have none (zero) with OpenCV's FFmpeg.
   [[nodiscard]] virtual Duration place() const = 0;
+  /// The time of the first image in the file after this one; nullopt: not known.
+  [[nodiscard]] virtual std::optional<Duration> place_after(Duration) { return std::nullopt; }
   /// The image grabbed last; null when it cannot be decoded.
   [[nodiscard]] virtual Expected<std::shared_ptr<const GrayImage>> image() = 0;
   /// Restarts a file. @return false when that fails
   [[nodiscard]] virtual bool rewind() = 0;
 };
+
+/// The times of all images of a video file as its container has them, increasing, the first image
+/// at zero. Reads the whole file, decodes nothing; images without a time are left out.
+/// @return empty when the file cannot be read
+[[nodiscard]] std::vector<Duration> container_stamps(const std::string& path);
 
 enum class VideoKind { kFile, kNetwork, kPipeline };
 

@@ -2,8 +2,12 @@
 
 #include <gmock/gmock.h>
 
+#include <opencv2/videoio.hpp>
+
 #include "support/fake_clock.hpp"
 #include "support/new_log.hpp"
+#include "support/results.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace fiducap::video {
 namespace {
@@ -103,6 +107,38 @@ TEST_F(VideoFileTest, PlaysSlowlyWhatItCannotDecodeInTime) {
   for (std::size_t i = 1; i < played.frames.size(); ++i)
     EXPECT_GT(played.frames[i].exposed_at, played.frames[i - 1].exposed_at);
   EXPECT_THAT(log_.text(), HasSubstr("plays slower than it was taken"));
+}
+
+/// H.264 holds images back to put them in order; OpenCV has no times of the last ones.
+TEST_F(VideoFileTest, LastImagesHaveTheTimesOfTheContainer) {
+  constexpr int kImages = 20;
+  constexpr Duration kStep = std::chrono::milliseconds(40);
+  const TemporaryFolder folder;
+  const std::string path = folder.file("walk.mp4");
+  {
+    cv::VideoWriter writer(path, cv::CAP_FFMPEG, cv::VideoWriter::fourcc('a', 'v', 'c', '1'), 25,
+                           {320, 240});
+    ASSERT_TRUE(writer.isOpened());
+    for (int i = 0; i < kImages; ++i) {
+      cv::Mat image(240, 320, CV_8UC3, cv::Scalar::all(40));
+      image.colRange(10 * i, 10 * i + 60) = cv::Scalar::all(220);
+      writer.write(image);
+    }
+  }
+  const auto stamps = container_stamps(path);
+  ASSERT_EQ(stamps.size(), std::size_t{kImages});
+  for (int i = 0; i < kImages; ++i) EXPECT_EQ(stamps[static_cast<std::size_t>(i)], i * kStep);
+  auto opened = open_video(VideoKind::kFile, path, path, {});
+  ASSERT_TRUE(opened) << opened.error().text();
+  CameraDeviceConfig config;
+  config.paced = false;
+  constexpr double kWrong_hz = 10;  // counting would give steps of 100 ms
+  VideoFile file(std::move(opened->stream), kWrong_hz, config, clock_);
+  int images = 0;
+  for (auto sample = file.next({}); sample && *sample; sample = file.next({}))
+    EXPECT_EQ(time_of(**sample), Instant{} + kStep * images++);
+  EXPECT_EQ(images, kImages);
+  EXPECT_TRUE(container_stamps(folder.file("nothing.mp4")).empty());
 }
 
 }  // namespace
