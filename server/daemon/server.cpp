@@ -87,7 +87,12 @@ class Server::Impl final {
         opening_(config_, {options.motion, options.source}, clock, events_, membership_,
                  [this](std::size_t body) { scene_->source_lost(body); }),
         bodies_(clock),
-        recorder_(config.recorder, clock, events_) {}
+        recorder_(config.recorder, clock, events_),
+        second_looks_(
+            [this](std::span<const SharedImage> images, std::stop_token stop) {
+              return why_no_tag(images, config_.tags, config_.detector, std::move(stop));
+            },
+            clock) {}
 
   Expected<void> build();
   ServerEnd run();
@@ -129,10 +134,11 @@ class Server::Impl final {
   ProtocolPorts ports_;
   std::optional<Publisher> publisher_;
   std::optional<HealthWatch> watch_;
+  SecondLooks second_looks_;
   std::optional<SetupSession> setup_;
   std::atomic<bool> is_set_up_{false};
   std::jthread auditing_, paging_, viewing_, setting_up_, keeping_, refining_, recording_,
-      publishing_, watching_;
+      publishing_, watching_, looking_;
 };
 
 Expected<void> Server::Impl::build() {
@@ -237,6 +243,7 @@ Expected<void> Server::Impl::build_streaming() {
                      });
   watch_.emplace(events_, *publisher_, clock_, [this] { give_up(); });
   watch_->also([this] { membership_.look_at_cards(); });
+  for (const auto& worker : bodies_.workers()) second_looks_.add(worker->unseen_tags());
   for (std::size_t i = 0; i < config_.bodies.size(); ++i)
     watch_->add(config_.bodies[i].id, config_.bodies[i].name, bodies_.workers()[i]->cameras(),
                 remedies_for(config_.bodies[i]), bodies_.workers()[i]->pulse());
@@ -263,6 +270,7 @@ void Server::Impl::start_threads() {
   recording_ = named("recorder", [this](std::stop_token stop) { recorder_.run(stop); });
   publishing_ = named("publisher", [this](std::stop_token stop) { publisher_->run(stop); });
   watching_ = named("watch", [this](std::stop_token stop) { watch_->run(stop); });
+  looking_ = named("second look", [this](std::stop_token stop) { second_looks_.run(stop); });
 }
 
 ServerEnd Server::Impl::run() {
@@ -316,6 +324,7 @@ void Server::Impl::give_up() {
 ServerEnd Server::Impl::shut_down() {
   refining_.request_stop();
   stop_and_join(watching_);
+  looking_.request_stop();
   publishing_.request_stop();
   const bool all = bodies_.stop(kSourceTimeout);
   stop_and_join(setting_up_);

@@ -10,6 +10,7 @@ extern "C" {
 
 #include "base/expected.hpp"
 #include "detection/corner_sigma.hpp"
+#include "detection/other_families.hpp"
 #include "detection/side_fit.hpp"
 #include "detection/tag_family.hpp"
 #include "detection/tag_geometry.hpp"
@@ -196,5 +197,47 @@ void TagDetector::detect(const GrayImage& image, const ImageRegion& region,
 }
 
 double TagDetector::outer_ring() const { return impl_->outer_ring(); }
+
+class AnyFamilyDetector::Impl {
+ public:
+  Impl() {
+    families_.push_back(std::move(*TagFamily::named(kAprilGridFamily)));
+    for (const TagFamilyFacts& facts : tag_families())
+      families_.push_back(std::move(*TagFamily::named(std::string(facts.name))));
+    for (const TagFamily& family : families_)
+      apriltag_detector_add_family_bits(detector_.get(), family.handle(), 0);
+  }
+
+  void detect(const GrayImage& image, const DetectionPass& pass, std::vector<FamilySighting>& out) {
+    if (std::min(image.width, image.height) < kMinRegion_px * pass.decimate) return;
+    detector_->quad_decimate = static_cast<float>(pass.decimate);
+    detector_->qtp.min_white_black_diff = pass.contrast;
+    image_u8_t view{image.width, image.height, image.width,
+                    const_cast<std::uint8_t*>(image.pixels.data())};
+    zarray_t* found = apriltag_detector_detect(detector_.get(), &view);
+    for (int i = 0; i < zarray_size(found); ++i) {
+      apriltag_detection_t* d = nullptr;
+      zarray_get(found, i, &d);
+      const TagSighting tag = to_sighting(*d, whole(image));
+      const auto family = std::ranges::find(families_, d->family,
+                                            [](const TagFamily& one) { return one.handle(); });
+      if (is_whole(tag, whole(image))) out.push_back({&family->facts(), tag});
+    }
+    apriltag_detections_destroy(found);
+  }
+
+ private:
+  std::vector<TagFamily> families_;
+  std::unique_ptr<apriltag_detector_t, void (*)(apriltag_detector_t*)> detector_{
+      apriltag_detector_create(), apriltag_detector_destroy};
+};
+
+AnyFamilyDetector::AnyFamilyDetector() : impl_(std::make_unique<Impl>()) {}
+AnyFamilyDetector::~AnyFamilyDetector() = default;
+
+void AnyFamilyDetector::detect(const GrayImage& image, const DetectionPass& pass,
+                               std::vector<FamilySighting>& out) {
+  impl_->detect(image, pass, out);
+}
 
 }  // namespace fiducap

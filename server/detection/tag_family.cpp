@@ -26,6 +26,7 @@ extern "C" {
 #endif
 
 #include "base/text.hpp"
+#include "detection/other_families.hpp"
 
 namespace fiducap {
 namespace {
@@ -202,6 +203,32 @@ struct ArucoFamily : apriltag_family_t {
   std::vector<std::uint32_t> columns_, rows_;
 };
 
+constexpr TagFamilyFacts kAprilGrid{kAprilGridFamily, 10, 2, 0, false, kLibrary};
+
+/// Tag36h11 with one more black cell around it. Its codes are those of the family it is made of.
+struct AprilGridFamily : apriltag_family_t {
+  AprilGridFamily() : apriltag_family_t{}, narrow_(tag36h11_create()) {
+    static_cast<apriltag_family_t&>(*this) = *narrow_;
+    for (std::uint32_t i = 0; i < nbits; ++i) {
+      columns_.push_back(narrow_->bit_x[i] + 1);
+      rows_.push_back(narrow_->bit_y[i] + 1);
+    }
+    bit_x = columns_.data();
+    bit_y = rows_.data();
+    width_at_border += 2;
+    total_width += 2;
+  }
+  ~AprilGridFamily() { tag36h11_destroy(narrow_); }
+  AprilGridFamily(const AprilGridFamily&) = delete;
+  AprilGridFamily& operator=(const AprilGridFamily&) = delete;
+
+ private:
+  apriltag_family_t* narrow_;
+  std::vector<std::uint32_t> columns_, rows_;
+};
+
+void destroy_april_grid(apriltag_family_t* family) { delete static_cast<AprilGridFamily*>(family); }
+
 void destroy_aruco(apriltag_family_t* family) { delete static_cast<ArucoFamily*>(family); }
 
 }  // namespace
@@ -240,7 +267,17 @@ std::string tag_family_warning(std::string_view name) {
          "ids that are not in use in tags.ignore";
 }
 
+std::string half_turned_family(const std::string& family) {
+  constexpr std::string_view kOpenCv = "DICT_APRILTAG_";
+  const std::string twin = family.starts_with(kOpenCv) ? "tag" + family.substr(kOpenCv.size())
+                           : family.starts_with("tag") ? std::string(kOpenCv) + family.substr(3)
+                                                       : "";
+  return is_tag_family(twin) ? twin : "";
+}
+
 Expected<TagFamily> TagFamily::named(const std::string& name) {
+  if (name == kAprilGridFamily)
+    return TagFamily(kAprilGrid, {new AprilGridFamily, destroy_april_grid});
   const TagFamilyFacts* facts = find_tag_family(name);
   if (facts == nullptr)
     return fail(ErrorCode::kUnsupported,

@@ -254,7 +254,10 @@ Expected<CameraImuCalibration> calibrate_camera_imu(OfflineSetup setup,
   if (!setup.sensors.imu || samples.imu.empty())
     return fail(ErrorCode::kInvalid,
                 "has no IMU samples: the camera is calibrated relative to the IMU");
-  if (samples.tags == 0) return fail(ErrorCode::kInvalid, "shows no tag in any image");
+  if (samples.tags == 0) {
+    const std::string why = why_no_tag(samples.few.images(), setup.tags, setup.detector);
+    return fail(ErrorCode::kInvalid, "shows no tag in any image" + (why.empty() ? "" : ": " + why));
+  }
   return Calibration(std::move(setup), samples, options, progress).run();
 }
 

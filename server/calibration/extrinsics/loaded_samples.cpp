@@ -29,6 +29,7 @@ Expected<LoadedSamples> load_samples(const OfflineSetup& setup, SensorSource& so
     } else if (const auto* image = std::get_if<CameraFrame>(&**sample)) {
       if (!detector) detector.emplace(setup.tags, setup.detector);
       loaded.frames.push_back(detector->detect(*image));
+      loaded.few.note(image->image);
       if (progress) progress(loaded.frames.size());
     } else {
       loaded.frames.push_back(std::move(std::get<CornerFrame>(**sample)));

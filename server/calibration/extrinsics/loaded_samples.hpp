@@ -17,6 +17,7 @@ struct LoadedSamples {
   std::vector<ImuSample> imu;
   std::vector<CornerFrame> frames;  ///< By time; images were detected.
   long tags{};                      ///< Sightings in all frames together.
+  FewImages few;                    ///< Of the source, for why_no_tag.
   bool begins_still{};              ///< The begin was checked with StillnessDetector.
 };
 

@@ -12,6 +12,7 @@
 #include "calibration/imu/imu_calibration.hpp"
 #include "calibration/intrinsics/calibration_data.hpp"
 #include "calibration/intrinsics/view_collector.hpp"
+#include "detection/no_tag.hpp"
 
 // Guides collect the data of a calibration and show the user what to do next. They solve nothing.
 namespace fiducap {
@@ -55,6 +56,7 @@ class LensGuide final {
   void advise();
   [[nodiscard]] std::string missing_part() const;
 
+  NoTagAdvice no_tag_;
   ViewCollector collector_;
   int width_;
   int height_;

@@ -120,7 +120,8 @@ void WaveGuide::await_wave() {
     has_begun_ = samples_.begins_still = true;
   } else {
     const ImuSample newest = samples_.imu.back();
-    samples_ = {{newest}, {}, 0};
+    samples_ = {};
+    samples_.imu = {newest};
     is_ready_ = false;
   }
 }

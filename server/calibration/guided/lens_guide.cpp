@@ -51,7 +51,8 @@ double slant_cosine(const TagCorners& c) {
 }
 
 LensGuide::LensGuide(CalibrationTargets targets, int width, int height)
-    : collector_(std::move(targets)),
+    : no_tag_(targets.tags),
+      collector_(std::move(targets)),
       width_(width),
       height_(height),
       required_views_(kEnoughViews) {
@@ -62,7 +63,9 @@ LensGuide::LensGuide(CalibrationTargets targets, int width, int height)
 }
 
 bool LensGuide::look(const std::shared_ptr<const GrayImage>& image) {
-  return consider(collector_.look("image " + std::to_string(views_.size()), image));
+  auto view = collector_.look("image " + std::to_string(views_.size()), image);
+  no_tag_.note(image, view.has_value());
+  return consider(std::move(view));
 }
 
 bool LensGuide::look(const CornerFrame& corners) {
@@ -74,7 +77,8 @@ bool LensGuide::consider(std::optional<CalibrationView> view) {
   problem_.clear();
   bool kept = false;
   if (!view) {
-    problem_ = "Show the sheet to the camera.";
+    problem_ = no_tag_.why().empty() ? "Show the sheet to the camera."
+                                     : "No tag is found: " + no_tag_.why() + ".";
   } else if (views_.size() >= kMostViews) {
     problem_ = "Enough images: more do not improve the lens.";
   } else if (before.sightings.empty() || distance(before, *view, width_) > kMaxMotion) {

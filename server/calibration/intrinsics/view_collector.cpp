@@ -26,6 +26,10 @@ double sharp_enough(const CalibrationData& all) {
 }  // namespace
 
 ViewCollector::ViewCollector(CalibrationTargets targets) : targets_(std::move(targets)) {
+  if (targets_.board) {
+    seen_.push_back(targets_.board->board);
+    sees_april_grid_ = targets_.board->is_april_grid;
+  }
   if (!targets_.checkerboard) return;
   const Checkerboard& board = *targets_.checkerboard;
   CalibrationTarget target{"checkerboard", {}, false};
@@ -46,19 +50,34 @@ std::optional<CalibrationView> ViewCollector::look(const std::string& name,
       sighting.points.push_back({static_cast<int>(i), (*corners)[i], (*corners)[i]});
     return CalibrationView{name, {std::move(sighting)}};
   }
-  if (!detector_) {
-    DetectorConfig config;
-    config.decimate = image->width * image->height > kUndecimated_px ? 2.0 : 1.0;
-    detector_.emplace(targets_.tags, config);
+  if (!sees_april_grid_) {
+    if (!detector_) {
+      DetectorConfig config;
+      config.decimate = image->width * image->height > kUndecimated_px ? 2.0 : 1.0;
+      detector_.emplace(targets_.tags, config);
+    }
+    auto view = look(name, detector_->detect(CameraFrame{0, {}, image}));
+    if (view || targets_.board || !seen_.empty()) return view;
   }
-  return look(name, detector_->detect(CameraFrame{0, {}, image}));
+  if (!april_grid_) april_grid_.emplace();
+  CornerFrame corners;
+  corners.tags = april_grid_->find(*image);
+  auto view = look(name, corners);
+  sees_april_grid_ |= view.has_value();
+  return view;
 }
 
 std::optional<CalibrationView> ViewCollector::look(const std::string& name,
                                                    const CornerFrame& corners) {
   CalibrationView view{name, {}};
+  TargetSighting board;
   for (const TagSighting& tag : corners.tags) {
     if (!is_good(corners, tag)) continue;
+    if (targets_.board) {
+      seen_.front().fitted_sides = corners.fitted_straight_sides;
+      add_to_board(tag, board);
+      continue;
+    }
     TargetSighting sighting;
     sighting.target = target_of(tag.tag_id, corners.fitted_straight_sides);
     sighting.sharpness = tag.sharpness;
@@ -68,7 +87,22 @@ std::optional<CalibrationView> ViewCollector::look(const std::string& name,
     }
     view.sightings.push_back(std::move(sighting));
   }
+  if (!board.points.empty()) {
+    board.sharpness /= static_cast<double>(board.points.size()) / 4;
+    view.sightings.push_back(std::move(board));
+  }
   return view.sightings.empty() ? std::nullopt : std::optional(std::move(view));
+}
+
+/// @param sighting  its sharpness is the sum over tags
+void ViewCollector::add_to_board(const TagSighting& tag, TargetSighting& sighting) const {
+  const auto first = targets_.board->first_corner_of_tag.find(tag.tag_id);
+  if (first == targets_.board->first_corner_of_tag.end()) return;
+  for (int i = 0; i < 4; ++i) {
+    const Eigen::Vector2d& px = tag.corners_px[static_cast<std::size_t>(i)];
+    sighting.points.push_back({first->second + i, px, px});
+  }
+  sighting.sharpness += tag.sharpness;
 }
 
 bool ViewCollector::is_good(const CornerFrame& frame, const TagSighting& tag) const {

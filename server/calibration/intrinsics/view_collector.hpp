@@ -7,6 +7,7 @@
 
 #include "calibration/intrinsics/calibration_data.hpp"
 #include "capture/camera_frame.hpp"
+#include "detection/april_grid.hpp"
 #include "detection/detector_config.hpp"
 #include "detection/tag_detector.hpp"
 
@@ -19,14 +20,31 @@ struct Checkerboard {
   double square_m{};
 };
 
+/// A flat target of known shape, or single tags.
+struct BoardDescription {
+  /// One flat target at known places. No points: single tags at unknown places.
+  CalibrationTarget board;
+  /// Index in `board.points` of corner 0 (bottom left) of each tag; the other three follow.
+  std::map<int, int> first_corner_of_tag;
+  double tag_m{0.1};                         ///< Edge of single tags.
+  bool is_april_grid{false};                 ///< The tags are Kalibr's.
+  std::optional<Checkerboard> checkerboard;  ///< Whose points these are.
+
+  [[nodiscard]] bool is_board() const { return !board.points.empty(); }
+  /// True: rows of a file of corners name tags and corners; false: they name points.
+  [[nodiscard]] bool has_tags() const { return !is_board() || !first_corner_of_tag.empty(); }
+};
+
 /// The targets of a calibration.
 struct CalibrationTargets {
   std::optional<Checkerboard> checkerboard;  ///< Nullopt: tags.
+  std::optional<BoardDescription> board;     ///< Of tags. Nullopt: at unknown places.
   TagSetConfig tags;
 };
 
 /// Finds the targets in images of one size. Skips tags with sides shorter than 20 px, whose corners
-/// are less accurate.
+/// are less accurate. As long as no tag of the family was seen, tags of Kalibr's AprilGrid are
+/// looked for, too, and from then on they are the targets.
 class ViewCollector final {
  public:
   explicit ViewCollector(CalibrationTargets targets);
@@ -44,9 +62,12 @@ class ViewCollector final {
  private:
   [[nodiscard]] bool is_good(const CornerFrame& frame, const TagSighting& tag) const;
   [[nodiscard]] int target_of(int tag_id, bool fitted_sides);
+  void add_to_board(const TagSighting& tag, TargetSighting& sighting) const;
 
   CalibrationTargets targets_;
   std::optional<TagDetector> detector_;
+  std::optional<AprilGridSearch> april_grid_;
+  bool sees_april_grid_{false};
   std::map<int, int> target_of_tag_;
   std::vector<CalibrationTarget> seen_;
 };

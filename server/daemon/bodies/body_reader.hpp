@@ -18,6 +18,7 @@
 #include "capture/image_watch.hpp"
 #include "capture/sample_merger.hpp"
 #include "capture/sensor_source.hpp"
+#include "daemon/watch/unseen_tags.hpp"
 
 namespace fiducap {
 
@@ -54,6 +55,7 @@ struct BodyPulse {
   std::atomic<std::uint64_t> images{0};        ///< Arrived.
   std::atomic<std::uint64_t> skipped{0};       ///< Of those: dropped for lack of time.
   std::atomic<bool> ended{false};              ///< No more samples.
+  UnseenTags unseen;                           ///< Images without tags, and the reason.
 };
 
 /// A sample on its way to the worker.

@@ -172,8 +172,11 @@ void BodyWorker::process_ready_samples() {
     shared_.recorder.take(index_, *sample);
     const MapView view = pipeline_->next_is_image() ? shared_.map.view(id_) : MapView{};
     if (views_) views_->note(*sample);
+    const auto* frame = std::get_if<CameraFrame>(&*sample);
+    const SharedImage image = frame != nullptr ? frame->image : nullptr;
     const BodyUpdate* update = pipeline_->take(view);
     if (update == nullptr) continue;
+    pulse_.unseen.note(image, update->seen.exposed_at, !update->seen.tags.empty());
     if (!pipeline_->source_gives_corners()) shared_.recorder.take_found(index_, update->corners);
     const std::uint64_t turn = shared_.map.absorb(contribution_of(id_, *update), utc_now_ns());
     shared_.recorder.take_turn(index_, *update, view, turn);

@@ -82,6 +82,7 @@ class BodyWorker final {
   [[nodiscard]] std::size_t sources() const { return readers_.size(); }
   [[nodiscard]] bool reading(std::size_t source) const { return readers_[source]->reading(); }
   [[nodiscard]] const BodyPulse& pulse() const { return pulse_; }
+  [[nodiscard]] UnseenTags& unseen_tags() { return pulse_.unseen; }
   /// @pre work() has returned
   [[nodiscard]] BodyStatistics statistics() const;
   /// The estimated cameras; empty until the filter has run. From any thread.

@@ -208,18 +208,18 @@ void BodyHealth::judge_pose(const BodyPose& pose, Instant now) {
   if (pose.state == BodyState::kLost) {
     events_.begin(lost(now));
   } else if (was_tracked_ && untracked_s > kCarriedFor_s) {
-    events_.begin(event(Severity::kWarning, "tracking",
-                        "sees no usable tag; its pose is predicted and grows uncertain",
-                        "Let its camera see a tag of the map"));
+    events_.begin(unseen(Severity::kWarning,
+                         "sees no usable tag; its pose is predicted and grows uncertain",
+                         "Let its camera see a tag of the map"));
   } else if (untracked_s > kSearchingFor_s) {
     const std::string text = "has found no pose for " + fixed(kSearchingFor_s, 0) + " s";
     events_.begin(is_overloaded_
                       ? event(Severity::kWarning, "tracking",
                               text + ": this computer uses too few of its images",
                               remedies_.when_busy)
-                      : event(Severity::kWarning, "tracking", text,
-                              "Let its camera see a tag of the map; are family and size of the "
-                              "tags as configured?"));
+                      : unseen(Severity::kWarning, text,
+                               "Let its camera see a tag of the map; are family and size of the "
+                               "tags as configured?"));
   }
 }
 
@@ -228,8 +228,16 @@ Event BodyHealth::lost(Instant now) const {
   if (since(pulse_.image_came_ns, now) > kSilent_s)
     return event(Severity::kError, "tracking", "is lost: it gets no images",
                  "Check its camera; see also the messages of its source");
-  return event(Severity::kError, "tracking", "is lost: no tag was used for too long",
-               "Let its camera see a tag of the map");
+  return unseen(Severity::kError, "is lost: no tag was used for too long",
+                "Let its camera see a tag of the map");
+}
+
+Event BodyHealth::unseen(Severity severity, std::string text, std::string remedy) const {
+  if (const std::string why = pulse_.unseen.why(); !why.empty()) {
+    text += ". No tag is found: " + why;
+    remedy.clear();
+  }
+  return event(severity, "tracking", std::move(text), std::move(remedy));
 }
 
 double BodyHealth::seconds_since(std::optional<Instant>& begin, bool holds, Instant now) const {

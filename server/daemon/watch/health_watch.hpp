@@ -79,6 +79,8 @@ class BodyHealth final {
   void judge_lateness(bool is_starved, Instant now);
   void judge_pose(const BodyPose& pose, Instant now);
   [[nodiscard]] Event lost(Instant now) const;
+  /// With the reason why no tag is found where that is known, in place of the remedy.
+  [[nodiscard]] Event unseen(Severity severity, std::string text, std::string remedy) const;
   [[nodiscard]] double seconds_since(std::optional<Instant>& begin, bool holds, Instant now) const;
   [[nodiscard]] Event event(Severity severity, std::string kind, std::string text,
                             std::string remedy) const;

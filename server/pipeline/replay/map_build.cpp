@@ -148,6 +148,10 @@ Expected<MapBuild> build_map(const std::vector<MapBuildBody>& bodies, const Offl
   MapBuild build;
   build.recordings.resize(bodies.size());
   std::vector<ImageLog> logs(bodies.size());
+  std::vector<FewImages> few(bodies.size());
+  replay.listen([&](std::size_t body, const SensorSample& sample) {
+    if (const auto* frame = std::get_if<CameraFrame>(&sample)) few[body].note(frame->image);
+  });
   const Duration begin = thread_cpu_time();
   const auto done = replay.run([&](std::size_t body, const BodyUpdate& update) {
     count(update, build.recordings[body]);
@@ -159,6 +163,11 @@ Expected<MapBuild> build_map(const std::vector<MapBuildBody>& bodies, const Offl
   });
   if (!done) return tl::unexpected(done.error());
   const Duration ran = thread_cpu_time();
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    const OfflineSetup& setup = bodies[i].body.setup;
+    if (build.recordings[i].images_with_tags == 0)
+      build.recordings[i].why_no_tag = why_no_tag(few[i].images(), setup.tags, setup.detector);
+  }
   std::vector<BatchBody> batch;
   for (std::size_t i = 0; i < bodies.size(); ++i)
     batch.push_back(

@@ -21,6 +21,7 @@ struct MapBuildBody {
 struct BuiltRecording {
   int images{};
   int images_with_tags{};
+  std::string why_no_tag;   ///< Empty with tags, or without images.
   std::map<int, int> seen;  ///< Number of images, by tag id.
   int segments{};           ///< Of about a second, usable for the graph …
   int segments_in_map{};    ///< … and those connected with the map.

@@ -52,7 +52,9 @@ class BodyNotes final {
  public:
   explicit BodyNotes(const OfflineSetup& setup) : setup_(setup) {}
 
-  void note_time(Instant at) {
+  void note(const SensorSample& sample) {
+    const Instant at = time_of(sample);
+    if (const auto* frame = std::get_if<CameraFrame>(&sample)) result_.few.note(frame->image);
     if (!first_) first_ = at;
     last_ = std::max(last_.value_or(at), at);
   }
@@ -324,9 +326,7 @@ Expected<OfflineSession> run_together(const std::vector<OfflineBody>& bodies, co
   BodiesReplay replay(std::move(replayed), map.config, std::move(start));
   replay.follow(map.turns, map.refinements);
   if (resolves) replay.refine_after_share();
-  replay.listen([&](std::size_t body, const SensorSample& sample) {
-    notes[body].note_time(time_of(sample));
-  });
+  replay.listen([&](std::size_t body, const SensorSample& sample) { notes[body].note(sample); });
   OfflineSession session;
   const auto done = replay.run([&](std::size_t body, const BodyUpdate& update) {
     notes[body].take(update);

@@ -8,6 +8,7 @@
 
 #include "base/pose.hpp"
 #include "capture/recording/recording.hpp"
+#include "detection/no_tag.hpp"
 #include "pipeline/replay/bodies_replay.hpp"
 
 namespace fiducap {
@@ -82,6 +83,7 @@ struct OfflineResult {
   std::vector<std::string> doubts;  ///< Messages about tags (TagDoubts).
   std::vector<BodyEvent> events;    ///< In order.
   std::vector<SeenImage> images;    ///< All of them, in order.
+  FewImages few;                    ///< Of the source, for why_no_tag.
   OfflineStatistics statistics;
 };
 

@@ -10,17 +10,19 @@
 #include "base/gravity.hpp"
 #include "calibration/imu/imu_calibration.hpp"
 #include "calibration/intrinsics/intrinsics_verdict.hpp"
+#include "calibration/intrinsics/view_collector.hpp"
+#include "detection/no_tag.hpp"
 #include "tools/plot/plot_page.hpp"
 #include "tools/terminal.hpp"
 
 namespace fiducap {
 
 struct CalibrateCameraArguments {
-  std::string input;      ///< Folder of pictures, video file or recording; empty with `corners`.
-  std::string corners{};  ///< CSV of corners that another program found, see CornerFileChoice; …
-  std::string board{};    ///< … their target, see read_board_description; empty: tags …
-  std::string size{};     ///< … and the size of the images, WIDTHxHEIGHT.
-  std::string set{};      ///< Of a file of corners that holds several.
+  std::string input;         ///< Folder of pictures, video file or recording; empty with `corners`.
+  std::string corners{};     ///< CSV of corners that another program found, see CornerFileChoice.
+  std::string board{};       ///< Target of images or corners, see read_board; empty: tags.
+  std::string size{};        ///< Of the images of `corners`, WIDTHxHEIGHT.
+  std::string set{};         ///< Of a file of corners that holds several.
   std::string checkerboard;  ///< COLUMNSxROWS of inner corners; empty: tags.
   double square_mm{30};
   double tag_mm{0};      ///< 0: as in the recording, else 160.
@@ -72,6 +74,7 @@ void keep_before(const std::string& path, const Terminal& terminal);
 struct CollectedViews {
   CalibrationData data;  ///< A view per image with a target.
   std::size_t images{};  ///< Searched.
+  FewImages few;         ///< Of those.
 };
 
 /// Searches all images of `arguments.input` for the targets: a folder of pictures, a video file, or
@@ -83,27 +86,19 @@ struct CollectedViews {
 /// The two numbers of `9x6`; nullopt for another format.
 [[nodiscard]] std::optional<std::pair<int, int>> pair_from(std::string_view text);
 
-/// The target in a file of corners.
-struct BoardDescription {
-  /// One flat target at known places. No points: single tags at unknown places.
-  CalibrationTarget board;
-  /// Index in `board.points` of corner 0 (bottom left) of each tag; the other three follow.
-  std::map<int, int> first_corner_of_tag;
-  double tag_m{0.1};  ///< Edge of single tags.
-
-  [[nodiscard]] bool is_board() const { return !board.points.empty(); }
-  /// True: rows name tags and corners; false: rows name points.
-  [[nodiscard]] bool has_tags() const { return !is_board() || !first_corner_of_tag.empty(); }
-};
-
 /// `tags:MM` – tags of this edge, at unknown places, fixed while recording.
 /// `points:COLUMNSxROWS:MM` – inner corners of a checkerboard or ChArUco board, numbered row by
 /// row. `charuco:COLUMNSxROWS:SQUARE_MM:MARKER_MM[:white]` – the markers of a ChArUco board,
 /// counted in squares; numbered from the upper left. `white`: the upper left square is white
 /// (OpenCV before 4.7, boards with an even number of rows). `grid:COLUMNSxROWS:TAG_MM:GAP_MM` –
 /// tags in rows, numbered from the upper left (ArUco GridBoard).
+/// `aprilgrid:COLUMNSxROWS:TAG_MM:SPACING` – Kalibr's, numbered from the lower left; gaps of
+/// SPACING × TAG_MM.
 /// @return Error with the expected format
 [[nodiscard]] Expected<BoardDescription> read_board_description(const std::string& text);
+/// The same, or a file: Kalibr's target.yaml (`target_type`: aprilgrid, checkerboard), Basalt's
+/// aprilgrid JSON. Lengths are metres there, `tagSpacing` is the gap relative to `tagSize`.
+[[nodiscard]] Expected<BoardDescription> read_board(const std::string& text);
 
 /// The part of a file of corners that is used.
 struct CornerFileChoice {

@@ -34,7 +34,7 @@ Expected<CollectedViews> views_in_corners(const CalibrateCameraArguments& argume
   std::tie(choice.width, choice.height) = *size;
   choice.board.tag_m = (arguments.tag_mm > 0 ? arguments.tag_mm : kUsualTag_mm) / 1000;
   if (!arguments.board.empty()) {
-    auto board = read_board_description(arguments.board);
+    auto board = read_board(arguments.board);
     if (!board) return tl::unexpected(board.error());
     choice.board = std::move(*board);
   }
@@ -90,10 +90,10 @@ void add_corner_options(CLI::App& verb, CLI::Option& input, CalibrateCameraArgum
                                   "(image,tag,corner,u,v or image,point,u,v)")
                       ->excludes(&input);
   verb.add_option("--board", a.board,
-                  "What the corners are of: tags:MM, points:COLUMNSxROWS:MM, "
-                  "charuco:COLUMNSxROWS:SQUARE_MM:MARKER_MM[:white], "
-                  "grid:COLUMNSxROWS:TAG_MM:GAP_MM; default: tags of --tag-mm")
-      ->needs(corners);
+                  "The board: Kalibr's target.yaml, aprilgrid:COLUMNSxROWS:TAG_MM:SPACING, "
+                  "points:COLUMNSxROWS:MM, charuco:COLUMNSxROWS:SQUARE_MM:MARKER_MM[:white], "
+                  "grid:COLUMNSxROWS:TAG_MM:GAP_MM, or tags:MM; default: tags of --tag-mm")
+      ->excludes("--checkerboard");
   verb.add_option("--size", a.size, "Of the images, WIDTHxHEIGHT, e.g. 1280x720")->needs(corners);
   verb.add_option("--set", a.set, "Of a file of corners with several sets")->needs(corners);
 }
@@ -136,8 +136,8 @@ void add_calibrate_camera(CLI::App& calibrate, ChosenVerb& chosen) {
   auto* input = verb->add_option(
       "INPUT", a.input,
       "Folder of pictures, video file, or recording (EuRoC/ASL layout, images or corners)");
-  add_corner_options(*verb, *input, a);
   add_camera_target_options(*verb, a);
+  add_corner_options(*verb, *input, a);
   verb->add_option("--lens", a.lens,
                    "auto: radial-tangential or equidistant, which explains the pictures better")
       ->check(CLI::IsMember({"auto", "radial-tangential", "equidistant", "rational"}))

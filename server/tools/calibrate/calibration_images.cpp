@@ -181,6 +181,16 @@ Expected<CalibrationTargets> choose_targets(const CalibrateCameraArguments& argu
     targets.tags.size_m = arguments.tag_mm / 1000;
     targets.tags.sizes_m.clear();
   }
+  if (!arguments.board.empty()) {
+    auto board = read_board(arguments.board);
+    if (!board) return tl::unexpected(board.error());
+    targets.checkerboard = board->checkerboard;
+    if (board->is_board()) {
+      if (!board->checkerboard) targets.board = std::move(*board);
+    } else {
+      targets.tags.size_m = board->tag_m;
+    }
+  }
   if (!arguments.family.empty()) targets.tags.family = listed_tag_family(arguments.family);
   if (const auto faults = targets.tags.check(); !faults.empty())
     return fail(ErrorCode::kInvalid, faults.front().text());
@@ -206,6 +216,7 @@ Expected<CollectedViews> collect_views(
                       ", the images before are " + size_text(data.width, data.height) +
                       ": a calibration is for one size");
     }
+    if ((*image)->image) out.few.note((*image)->image);
     auto view = (*image)->image ? collector.look((*image)->name, (*image)->image)
                                 : collector.look((*image)->name, (*image)->corners);
     if (view) data.views.push_back(std::move(*view));
@@ -213,6 +224,17 @@ Expected<CollectedViews> collect_views(
   }
   data.targets = collector.targets();
   return out;
+}
+
+std::string not_found_text(const CalibrationTargets& targets, const CollectedViews& seen) {
+  const std::string images = " in " + std::to_string(seen.images) + " images";
+  if (const auto& board = targets.checkerboard)
+    return "no whole checkerboard of " + std::to_string(board->columns) + "x" +
+           std::to_string(board->rows) + " inner corners (count them; all must be in view)" +
+           images;
+  const std::string why = why_no_tag(seen.few.images(), targets.tags, {});
+  return (targets.board ? "no tag of the " + targets.board->board.name : std::string("no tag")) +
+         " of 20 px or more" + images + (why.empty() ? "" : ": " + why);
 }
 
 }  // namespace
@@ -231,12 +253,7 @@ Expected<CollectedViews> views_in_images(const CalibrateCameraArguments& argumen
               std::to_string(found) + " with");
   });
   if (!seen || !seen->data.views.empty()) return seen;
-  const std::string target = arguments.checkerboard.empty()
-                                 ? "no tag of 20 px or more (family, light, sharpness?)"
-                                 : "no whole checkerboard of " + arguments.checkerboard +
-                                       " inner corners (count them; all must be in view)";
-  return fail(ErrorCode::kNotFound, target + " in " + std::to_string(seen->images) + " images",
-              arguments.input);
+  return fail(ErrorCode::kNotFound, not_found_text(*targets, *seen), arguments.input);
 }
 
 }  // namespace fiducap

@@ -19,6 +19,7 @@
 #include "capture/lens/calibration_files.hpp"
 #include "capture/recording/recording_writer.hpp"
 #include "daemon/system.hpp"
+#include "detection/no_tag.hpp"
 #include "detection/tag_detector.hpp"
 #include "tools/camera/camera_verbs.hpp"
 #include "tools/verb_options.hpp"
@@ -168,6 +169,7 @@ class Shutter final {
       TagSetConfig tags;
       tags.family = arguments.family;
       picker_.emplace(tags);
+      no_tag_.emplace(tags);
     } else if (every_s_ <= 0) {
       every_s_ = 1;
     }
@@ -178,6 +180,8 @@ class Shutter final {
     if (picker_) {
       const auto verdict = picker_->look(frame);
       advice_ = kAdvice[static_cast<std::size_t>(verdict)];
+      no_tag_->note(frame.image, verdict != PicturePicker::Verdict::kNoTag);
+      if (!no_tag_->why().empty()) advice_ = no_tag_->why();
       if (verdict != PicturePicker::Verdict::kTaken) return false;
     }
     last_ = frame.exposed_at;
@@ -194,6 +198,7 @@ class Shutter final {
   std::optional<PicturePicker> picker_;
   std::optional<Instant> last_;
   std::string_view advice_;
+  std::optional<NoTagAdvice> no_tag_;
 };
 
 Expected<void> make_new_folder(const std::string& folder) {

@@ -77,8 +77,9 @@ std::vector<int> never_placed(const MapBuild& build) {
 std::string why_nothing(const BuiltRecording& recording) {
   if (recording.images == 0) return "has neither images nor detections";
   if (recording.images_with_tags == 0)
-    return "no tag was found in its " + std::to_string(recording.images) +
-           " images: is tags.family that of the prints, are they in view and sharp?";
+    return "no tag was found in its " + std::to_string(recording.images) + " images: " +
+           (recording.why_no_tag.empty() ? "is tags.family that of the prints?"
+                                         : recording.why_no_tag);
   return "of its " + std::to_string(recording.images_with_tags) +
          " images with tags no second is sure enough for the map. Let the robot move for some "
          "seconds while tags are in view, without an IMU before two tags or close to one";

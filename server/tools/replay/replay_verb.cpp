@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "detection/other_families.hpp"
 #include "tools/replay/replay_verbs.hpp"
 #include "tools/replay/run_plots.hpp"
 #include "tools/verb_options.hpp"
@@ -89,6 +90,47 @@ bool contradicts_itself(const OfflineStatistics& s) {
   return all >= kEnough && s.tags_rejected > 0.6 * all;
 }
 
+/// Turns recorded corners by half a turn.
+class TurnedCorners final : public SensorSource {
+ public:
+  explicit TurnedCorners(std::unique_ptr<SensorSource> source) : source_(std::move(source)) {}
+  Expected<std::optional<SensorSample>> next(std::stop_token stop) override {
+    auto sample = source_->next(std::move(stop));
+    if (sample && *sample)
+      if (auto* corners = std::get_if<CornerFrame>(&**sample))
+        for (TagSighting& tag : corners->tags)
+          std::ranges::rotate(tag.corners_px, tag.corners_px.begin() + 2);
+    return sample;
+  }
+
+ private:
+  std::unique_ptr<SensorSource> source_;
+};
+
+/// Whether sightings contradict the rest because of the family of the tags, as a sentence: another
+/// one is in the images, or the corners of all tags are turned by half a turn.
+std::string family_doubt(const ReplayInput& input, const OfflineResult& result,
+                         const OfflineMap& map) {
+  const std::string& family = input.setup.tags.family;
+  if (std::string other = other_family_in(result.few.images(), input.setup.tags); !other.empty())
+    return other;
+  auto turned = open_input(input.info, input.setup);
+  if (!turned) return {};
+  const std::string twin = half_turned_family(family);
+  if (!twin.empty()) turned->setup.tags.family = twin;
+  TurnedCorners source(std::move(turned->source));
+  OfflineMap start;
+  start.config = map.config;
+  start.start = map.start;
+  const auto again = run_together({{1, input.info.name, turned->setup, &source}}, start);
+  if (!again || contradicts_itself(again->bodies.front().statistics) ||
+      again->bodies.front().statistics.frames_with_pose <= result.statistics.frames_with_pose)
+    return {};
+  return "all tags are turned by half a turn against the map: with " +
+         (twin.empty() ? "their corners turned" : "tags.family: " + twin) + " the sightings fit" +
+         (twin.empty() ? "" : " (OpenCV prints AprilTags upside down)");
+}
+
 /// @return kExitFailed for a replay without poses, or with contradictory measurements
 int judge(const Terminal& terminal, const ReplayInputs& inputs, const OfflineSession& session,
           bool anyway) {
@@ -106,16 +148,23 @@ int judge(const Terminal& terminal, const ReplayInputs& inputs, const OfflineSes
     const bool has_bad_imu =
         std::ranges::find(events, BodyEvent::Kind::kImuUnusable, &BodyEvent::kind) != events.end();
     if (must_be_sound && has_bad_imu) exit_code = kExitFailed;
-    if (must_be_sound && contradicts_itself(s))
-      exit_code = report(terminal, {ErrorCode::kInvalid,
-                                    "most sightings of tags contradict the rest: clocks, lens, "
-                                    "place of the camera or sizes of the tags are wrong",
-                                    folder});
+    if (must_be_sound && contradicts_itself(s)) {
+      const std::string doubt = family_doubt(inputs.bodies[i], session.bodies[i], inputs.map);
+      exit_code =
+          report(terminal, {ErrorCode::kInvalid,
+                            "most sightings of tags contradict the rest: " +
+                                (doubt.empty() ? "clocks, lens, place of the camera or sizes of "
+                                                 "the tags are wrong"
+                                               : doubt),
+                            folder});
+    }
     if (s.frames == 0)
       exit_code =
           report(terminal, {ErrorCode::kNotFound, "has neither images nor detections", folder});
     else if (s.frames_with_pose == 0)
-      exit_code = report(terminal, {ErrorCode::kNotFound, no_pose_text(session.bodies[i]), folder});
+      exit_code = report(
+          terminal,
+          {ErrorCode::kNotFound, no_pose_text(session.bodies[i], inputs.bodies[i].setup), folder});
   }
   return exit_code;
 }

@@ -249,14 +249,17 @@ std::vector<TagPlace> places_in(const TagMap& map,
   return places;
 }
 
-std::string no_pose_text(const OfflineResult& result) {
+std::string no_pose_text(const OfflineResult& result, const OfflineSetup& setup) {
   const OfflineStatistics& s = result.statistics;
   const std::string images = std::to_string(s.frames) + " images, no pose: ";
   for (const BodyEvent& event : result.events)
     if (event.kind == BodyEvent::Kind::kImuUnusable || event.kind == BodyEvent::Kind::kImuSilent)
       return images + event.text;
-  if (s.frames_with_tags == 0)
-    return images + "no tag was found in any of them. Look at tags.family and at the images";
+  if (s.frames_with_tags == 0) {
+    const std::string why = why_no_tag(result.few.images(), setup.tags, setup.detector);
+    return images + "no tag was found in any of them" +
+           (why.empty() ? ". Look at tags.family" : ": " + why);
+  }
   if (s.tags_used == 0 && result.tags.empty())
     return images + "tags were found in " + std::to_string(s.frames_with_tags) +
            ", but none for long enough to be placed";

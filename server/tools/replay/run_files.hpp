@@ -56,7 +56,7 @@ struct RunBody {
     const std::function<bool(const MapTag&)>& is_wanted = [](const MapTag&) { return true; });
 
 /// Why a run has no pose, with what to do about it.
-[[nodiscard]] std::string no_pose_text(const OfflineResult& result);
+[[nodiscard]] std::string no_pose_text(const OfflineResult& result, const OfflineSetup& setup);
 
 /// A camera as a run has it.
 struct RunCamera {

@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "capture/recording/recording_writer.hpp"
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/recording/session_recorder.hpp"
 #include "pipeline/replay/bodies_replay.hpp"
@@ -16,10 +17,12 @@
 #include "support/results.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/replay/replay_verbs.hpp"
+#include "unit/detection/rendered_wall.hpp"
 
 namespace fiducap {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 using Words = std::vector<std::string>;
 
@@ -159,6 +162,53 @@ TEST_F(ResolveTest, StartsFromAStoredMapAndWritesPosesCovariancesAndLivePoses) {
       run({"evaluate", folder_.file("out/table.tum"), folder_.file("table"), "--json"}));
   EXPECT_LT(json["pose"]["position_rmse_m"], 0.01);
   EXPECT_THAT(replay({"--map", "a.yaml", "--store", "b.map"}, kExitFailed), HasSubstr("not both"));
+}
+
+using ReplayReasonTest = ResolveTest;
+
+TEST_F(ReplayReasonTest, CornersTurnedByHalfATurnAreNamed) {
+  simulate("table");
+  const std::string corners = "table/mav0/tags0/data.csv";
+  std::istringstream lines(content_of(folder_.file(corners)));
+  std::string turned;
+  for (std::string line; std::getline(lines, line);) {
+    std::vector<std::string> fields;
+    std::istringstream row(line);
+    for (std::string field; std::getline(row, field, ',');) fields.push_back(field);
+    if (fields.front()[0] != '#') std::rotate(fields.begin() + 3, fields.begin() + 7, fields.end());
+    for (const std::string& field : fields)
+      turned += field + (&field == &fields.back() ? "\n" : ",");
+  }
+  folder_.write(corners, turned);
+  EXPECT_THAT(replay({"--map", folder_.file("table/truth/tags.csv")}, kExitFailed),
+              AllOf(HasSubstr("most sightings of tags contradict the rest: all tags are turned by "
+                              "half a turn"),
+                    HasSubstr("tags.family: DICT_APRILTAG_36h11")));
+}
+
+TEST_F(ReplayReasonTest, MirroredImagesAreNamed) {
+  RenderedWall wall;
+  RecordingInfo info;
+  info.folder = folder_.file("table");
+  info.name = "table";
+  info.cameras.emplace_back().model = simulation::small_camera();
+  info.has_images = {true};
+  info.has_corners = {false};
+  auto writer = value_of(RecordingWriter::create(info));
+  for (std::uint64_t k = 0; k < 4; ++k) {
+    auto image = std::make_shared<GrayImage>(*wall.photograph(k));
+    for (auto row = image->pixels.begin(); row != image->pixels.end(); row += image->width)
+      std::reverse(row, row + image->width);
+    const auto at = instant_from_ns(1'000'000'000'000 + 50'000'000 * static_cast<std::int64_t>(k));
+    ASSERT_TRUE(writer.write(CameraFrame{0, at, image}));
+  }
+  ASSERT_TRUE(writer.finish());
+  EXPECT_THAT(replay({}, kExitFailed),
+              HasSubstr("4 images, no pose: no tag was found in any of them: the images are "
+                        "mirrored: 6 tags are found when they are flipped"));
+  EXPECT_THAT(run({"map", "build", folder_.file("table"), "--store", folder_.file("hall.map")},
+                  kExitFailed),
+              HasSubstr("the images are mirrored"));
 }
 
 }  // namespace
