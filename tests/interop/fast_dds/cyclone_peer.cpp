@@ -1,5 +1,6 @@
 // Reads PoseStamped by Cyclone DDS with its default settings: cyclone_peer DOMAIN SECONDS TOPIC
 #include <array>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 
