@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 #include <tuple>
 
+#include "base/text.hpp"
 #include "capture/lens/calibration_files.hpp"
 
 namespace fiducap::ros {

@@ -96,14 +96,15 @@ std::vector<int> covered_tags(const TagMap& map) {
   }
   std::ranges::sort(by_x, {}, [](const KnownTag* tag) { return tag->X_WT.p.x(); });
   std::set<int> covered;
-  for (std::size_t i = 0; i < by_x.size(); ++i)
-    for (std::size_t j = i + 1;
-         j < by_x.size() && by_x[j]->X_WT.p.x() - by_x[i]->X_WT.p.x() < kReach * by_x[i]->edge_m;
-         ++j) {
+  for (std::size_t i = 0; i < by_x.size(); ++i) {
+    const double reach_m = kHalfDiagonal * (by_x[i]->edge_m + largest_m);
+    const double last_m = by_x[i]->X_WT.p.x() + reach_m;
+    for (std::size_t j = i + 1; j < by_x.size() && by_x[j]->X_WT.p.x() < last_m; ++j) {
       if (!cover_each_other(*by_x[i], *by_x[j])) continue;
       covered.insert({by_x[i]->tag_id, by_x[j]->tag_id});
       if (covered.size() > kMostNamed) return {covered.begin(), covered.end()};
     }
+  }
   return {covered.begin(), covered.end()};
 }
 

@@ -167,7 +167,8 @@ Expected<BoardDescription> read_board_description(const std::string& text) {
   if (parts[0] == "aprilgrid" && parts.size() == 4) {
     double spacing = 0;
     const bool is_possible = parse_number(parts[3], spacing) && is_spacing(spacing);
-    return is_possible && fits_family(*size, 0) ? april_grid(*size, *first, spacing, 0) : wrong();
+    if (!is_possible || !fits_family(*size, 0)) return wrong();
+    return april_grid(*size, *first, spacing, 0);
   }
   const auto second = metres(parts[3]);
   if (!second) return wrong();

@@ -99,7 +99,7 @@ class TurnedCorners final : public SensorSource {
     if (sample && *sample)
       if (auto* corners = std::get_if<CornerFrame>(&**sample))
         for (TagSighting& tag : corners->tags)
-          std::ranges::rotate(tag.corners_px, tag.corners_px.begin() + 2);
+          std::rotate(tag.corners_px.begin(), tag.corners_px.begin() + 2, tag.corners_px.end());
     return sample;
   }
 
