@@ -34,7 +34,12 @@ export function watchDrawing(periodMs) {
 export function watchLayout() {
   window.shifted = 0;
   new PerformanceObserver((list) => {
-    for (const { value, hadRecentInput } of list.getEntries()) if (!hadRecentInput) window.shifted += value;
+    for (const { value, hadRecentInput, sources } of list.getEntries()) {
+      if (hadRecentInput) continue;
+      window.shifted += value;
+      const names = sources.map(({ node }) => node?.className || node?.nodeName || '');
+      console.log(`moved by ${value.toFixed(4)}: ${names.join(', ')}`);
+    }
   }).observe({ type: 'layout-shift', buffered: true });
 }
 
@@ -83,6 +88,7 @@ export async function openPage(browser, port, options) {
   page.setDefaultTimeout(TIMEOUT_MS);
   const faults = [];
   page.on('console', (line) => line.type() === 'error' && faults.push(line.text()));
+  page.on('console', (line) => line.text().startsWith('moved by') && console.log(line.text()));
   page.on('pageerror', (error) => faults.push(String(error)));
   page.on('response', (response) => {
     if (response.status() >= 400) faults.push(`${response.status()} ${response.url()}`);

@@ -16,6 +16,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <istream>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -353,7 +354,10 @@ int main(int argc, char** argv) {
     boost::asio::async_read_until(input, buffer, '\n',
                                   [&](boost::system::error_code error, std::size_t) {
                                     if (!error) {
-                                      std::istream line(&buffer);
+                                      std::istream lines(&buffer);
+                                      std::string text;
+                                      std::getline(lines, text);
+                                      std::istringstream line(text);
                                       execute(line, events, cameras.preview());
                                       return read();
                                     }

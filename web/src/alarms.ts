@@ -10,6 +10,8 @@ export interface Alarm {
   worst: ServerEvent;
   /** When the first of them began. */
   utcMs: number;
+  /** Number of that one. */
+  n: number;
 }
 
 // A busy computer reads, uses and refines late, whichever body it is.
@@ -23,14 +25,17 @@ const CAUSES = [
   /^tracking$/,
 ];
 
-/** The most severe first, of equal ones the newest. Notes (severity info) are in the list of events only. */
+/**
+ * The most severe first, of equal ones the oldest: a new one moves none that is shown. Notes (severity info) are in the
+ * list of events only.
+ */
 export function alarmsOf(standing: ServerEvent[]): Alarm[] {
   const events = standing.filter((event) => event.severity !== 'info' && !followsFromAnother(event, standing));
-  const worst = (a: ServerEvent, b: ServerEvent): number => RANK[a.severity] - RANK[b.severity] || b.n - a.n;
+  const worst = (a: ServerEvent, b: ServerEvent): number => RANK[a.severity] - RANK[b.severity] || a.n - b.n;
   const isOfMap = (event: ServerEvent): number => Number(event.kind === 'map_late');
   const busy = events.filter((event) => BUSY.test(event.kind)).sort((a, b) => isOfMap(a) - isOfMap(b) || worst(a, b));
   const groups = [...events.filter((event) => !BUSY.test(event.kind)).map((event) => [event]), ...(busy.length > 0 ? [busy] : [])];
-  return groups.map(alarmOf).sort((a, b) => worst(a.worst, b.worst));
+  return groups.map(alarmOf).sort((a, b) => RANK[a.worst.severity] - RANK[b.worst.severity] || a.n - b.n);
 }
 
 function followsFromAnother(event: ServerEvent, standing: ServerEvent[]): boolean {
@@ -41,6 +46,7 @@ function followsFromAnother(event: ServerEvent, standing: ServerEvent[]): boolea
 
 /** @param events  of one cause; the first one is shown */
 function alarmOf(events: ServerEvent[]): Alarm {
-  const worst = events[0] as ServerEvent;
-  return { subjects: [...new Set(events.map((event) => event.subject))].sort(), worst, utcMs: Math.min(...events.map((event) => event.utcMs)) };
+  const subjects = [...new Set(events.map((event) => event.subject))].sort();
+  const [first] = [...events].sort((a, b) => a.n - b.n) as [ServerEvent];
+  return { subjects, worst: events[0] as ServerEvent, utcMs: first.utcMs, n: first.n };
 }

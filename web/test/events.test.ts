@@ -10,9 +10,9 @@ const event = (n: number, severity: Severity, kind = 'lost', subject = 'drone'):
 const kinds = (events: ServerEvent[]): string[] => alarmsOf(events).map(({ subjects, worst }) => `${subjects.join('+')} ${worst.kind}`);
 
 describe('alarmsOf', () => {
-  it('puts the worst first, of equal ones the newest, and leaves notes out', () => {
+  it('puts the worst first, of equal ones the oldest, and leaves notes out', () => {
     const order = alarmsOf([event(1, 'info'), event(2, 'error'), event(3, 'warning', 'disk'), event(4, 'error', 'x')]);
-    expect(order.map((one) => one.worst.n)).toEqual([4, 2, 3]);
+    expect(order.map((one) => one.worst.n)).toEqual([2, 4, 3]);
   });
 
   it('makes one of a busy computer, and none of what follows from it', () => {
