@@ -18,7 +18,7 @@ using ::testing::HasSubstr;
 
 constexpr double kTag_m = 0.055;
 // Eight numbers and their correlations: 4 sigma of one is 3.3 of the worst.
-constexpr double kSigmas = 4;
+constexpr double kGridSigmas = 4;
 
 /// Photographs a flat print through a lens, without noise.
 class PrintPhotographer final {
@@ -133,7 +133,7 @@ TEST_P(CalibrateGridTruth, FindsTheLensWithinItsSigmas) {
   for (const auto& [name, value] : {std::pair("fu", camera.fu), std::pair("fv", camera.fv),
                                     std::pair("cu", camera.cu), std::pair("cv", camera.cv)}) {
     const double sigma = report["numbers"][name]["sigma"];
-    EXPECT_NEAR(report["numbers"][name]["value"], value, kSigmas * sigma) << name;
+    EXPECT_NEAR(report["numbers"][name]["value"], value, kGridSigmas * sigma) << name;
     EXPECT_LT(sigma, 1) << name;
   }
   EXPECT_EQ(report["targets_stood_still"], true);
