@@ -14,6 +14,7 @@
 #include "daemon/access_keeper.hpp"
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/bodies/body_worker.hpp"
+#include "daemon/bodies/unseen_tags.hpp"
 #include "daemon/map_keeper.hpp"
 #include "daemon/map_start.hpp"
 #include "daemon/operator_service.hpp"

@@ -11,7 +11,6 @@
 
 #include "base/numeric.hpp"
 #include "base/text.hpp"
-#include "capture/image_watch.hpp"
 #include "detection/april_grid.hpp"
 #include "detection/candidate_search.hpp"
 #include "detection/corner_sigma.hpp"
@@ -341,10 +340,9 @@ std::string looks_text(const std::vector<SharedImage>& images, const TagSetConfi
   if (auto text = light_text(light)) return *text;
   const int cells = find_tag_family(tags.family)->edge_cells;
   UnreadSquares squares = squares_in(images, tags, config, cells);
-  constexpr double kSoft = 0.4;  // ImageTraits: share of a step within kSharp_px
-  const ImageTraits traits = traits_of(*images[images.size() / 2]);
-  for (const double share : {traits.across, traits.down})
-    if (share > 0 && share < kSoft && squares.blur_px == 0) squares.blur_px = kSharp_px / share;
+  constexpr double kSoft = 0.4;  // ImageMeasures::steepest of an image without a sharp edge
+  if (squares.blur_px == 0 && light.steepest > 0 && light.steepest < kSoft)
+    squares.blur_px = kSharp_px / light.steepest;
   if (squares.blur_px > 0)
     return "the images are blurred over " + fixed(squares.blur_px, 0) + " px (" +
            fixed(kSharp_px, 0) +

@@ -18,7 +18,7 @@
 #include "capture/image_watch.hpp"
 #include "capture/sample_merger.hpp"
 #include "capture/sensor_source.hpp"
-#include "daemon/watch/unseen_tags.hpp"
+#include "daemon/bodies/unseen_tags.hpp"
 
 namespace fiducap {
 

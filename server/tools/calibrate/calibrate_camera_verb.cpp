@@ -41,7 +41,7 @@ Expected<CollectedViews> views_in_corners(const CalibrateCameraArguments& argume
   auto data = read_corner_file(choice);
   if (!data) return tl::unexpected(data.error());
   const std::size_t images = data->views.size();
-  return CollectedViews{std::move(*data), images};
+  return CollectedViews{std::move(*data), images, {}};
 }
 
 Expected<CameraOutcome> calibrate(const CalibrateCameraArguments& arguments,

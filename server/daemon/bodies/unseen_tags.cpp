@@ -1,4 +1,4 @@
-#include "daemon/watch/unseen_tags.hpp"
+#include "daemon/bodies/unseen_tags.hpp"
 
 #include "base/log.hpp"
 #include "daemon/system.hpp"
