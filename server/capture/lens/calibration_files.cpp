@@ -8,7 +8,6 @@
 
 #include "base/whole_file.hpp"
 #include "base/yaml_section.hpp"
-#include "capture/lens/calibration_text.hpp"
 
 namespace fiducap {
 namespace {

@@ -1,13 +1,24 @@
 #pragma once
 
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/expected.hpp"
 #include "capture/imu_sample.hpp"
 #include "capture/lens/camera_model.hpp"
 
+namespace YAML {
+class Node;
+}
+
 namespace fiducap {
+
+/// A calibration that is no YAML, as the YAML of the same content: OpenCV's XML, ROS' ost.ini
+/// (keys of OpenCV), COLMAP's cameras.txt (`cam0` … as Kalibr). Unusable parts are left out.
+/// @return nullopt for any other text
+[[nodiscard]] std::optional<YAML::Node> calibration_node(std::string_view text);
 
 class YamlSection;
 

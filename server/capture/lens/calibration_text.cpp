@@ -1,12 +1,13 @@
-#include "capture/lens/calibration_text.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cctype>
 #include <string>
 #include <vector>
 
+#include <yaml-cpp/yaml.h>
+
 #include "base/text.hpp"
+#include "capture/lens/calibration_files.hpp"
 
 namespace fiducap {
 namespace {

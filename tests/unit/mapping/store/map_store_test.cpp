@@ -151,7 +151,7 @@ TEST_F(MapStoreTest, FailedBackupLeavesTheEarlierOne) {
 TEST_F(MapStoreTest, RunsNothingThatAFileDefines) {
   for (const char* sql : {"CREATE TRIGGER t AFTER INSERT ON tag BEGIN DELETE FROM tag; END",
                           "CREATE VIEW v AS SELECT * FROM tag",
-                          "ALTER TABLE tag ADD COLUMN big AS (zeroblob(50000000))"}) {
+                          "ALTER TABLE tag ADD COLUMN big BLOB AS (zeroblob(50000000))"}) {
     std::filesystem::remove(path_);
     commit(make_map({1}));
     value_of(value_of(SqliteFile::open(path_)).execute(sql));

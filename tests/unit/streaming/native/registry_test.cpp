@@ -159,7 +159,7 @@ TEST_F(NativeRegistryTest, TokenGetsALeaseAndTheModel) {
   EXPECT_TRUE(answer.send_model);
   EXPECT_EQ(answer.event, Registry::Event::kJoined);
   ASSERT_EQ(clients(), 1u);
-  EXPECT_EQ(registry_.subscribers()[0].name, "te?st");
+  EXPECT_EQ(registry_.subscribers()[0].name, "te\\x01st");
   const auto lease = reply(request).lease();
   EXPECT_EQ(lease.lease_ms(), 3000u);
   EXPECT_EQ(lease.session(), kSession);

@@ -133,8 +133,10 @@ TEST(Request, ReplacesControlCharactersInNamesAndCutsThem) {
   const auto name_of = [](const Bytes& payload) {
     return decoded_connect(message(Message::kConnect, payload)).name;
   };
-  EXPECT_EQ(name_of(sender_block({3, 1}, "a\nb\x1b[31m")), "a?b?[31m");
-  EXPECT_EQ(name_of(Bytes(264, std::byte{0xff})), std::string(64, '?'));
+  EXPECT_EQ(name_of(sender_block({3, 1}, "a\nb\x1b[31m")), "a\\x0ab\\x1b[31m");
+  const std::string escaped = name_of(Bytes(264, std::byte{0xff}));
+  EXPECT_EQ(escaped.size(), 64 * 4U);
+  EXPECT_TRUE(escaped.starts_with("\\xff\\xff"));
   const Bytes longest(65503, std::byte{'n'});
   EXPECT_EQ(name_of(longest).size(), 64U);
   EXPECT_EQ(decoded<CommandRequest>(message(Message::kRequest, longest)).text.size(),

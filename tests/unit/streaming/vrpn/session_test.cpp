@@ -353,7 +353,7 @@ TEST_F(VrpnConnectionTest, NotesAClientsTextWithoutControlCharacters) {
   EXPECT_THAT(feed(connection, text), IsEmpty());
   const auto notes = connection.take_notes();
   ASSERT_EQ(notes.size(), 1u);
-  EXPECT_EQ(notes[0].text, "sent text: lost.[2J");
+  EXPECT_EQ(notes[0].text, "sent text: lost\\x1b[2J");
   for (int i = 0; i < 1000; ++i) feed(connection, text);
   EXPECT_LE(connection.take_notes().size(), 15u);
 }

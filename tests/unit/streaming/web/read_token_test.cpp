@@ -1,7 +1,7 @@
 // The token for reading over real sockets: requests, live pages, camera views.
 #include <nlohmann/json.hpp>
 
-#include "streaming/web/http_routes.hpp"
+#include "streaming/net/limits.hpp"
 #include "support/control_request.hpp"
 #include "support/fake_operator_api.hpp"
 #include "support/fake_views.hpp"
@@ -17,6 +17,8 @@ using testing::HasSubstr;
 using testing::StartsWith;
 
 const std::string kReadToken = "may only look";
+// A close by policy (1008), without a reason.
+const std::string kRefused = "\x88\x02\x03\xf0";
 
 class ReadTokenTest : public WebServerFixture {
  protected:
@@ -102,7 +104,7 @@ TEST_F(ReadTokenTest, UnprovenLivePageGetsNothingAndHoldsNoPlace) {
   auto waiting = upgraded();
   auto guessing = upgraded();
   EXPECT_EQ(prove(guessing, "a guess").result(), v1::ControlReply::RESULT_FORBIDDEN);
-  EXPECT_TRUE(guessing.wait_for_close());
+  EXPECT_TRUE(guessing.wait_for(kRefused));
   auto peer = upgraded();
   EXPECT_EQ(prove(peer, kReadToken).result(), v1::ControlReply::RESULT_DONE);
   EXPECT_THAT(peer.next_message().value_or(""), HasSubstr("ticket"));
