@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include <ceres/ceres.h>
+#include <ceres/normal_prior.h>
 #include <ceres/rotation.h>
 
 #include "calibration/intrinsics/lens_model.hpp"
@@ -70,6 +71,7 @@ class Bundle final {
       for (const auto& [group, X_VG] : poses) views_.back()[group] = to_block(X_VG);
     }
     add_points(data, options, state);
+    if (state.camera.distortion == Distortion::kRational) add_prior();
     hold_fixed(options, state);
   }
 
@@ -117,6 +119,14 @@ class Bundle final {
         }
       }
     }
+  }
+
+  void add_prior() {
+    Eigen::Matrix<double, kLensNumbers, kLensNumbers> A =
+        Eigen::Matrix<double, kLensNumbers, kLensNumbers>::Zero();
+    for (int i = 4; i < kLensNumbers; ++i) A(i, i) = kRationalPrior_px;
+    problem_.AddResidualBlock(new ceres::NormalPrior(A, ceres::Vector::Zero(kLensNumbers)), nullptr,
+                              lens_.data());
   }
 
   void hold_fixed(const BundleOptions& options, const CalibrationState& state) {

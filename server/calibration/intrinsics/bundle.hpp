@@ -6,6 +6,10 @@
 
 namespace fiducap {
 
+/// A prior that each coefficient of a rational lens is zero: 1 counts as this residual. Numerator
+/// and denominator nearly cancel, so that no image determines each of them alone.
+inline constexpr double kRationalPrior_px = 1e-3;
+
 struct BundleOptions {
   /// Indices of the estimated lens parameters.
   std::vector<int> free;

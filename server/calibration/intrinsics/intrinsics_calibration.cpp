@@ -20,6 +20,7 @@ constexpr double kAsGood = 1.01;
 constexpr double kThirdRadial_sigma = 5;
 // Decrease of the chi-square that one term must explain: two sigma.
 constexpr double kPerTerm = 4;
+constexpr double kKept = 0.95;
 // Relative sigma of the focal length below which the distortion is determined as well.
 constexpr double kDeterminedFocal = 0.01;
 
@@ -49,7 +50,7 @@ Numbers without(Numbers free, std::initializer_list<int> gone) {
 std::vector<Numbers> simpler_than(const Numbers& free, Distortion kind) {
   std::vector<Numbers> out;
   const bool equidistant = kind == Distortion::kEquidistant;
-  const Numbers orders = equidistant ? Numbers{7, 6, 5, 4} : Numbers{11, 10, 9, 8, 5, 4};
+  const Numbers orders = equidistant ? Numbers{7, 6, 5, 4} : Numbers{8, 5, 4};
   for (const int order : orders) {
     if (!has(free, order)) continue;
     out.push_back(without(free, {order}));
@@ -115,19 +116,26 @@ LensFit with_denominator(LensFit fit) {
   const auto terms = static_cast<double>(freer.free.size() - fit.free.size());
   const double variance = freer.sigma_px * freer.sigma_px;
   const double gain = (squares_of(fit) - squares_of(freer)) / variance / terms;
-  const bool kept_points = count_points(freer.data) >= count_points(fit.data);
+  // Smaller residuals reject a few sightings more.
+  const bool kept_points = static_cast<double>(count_points(freer.data)) >=
+                           kKept * static_cast<double>(count_points(fit.data));
   return kept_points && gain > kPerTerm && is_plausible(freer) ? freer : fit;
 }
 
 /// Keeps the distortion terms that the images support. Frees the third radial coefficient of a
-/// radial-tangential lens where it is significant, the denominator of a rational one. When the
+/// radial-tangential lens where it is significant; a rational lens without a significant
+/// denominator is a radial-tangential one. When the
 /// images do not determine the lens, fixes terms at zero that explain little, or whose removal
 /// makes the lens plausible (can_be_a_lens): undetermined high orders fit the corners and fold the
 /// rest of the image.
 LensFit with_supported_terms(LensFit fit) {
-  const Distortion kind = fit.state.camera.distortion;
-  if (kind == Distortion::kRadialTangential) fit = with_third_radial(std::move(fit));
-  if (kind == Distortion::kRational) fit = with_denominator(std::move(fit));
+  if (fit.state.camera.distortion == Distortion::kRational) {
+    LensFit whole = with_denominator(fit);
+    if (whole.free.size() > fit.free.size() && is_determined(whole)) return whole;
+    fit.state.camera.distortion = Distortion::kRadialTangential;
+  }
+  if (fit.state.camera.distortion == Distortion::kRadialTangential)
+    fit = with_third_radial(std::move(fit));
   for (;;) {
     if (is_plausible(fit) && is_determined(fit)) return fit;
     auto step = best_step(fit);

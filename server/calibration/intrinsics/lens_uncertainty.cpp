@@ -71,6 +71,10 @@ class ReducedSystem final {
       size_ += kShapeNumbers;
     }
     S_ = Eigen::MatrixXd::Zero(size_, size_);
+    for (std::size_t i = 0; i < free.size(); ++i)
+      if (state.camera.distortion == Distortion::kRational && free[i] >= 4)
+        S_(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)) =
+            kRationalPrior_px * kRationalPrior_px;
     for (std::size_t v = 0; v < data.views.size(); ++v) add_view(v);
   }
 
