@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <fstream>
+#include <numeric>
 
 #include <opencv2/imgcodecs.hpp>
 
@@ -169,6 +170,17 @@ void encode_jpeg(const GrayImage& image, std::vector<std::uint8_t>& bytes) {
   if (!cv::imencode(".jpg", pixels, bytes, {cv::IMWRITE_JPEG_QUALITY, kQuality})) bytes.clear();
 }
 
+int bits_of(const std::array<std::uint64_t, 17>& widths) {
+  constexpr std::uint64_t kOneOf = 1000;
+  const std::uint64_t all = std::accumulate(widths.begin(), widths.end(), std::uint64_t{0});
+  std::uint64_t above = 0;
+  for (int bits = 16; bits > 8; --bits) {
+    above += widths[static_cast<std::size_t>(bits)];
+    if (above * kOneOf > all) return bits;
+  }
+  return 8;
+}
+
 Expected<void> GrayDecoder::decode(std::span<const std::uint8_t> encoded, Size wanted,
                                    GrayImage& out) {
   const auto size = encoded_size(std::as_bytes(encoded));
@@ -216,9 +228,12 @@ Expected<void> GrayDecoder::decode_any(std::span<const std::uint8_t> encoded, Si
   }
   saw_16_bits_ = true;
   const auto values = cv::Mat_<std::uint16_t>(decoded);
-  for (const std::uint16_t value : values) bits_ = std::max<int>(bits_, std::bit_width(value));
+  std::array<std::uint64_t, 17> widths{};
+  for (const std::uint16_t value : values)
+    ++widths[static_cast<std::size_t>(std::bit_width(value))];
+  bits_ = std::max(bits_, bits_of(widths));
   std::transform(values.begin(), values.end(), out.pixels.begin(), [&](std::uint16_t value) {
-    return static_cast<std::uint8_t>(value >> (bits_ - 8));
+    return static_cast<std::uint8_t>(std::min(value >> (bits_ - 8), 255));
   });
   return {};
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -51,6 +52,10 @@ void scale_down(const GrayImage& image, int width, GrayImage& out, std::vector<f
 
 /// @param bytes  replaced; empty when the image cannot be encoded
 void encode_jpeg(const GrayImage& image, std::vector<std::uint8_t>& bytes);
+
+/// Bits of 16-bit pixels that all but a thousandth of them need (counters and hot pixels aside).
+/// @param widths  number of pixels by std::bit_width
+[[nodiscard]] int bits_of(const std::array<std::uint64_t, 17>& widths);
 
 /// Decodes the image files of one camera to gray. Of 16-bit pixels it takes the eight highest bits
 /// that any image so far has used: sensors with 10, 12 or 14 bits leave the others zero.

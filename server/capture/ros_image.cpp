@@ -86,7 +86,8 @@ Expected<const Encoding*> encoding_of(const RawImage& image) {
         "encoding \"" + printable(image.encoding.substr(0, kShownName)) + "\" is not supported");
   const std::uint64_t row =
       std::uint64_t{image.width} * static_cast<std::uint64_t>(encoding->channels * encoding->bytes);
-  const std::uint64_t needed = std::uint64_t{image.step} * (std::uint64_t{image.height} - 1) + row;
+  const std::uint64_t needed =
+      std::max<std::uint64_t>(image.step, row) * (std::uint64_t{image.height} - 1) + row;
   if (image.height == 0 || image.step < row || image.data.size() < needed)
     return fail(ErrorCode::kTruncated, "needs " + std::to_string(needed) +
                                            " bytes in rows of at least " + std::to_string(row) +
@@ -113,10 +114,11 @@ void each_16(const RawImage& image, const Encoding& encoding, Take take) {
 int used_bits(const RawImage& image) {
   const auto encoding = encoding_of(image);
   if (!encoding || (*encoding)->bytes == 1) return 8;
-  unsigned largest = 255;
-  each_16(image, **encoding,
-          [&](std::size_t, std::size_t, unsigned value) { largest = std::max(largest, value); });
-  return std::bit_width(largest);
+  std::array<std::uint64_t, 17> widths{};
+  each_16(image, **encoding, [&](std::size_t, std::size_t, unsigned value) {
+    ++widths[static_cast<std::size_t>(std::bit_width(value))];
+  });
+  return bits_of(widths);
 }
 
 Expected<void> GrayConversion::convert(const RawImage& image, const CameraModel& camera,
@@ -137,7 +139,7 @@ Expected<void> GrayConversion::convert(const RawImage& image, const CameraModel&
     if (encoding.conversion != kCopy) scratch_.resize(columns * image.height);
     std::uint8_t* to = encoding.conversion == kCopy ? out.pixels.data() : scratch_.data();
     each_16(image, encoding, [&](std::size_t y, std::size_t x, unsigned value) {
-      to[columns * y + x] = static_cast<std::uint8_t>(value >> (bits_ - 8));
+      to[columns * y + x] = static_cast<std::uint8_t>(std::min(value >> (bits_ - 8), 255U));
     });
     view = cv::Mat(camera.height, camera.width, type, to);
   }

@@ -1,6 +1,7 @@
 #include "capture/import/import_parts.hpp"
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <initializer_list>
 #include <optional>
@@ -11,6 +12,9 @@
 
 namespace fiducap {
 namespace {
+
+constexpr std::array<std::string_view, 7> kEndings{".png", ".jpg", ".jpeg", ".bmp",
+                                                   ".pgm", ".tif", ".tiff"};
 
 /// Of EuRoC, or of Kalibr: cameras and IMU in the folder itself.
 std::optional<RecordingLayout> asl_layout(const std::filesystem::path& path) {
@@ -76,8 +80,17 @@ class AslImport final : public PartsImport {
                                        "stamped by their names"
                                      : " has no list data.csv: its images are stamped by their "
                                        "names"));
-      if (images.empty()) return {};
+      if (images.empty()) return require_no_pictures(k);
     }
+    constexpr std::int64_t kShortest_ns = 100'000;
+    const auto steps = static_cast<std::int64_t>(images.size()) - 1;
+    if (steps > 0 && images.back().ns - images.front().ns < steps * kShortest_ns)
+      return fail(ErrorCode::kInvalid,
+                  name + ": its " + std::to_string(images.size()) +
+                      " images are numbered, or their stamps count from zero in another unit than "
+                      "ns: write " +
+                      layout_.images_csv(k).filename().string() +
+                      " with stamps in ns, and the names of the files");
     auto found = stream_of(name, images);
     if (!found) return tl::unexpected(found.error());
     found->unreadable = list.unreadable;
@@ -86,6 +99,18 @@ class AslImport final : public PartsImport {
       found->backwards += images[i].ns <= images[i - 1].ns ? 1 : 0;
     found->lens_fault = "no calibration";
     add_camera(std::move(*found), {std::move(images), "", {}});
+    return {};
+  }
+
+  /// @return Error when there are pictures whose names are no times
+  [[nodiscard]] Expected<void> require_no_pictures(std::size_t k) const {
+    std::error_code ignored;
+    for (const auto& entry : std::filesystem::directory_iterator(image_folder(k), ignored))
+      if (std::ranges::find(kEndings, entry.path().extension().string()) != kEndings.end())
+        return fail(ErrorCode::kInvalid,
+                    "has pictures, but no times of them: their names are no stamps, and " +
+                        layout_.images_csv(k).string() + " is missing or has none",
+                    image_folder(k).string());
     return {};
   }
 
@@ -196,8 +221,9 @@ class AslImport final : public PartsImport {
   /// The file itself, or that with an ending.
   static std::filesystem::path picture(const std::filesystem::path& path) {
     if (is_file(path)) return path;
-    for (const char* ending : {".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".tif", ".tiff"})
-      if (const std::filesystem::path whole = path.string() + ending; is_file(whole)) return whole;
+    for (const std::string_view ending : kEndings)
+      if (const std::filesystem::path whole = path.string() + std::string(ending); is_file(whole))
+        return whole;
     return path;
   }
 

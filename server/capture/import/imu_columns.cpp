@@ -54,7 +54,7 @@ int take_axis(std::vector<std::string>& words) {
   for (std::size_t i = words.size(); i-- > 0;) {
     const std::string& word = words[i];
     const bool is_letter_of_axis = word.size() == 1 && word[0] >= 'x' && word[0] <= 'z';
-    const bool is_number_of_axis = word.size() == 1 && word[0] >= '0' && word[0] <= '2';
+    const bool is_number_of_axis = word.size() == 1 && word[0] >= '0' && word[0] <= '3';
     if (!is_letter_of_axis && !is_number_of_axis) continue;
     const int axis = word[0] - (is_letter_of_axis ? 'x' : '0');
     words.erase(words.begin() + static_cast<std::ptrdiff_t>(i));
@@ -83,8 +83,8 @@ ColumnName column_name(std::string_view text) {
   }
   name.words = words_of(text);
   name.axis = take_axis(name.words);
-  if (name.axis < 0 && (name.unit == "0" || name.unit == "1" || name.unit == "2"))
-    name.axis = name.unit.front() - '0';  // PX4: gyro_rad[0]
+  if (name.axis < 0 && name.unit.size() == 1 && name.unit >= "0" && name.unit <= "3")
+    name.axis = std::exchange(name.unit, {}).front() - '0';  // PX4: gyro_rad[0]
   return name;
 }
 
@@ -114,9 +114,11 @@ int time_exponent_of(const std::string& unit) {
 }
 
 double gyro_unit_of(const std::string& unit) {
+  if (unit.starts_with("mdps") || unit.starts_with("mdeg")) return kDegree / 1000;
   if (unit.find("deg") != std::string::npos || unit.find("dps") != std::string::npos ||
       unit.find("°") != std::string::npos)
     return kDegree;
+  if (unit.starts_with("mrad")) return 1e-3;
   return unit.find("rad") != std::string::npos ? 1.0 : 0.0;
 }
 
@@ -169,10 +171,15 @@ Expected<ImuColumns> columns_by_name(const std::vector<std::string>& header,
 
 Expected<ImuColumns> guessed_columns(const std::vector<std::string>& header) {
   std::array<std::optional<std::size_t>, 7> found;
+  const bool from_one = std::ranges::any_of(header, [](const std::string& column) {
+    const ColumnName name = column_name(column);
+    return name.axis == 3 && kind_of(name) != ColumnKind::kNone;
+  });
   for (std::size_t i = 0; i < std::min(header.size(), kMostHeaderColumns); ++i) {
-    const ColumnName name = column_name(header[i]);
+    ColumnName name = column_name(header[i]);
     const ColumnKind kind = kind_of(name);
-    if (kind == ColumnKind::kNone) continue;
+    if (from_one) --name.axis;  // MATLAB: Gyroscope_1 to Gyroscope_3
+    if (kind == ColumnKind::kNone || (kind != ColumnKind::kTime && name.axis < 0)) continue;
     const std::size_t place = kind == ColumnKind::kTime   ? 0
                               : kind == ColumnKind::kGyro ? 1 + static_cast<std::size_t>(name.axis)
                                                           : 4 + static_cast<std::size_t>(name.axis);
@@ -204,7 +211,16 @@ Expected<void> set_units(const std::vector<std::string>& header, const std::stri
   columns.accel_unit = unit_of(accel, 0.0, accel_unit_of);
   columns.is_apple =  // accelerometerAccelerationX(G)
       accel.has("accelerometer") && accel.has("acceleration") && accel.unit == "g";
-  if (units.empty()) return {};
+  if (units.empty()) {
+    for (const auto& [column, unit] : {std::pair(columns.gyro[0], columns.gyro_unit),
+                                       std::pair(columns.accel[0], columns.accel_unit)})
+      if (unit == 0 && !column_name(header[column]).unit.empty())
+        return fail(ErrorCode::kInvalid,
+                    "the unit of '" + printable_name(header[column]) +
+                        "' is not known: give time, gyro and accelerometer's, e.g. --imu-units "
+                        "us,deg/s,g");
+    return {};
+  }
   const std::vector<std::string> fields = split_header(units);
   if (fields.size() == 3) {
     columns.time_exponent = time_exponent_of(fields[0]);

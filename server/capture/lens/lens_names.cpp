@@ -9,13 +9,14 @@ namespace fiducap {
 namespace {
 
 /// What the coefficients of a name mean. In lower case, with hyphens.
-constexpr std::array<std::pair<std::string_view, Distortion>, 19> kNames{
+constexpr std::array<std::pair<std::string_view, Distortion>, 20> kNames{
     {{"none", Distortion::kNone},
      {"pinhole", Distortion::kNone},
      {"radial-tangential", Distortion::kRadialTangential},
      {"radtan", Distortion::kRadialTangential},
      {"plumb-bob", Distortion::kRadialTangential},
      {"brown-conrady", Distortion::kRadialTangential},
+     {"rectilinear", Distortion::kRadialTangential},  // calibdb
      {"opencv", Distortion::kRadialTangential},
      {"opencv4", Distortion::kRadialTangential},
      {"opencv5", Distortion::kRadialTangential},

@@ -48,10 +48,15 @@ Expected<void> read_imu(const std::filesystem::path& path, RecordingInfo& info) 
   const Expected<YamlSection> yaml = YamlSection::load(path);
   if (!yaml) return tl::unexpected(yaml.error());
   ImuNoise noise;
-  noise.gyro_noise_rad_s_rtHz = yaml->required_number("gyroscope_noise_density");
-  noise.gyro_walk_rad_s2_rtHz = yaml->required_number("gyroscope_random_walk");
-  noise.accel_noise_m_s2_rtHz = yaml->required_number("accelerometer_noise_density");
-  noise.accel_walk_m_s3_rtHz = yaml->required_number("accelerometer_random_walk");
+  const auto not_negative = [&yaml](const char* key) {
+    const double value = yaml->required_number(key);
+    if (value < 0) yaml->add_fault(key, "must be >= 0");
+    return value;
+  };
+  noise.gyro_noise_rad_s_rtHz = not_negative("gyroscope_noise_density");
+  noise.gyro_walk_rad_s2_rtHz = not_negative("gyroscope_random_walk");
+  noise.accel_noise_m_s2_rtHz = not_negative("accelerometer_noise_density");
+  noise.accel_walk_m_s3_rtHz = not_negative("accelerometer_random_walk");
   noise.rate_hz = yaml->number("rate_hz").value_or(noise.rate_hz);
   if (yaml->has("imu_correction")) {
     const auto correction = read_imu_correction(path.string());

@@ -77,6 +77,12 @@ Expected<void> choose_images(const ImportSource& source, const ImportArguments& 
   const auto& streams = source.streams();
   const auto is_imu = [](const FoundStream& stream) { return stream.kind == FoundKind::kImu; };
   if (!streams.empty() && std::ranges::all_of(streams, is_imu)) return {};
+  const auto is_depth = [](const FoundStream& stream) { return stream.is_depth; };
+  if (const auto depth = std::ranges::find_if(streams, is_depth);
+      choice.images.empty() && depth != streams.end())
+    return fail(ErrorCode::kNotFound, "has depth images only (" + depth->text() +
+                                          " is taken for one); if these are pictures: --image " +
+                                          depth->name);
   if (choice.images.empty())
     return fail(
         ErrorCode::kNotFound,

@@ -180,6 +180,16 @@ TEST_F(GrayFileTest, TakesTheHighestBitsThatAreUsed) {
     EXPECT_THAT(image_.pixels, testing::Each(gray)) << value;
   }
   EXPECT_TRUE(decoder_.saw_16_bits());
+  // A counter in the first pixel.
+  cv::Mat counted(40, 40, CV_16UC1, cv::Scalar(800));
+  counted.at<std::uint16_t>(0, 0) = 65535;
+  std::vector<std::uint8_t> bytes;
+  cv::imencode(".png", counted, bytes);
+  GrayDecoder other;
+  ASSERT_TRUE(other.decode(bytes, {}, image_));
+  EXPECT_EQ(other.used_bits(), 10);
+  EXPECT_EQ(image_.pixels.front(), 255);
+  EXPECT_EQ(image_.pixels.back(), 200);
 }
 
 }  // namespace

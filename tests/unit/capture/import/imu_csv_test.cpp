@@ -56,6 +56,18 @@ TEST(ImuColumns, AreFoundInHeadersOfManyKinds) {
   }
 }
 
+TEST(ImuColumns, CountAxesFromZeroOrOneAndKnowTheirUnits) {
+  const ImuColumns matlab = value_of(columns_of(
+      "Time,Gyroscope_1,Gyroscope_2,Gyroscope_3,Acceleration_1,Acceleration_2,Acceleration_3"));
+  EXPECT_THAT(matlab.gyro, ElementsAre(1, 2, 3));
+  EXPECT_THAT(matlab.accel, ElementsAre(4, 5, 6));
+  EXPECT_DOUBLE_EQ(
+      value_of(columns_of("t[us],gx[mdps],gy[mdps],gz[mdps],ax[mg],ay[mg],az[mg]")).gyro_unit,
+      kDegree / 1000);
+  EXPECT_THAT(error_of(columns_of("t,gx[rpm],gy[rpm],gz[rpm],ax,ay,az")),
+              HasSubstr("the unit of 'gx[rpm]' is not known"));
+}
+
 TEST(ImuColumns, IgnoreOtherColumnsAndNameMissingOnes) {
   const ImuColumns columns = value_of(columns_of(
       "time,mag_x,mag_y,mag_z,userAccX,userAccY,userAccZ,gravityX,ax,ay,az,gx,gy,gz,temp"));

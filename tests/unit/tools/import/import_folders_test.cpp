@@ -110,6 +110,17 @@ TEST_F(AslTest, ListsHaveStampsInAnyUnitAndNamesWithoutEnding) {
   }
 }
 
+TEST_F(AslTest, PicturesWithoutTimesAreRefused) {
+  for (int i = 1; i <= 3; ++i)
+    folder_.write("walk/mav0/cam0/data/image" + std::to_string(i) + ".png", picture(100));
+  folder_.write("walk/mav0/imu0/data.csv", imu_table());
+  run(folder_.file("walk"), kExitFailed);
+  EXPECT_THAT(err_, HasSubstr("has pictures, but no times of them"));
+  folder_.write("walk/mav0/cam0/data.csv", "0,image1.png\n100,image2.png\n200,image3.png\n");
+  run(folder_.file("walk"), kExitFailed);
+  EXPECT_THAT(err_, HasSubstr("cam0: its 3 images are numbered"));
+}
+
 TEST_F(AslTest, MotionCaptureIsTruthAndOtherSensorsAreNamed) {
   write_images("room/mav0/cam0/data");
   folder_.write("room/mav0/mocap0/data.csv", truth_table());
