@@ -42,6 +42,7 @@ class Operator final {
   int stop(double timeout_s = 30) { return run({"stop", "--patience", std::to_string(timeout_s)}); }
   int list() { return run({"list"}); }
   [[nodiscard]] std::string output() const { return last_.out + last_.err; }
+  [[nodiscard]] const std::string& printed() const { return last_.out; }
   /// The newest recording; empty: the server does not answer.
   Recording newest() {
     ControlState state;
@@ -101,7 +102,7 @@ TEST_F(RecorderTest, StopReportsTheSavedData) {
   EXPECT_THAT(operator_.output(), HasSubstr("recording \"flight\""));
   ASSERT_TRUE(wait_until([&] { return operator_.newest().samples > 0; }));
   ASSERT_EQ(operator_.stop(), 0) << operator_.output();
-  EXPECT_THAT(operator_.output(),
+  EXPECT_THAT(operator_.printed(),
               MatchesRegex("the recording has ended: [1-9][0-9]* samples, [0-9.]+ .B; "
                            "0 dropped\n"));
   EXPECT_EQ(operator_.newest().state, RecordingState::kFinished);
