@@ -71,7 +71,8 @@ class Bundle final {
       for (const auto& [group, X_VG] : poses) views_.back()[group] = to_block(X_VG);
     }
     add_points(data, options, state);
-    if (state.camera.distortion == Distortion::kRational) add_prior();
+    if (state.camera.distortion == Distortion::kRational)
+      add_prior(rms_per_coordinate(residuals(data, state)));
     hold_fixed(options, state);
   }
 
@@ -121,10 +122,11 @@ class Bundle final {
     }
   }
 
-  void add_prior() {
+  /// The noise is the one of the last adjustment.
+  void add_prior(double sigma_px) {
     Eigen::Matrix<double, kLensNumbers, kLensNumbers> A =
         Eigen::Matrix<double, kLensNumbers, kLensNumbers>::Zero();
-    for (int i = 4; i < kLensNumbers; ++i) A(i, i) = kRationalPrior_px;
+    for (int i = 4; i < kLensNumbers; ++i) A(i, i) = sigma_px / kRationalPrior;
     problem_.AddResidualBlock(new ceres::NormalPrior(A, ceres::Vector::Zero(kLensNumbers)), nullptr,
                               lens_.data());
   }

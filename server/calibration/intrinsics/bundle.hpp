@@ -6,9 +6,9 @@
 
 namespace fiducap {
 
-/// A prior that each coefficient of a rational lens is zero: 1 counts as this residual. Numerator
-/// and denominator nearly cancel, so that no image determines each of them alone.
-inline constexpr double kRationalPrior_px = 1e-3;
+/// Sigma of the prior that each coefficient of a rational lens is zero. Numerator and denominator
+/// nearly cancel, so that images do not determine each of them alone.
+inline constexpr double kRationalPrior = 2;
 
 struct BundleOptions {
   /// Indices of the estimated lens parameters.

@@ -71,11 +71,8 @@ class ReducedSystem final {
       size_ += kShapeNumbers;
     }
     S_ = Eigen::MatrixXd::Zero(size_, size_);
-    for (std::size_t i = 0; i < free.size(); ++i)
-      if (state.camera.distortion == Distortion::kRational && free[i] >= 4)
-        S_(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)) =
-            kRationalPrior_px * kRationalPrior_px;
     for (std::size_t v = 0; v < data.views.size(); ++v) add_view(v);
+    if (state.camera.distortion == Distortion::kRational) add_prior();
   }
 
   /// Per view: the gradient of its squared residuals / 2, poses marginalised.
@@ -106,6 +103,13 @@ class ReducedSystem final {
   }
 
  private:
+  void add_prior() {
+    const double variance = squares_ / std::max(1.0, freedom());
+    for (std::size_t i = 0; i < free_.size(); ++i)
+      if (const auto k = static_cast<Eigen::Index>(i); free_[i] >= 4)
+        S_(k, k) += variance / (kRationalPrior * kRationalPrior);
+  }
+
   void add_view(std::size_t v) {
     Eigen::VectorXd gradient = Eigen::VectorXd::Zero(size_);
     std::map<int, GroupTerms> groups;

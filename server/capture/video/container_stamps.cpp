@@ -17,7 +17,11 @@ struct Close {
 
 std::unique_ptr<AVFormatContext, Close> open_container(const std::string& path) {
   AVFormatContext* opened = nullptr;
-  if (avformat_open_input(&opened, path.c_str(), nullptr, nullptr) != 0) return nullptr;
+  AVDictionary* options = nullptr;
+  av_dict_set(&options, "protocol_whitelist", "file", 0);  // a playlist opens nothing else
+  const int failure = avformat_open_input(&opened, path.c_str(), nullptr, &options);
+  av_dict_free(&options);
+  if (failure != 0) return nullptr;
   std::unique_ptr<AVFormatContext, Close> file(opened);
   return avformat_find_stream_info(opened, nullptr) < 0 ? nullptr : std::move(file);
 }

@@ -209,8 +209,8 @@ class FramePorts final {
       data_.emplace(std::move(*opened));
     } else if (!std::exchange(warned_, true)) {
       log::warning("natnet",
-                   "libraries from 4.2 on may take no frames, which leave from another "
-                   "port: " +
+                   "frames leave from another port, from which libraries from 4.2 on may not take "
+                   "them: " +
                        opened.error().text());
     }
   }

@@ -21,6 +21,13 @@ inline CameraModel fisheye_lens() {
   return camera;
 }
 
+/// Of an Azure Kinect.
+inline CameraModel rational_lens() {
+  CameraModel camera{640, 360, 304.9, 304.8, 319.1, 183.4, Distortion::kRational, {}};
+  camera.coefficients = {0.4523, -2.4876, 0.00063, -0.00012, 1.4311, 0.3316, -2.3187, 1.3622};
+  return camera;
+}
+
 /// A board held before a camera, everywhere in its image, near and far, tilted to all sides.
 class CalibrationScene final {
  public:

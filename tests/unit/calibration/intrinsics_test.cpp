@@ -34,12 +34,13 @@ double limit(const IntrinsicsCalibration& c, double probability) {
 }
 
 TEST(LensDerivative, AgreesWithCentralDifferencesAndWithTheCameraModel) {
-  for (const CameraModel& camera : {narrow_lens(), fisheye_lens()}) {
+  for (const CameraModel& camera : {narrow_lens(), fisheye_lens(), rational_lens()}) {
     for (const Eigen::Vector3d& p :
          {Eigen::Vector3d(0, 0, 1), Eigen::Vector3d(1e-8, 0, 1), Eigen::Vector3d(0.3, -0.2, 0.9)}) {
       const LensDerivative at = differentiate(camera, p);
       EXPECT_LT((at.px - *camera.project(p)).norm(), 1e-9);
-      const LensVector size = (LensVector() << 100, 100, 100, 100, 1, 1, 1, 1, 1).finished();
+      LensVector size = LensVector::Ones();
+      size.head<4>().setConstant(100);
       const auto by_lens = [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
         CameraModel moved = camera;
         set_numbers(moved, numbers_of(camera) + size.cwiseProduct(LensVector(d)));
@@ -182,6 +183,37 @@ TEST_P(BothLenses, UncertaintyIsLargerWithoutPoints) {
   }
   EXPECT_THAT(count, ::testing::Each(::testing::Gt(0)));
   EXPECT_GT(sum_px[0] / count[0], 1.5 * sum_px[1] / count[1]);
+}
+
+// Its numerator and denominator nearly cancel: none of their coefficients is determined alone.
+TEST(RationalLens, IsFoundWithItsCovariance) {
+  constexpr double kFine_px = 0.02;
+  ErrorSum errors;
+  std::uint64_t rational = 0;
+  for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
+    CalibrationScene scene(rational_lens(), seed);
+    scene.add_checkerboard(8, 6, 0.04);
+    scene.look(40, kFine_px);
+    const auto result = calibrate_intrinsics(scene.data, {{Distortion::kRational}, true}, quiet);
+    ASSERT_TRUE(result) << result.error().text();
+    if (result->state.camera.distortion != Distortion::kRational) continue;  // with a pole
+    ++rational;
+    EXPECT_EQ(result->free.size(), static_cast<std::size_t>(kLensNumbers));
+    EXPECT_NEAR(result->sigma_px, kFine_px, 0.1 * kFine_px);
+    errors.add(*result, rational_lens());
+  }
+  EXPECT_GE(rational, kRuns - 2);
+  errors.expect_consistent();
+}
+
+TEST(RationalLens, WithoutADenominatorIsRadialTangential) {
+  CalibrationScene scene(narrow_lens());
+  scene.add_checkerboard(8, 6, 0.04);
+  scene.look(40, kNoise_px);
+  const auto result = calibrate_intrinsics(scene.data, {{Distortion::kRational}, true}, quiet);
+  ASSERT_TRUE(result) << result.error().text();
+  EXPECT_EQ(result->state.camera.distortion, Distortion::kRadialTangential);
+  EXPECT_LT(nees(*result, narrow_lens()), limit(*result, 0.9999));
 }
 
 TEST(TargetLayout, GroupsWithoutCommonImagesAreSplitWithoutMotion) {
