@@ -61,6 +61,10 @@ class AslImport final : public PartsImport {
     }
     if (is_folder(layout_.mav() / "leica0"))
       all.emplace_back("leica0 (positions without attitudes)");
+    if (is_file(layout_.folder() / "groundtruth.txt"))
+      all.emplace_back(
+          "groundtruth.txt (truth is read from mav0/mocap0/data.csv: stamp in ns, position, "
+          "quaternion w x y z)");
     for (const char* other : {"pointcloud0", "imu1", "lidar0", "gps0", "baro0", "mag0"})
       if (is_folder(layout_.mav() / other)) all.emplace_back(other);
     return all;
@@ -218,11 +222,15 @@ class AslImport final : public PartsImport {
     return images;
   }
 
-  /// The file itself, or that with an ending.
+  /// The file itself, or that with an ending, or with another one.
   static std::filesystem::path picture(const std::filesystem::path& path) {
     if (is_file(path)) return path;
+    const bool has_ending =
+        std::ranges::find(kEndings, path.extension().string()) != kEndings.end();
+    const std::string stem =
+        has_ending ? std::filesystem::path(path).replace_extension().string() : path.string();
     for (const std::string_view ending : kEndings)
-      if (const std::filesystem::path whole = path.string() + std::string(ending); is_file(whole))
+      if (const std::filesystem::path whole = stem + std::string(ending); is_file(whole))
         return whole;
     return path;
   }

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <initializer_list>
+#include <set>
 
 #include "base/yaml_section.hpp"
 #include "capture/import/import_parts.hpp"
@@ -13,6 +15,24 @@
 namespace fiducap {
 namespace {
 
+/// The first file with one of these endings.
+std::string file_in(const std::string& folder, std::initializer_list<const char*> endings) {
+  std::set<std::string> found;
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, ignored))
+    if (std::ranges::count(endings, entry.path().extension().string()) > 0)
+      found.insert(entry.path().string());
+  return found.empty() ? "" : *found.begin();
+}
+
+/// What to do with a folder of a video beside a table, as recorders on phones write it.
+std::string video_in(const std::string& folder) {
+  const std::string video = file_in(folder, {".mp4", ".avi", ".mkv", ".mov", ".MP4", ".MOV"});
+  if (video.empty()) return "";
+  const std::string table = file_in(folder, {".csv"});
+  return ". Its video: fiducap import " + video + (table.empty() ? "" : " --imu " + table);
+}
+
 OpenedImport open_folder_import(const std::string& path, const ImportOptions& options,
                                 const ImportProgress& progress) {
   if (is_asl_folder(path)) return open_asl_import(path, options);
@@ -22,7 +42,8 @@ OpenedImport open_folder_import(const std::string& path, const ImportOptions& op
   return fail(
       ErrorCode::kNotFound,
       "is no known recording: expected a folder of EuRoC (mav0) or Kalibr (cam0, imu0.csv), "
-      "of bags or rosbag2 (.bag, .db3, .mcap) or of Sensor Logger (Gyroscope.csv)",
+      "of bags or rosbag2 (.bag, .db3, .mcap) or of Sensor Logger (Gyroscope.csv)" +
+          video_in(path),
       path);
 }
 

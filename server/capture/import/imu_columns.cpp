@@ -73,18 +73,29 @@ int take_axis(std::vector<std::string>& words) {
   return -1;
 }
 
+/// The last text in brackets is the unit; a single digit is an axis, as in PX4's `gyro_rad[0]`.
 ColumnName column_name(std::string_view text) {
   ColumnName name;
-  const std::size_t open = text.find_first_of("[(");
-  if (open != std::string_view::npos) {
-    for (const char c : text.substr(open + 1))
-      if (c != ']' && c != ')' && c != ' ') name.unit += lower(c);
-    text = text.substr(0, open);
+  std::string plain;
+  int axis_in_brackets = -1;
+  while (!text.empty()) {
+    const std::string_view before = text.substr(0, text.find_first_of("[("));
+    plain += std::string(before) + ' ';
+    text.remove_prefix(std::min(before.size() + 1, text.size()));
+    if (text.empty()) break;
+    const std::string_view inside = text.substr(0, text.find_first_of("])"));
+    text.remove_prefix(std::min(inside.size() + 1, text.size()));
+    if (inside.size() == 1 && inside >= "0" && inside <= "3") {
+      axis_in_brackets = inside.front() - '0';
+      continue;
+    }
+    name.unit.clear();
+    for (const char c : inside)
+      if (c != ' ') name.unit += lower(c);
   }
-  name.words = words_of(text);
+  name.words = words_of(plain);
   name.axis = take_axis(name.words);
-  if (name.axis < 0 && name.unit.size() == 1 && name.unit >= "0" && name.unit <= "3")
-    name.axis = std::exchange(name.unit, {}).front() - '0';  // PX4: gyro_rad[0]
+  if (name.axis < 0) name.axis = axis_in_brackets;
   return name;
 }
 

@@ -16,8 +16,12 @@ std::string full_name(const std::string& topic) {
   return topic.starts_with('/') ? topic : '/' + topic;
 }
 
-bool is_depth_encoding(std::string_view encoding) {
-  return encoding == "16UC1" || encoding == "32FC1" ||
+/// 16UC1 is a depth or a picture of more than 8 bits: the topic's name decides.
+bool is_depth(const std::string& topic, std::string_view encoding) {
+  constexpr std::array kNames{"depth", "disparity", "range"};
+  const bool is_named = std::ranges::any_of(
+      kNames, [&](const char* name) { return topic.find(name) != std::string::npos; });
+  return (encoding == "16UC1" && is_named) || encoding == "32FC1" ||
          encoding.find("compressedDepth") != std::string_view::npos;
 }
 
@@ -103,8 +107,8 @@ class LogSurveyor final {
       look_at_bits(topic, raw, stream);
     if (stream.count == 0) {
       stream.encoding = printable_name(raw.encoding);
-      stream.is_depth = is_depth_encoding(raw.encoding) ||
-                        (!is_raw && is_depth_encoding(raw.encoding.substr(0, 5)));
+      stream.is_depth = is_depth(stream.name, raw.encoding) ||
+                        (!is_raw && is_depth(stream.name, raw.encoding.substr(0, 5)));
     }
     if (is_raw)
       set_size(stream, raw.width, raw.height);

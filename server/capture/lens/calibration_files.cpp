@@ -8,6 +8,7 @@
 
 #include "base/whole_file.hpp"
 #include "base/yaml_section.hpp"
+#include "capture/gray_image.hpp"
 
 namespace fiducap {
 namespace {
@@ -75,6 +76,7 @@ std::vector<double> size_of_opencv(const YamlSection& yaml) {
     if (!yaml.has(key)) continue;
     if (!yaml.is_map(key)) return yaml.required_numbers(key, 2);
     const YamlSection size = yaml.section(key);
+    if (size.has("data")) return size.required_numbers("data", 2);
     if (size.has("width")) return {size.required_number("width"), size.required_number("height")};
     return {size.required_number("x"), size.required_number("y")};
   }
@@ -248,12 +250,56 @@ std::vector<CalibratedCamera> read_basalt(const YamlSection& yaml, const CameraM
   return cameras;
 }
 
+/// A file of one camera. @return false: its format is not known
+bool read_single(const YamlSection& yaml, CameraModel& model) {
+  const char* matrix = key_of(yaml, kMatrixKeys);
+  if (yaml.has("intrinsics") && yaml.has("resolution"))
+    model = read_pinhole(yaml, "distortion_coefficients");
+  else if (matrix != nullptr)
+    model = read_opencv(yaml, matrix);
+  else if (yaml.has("projection_parameters") || yaml.has("mirror_parameters"))
+    model = read_camodocal(yaml);
+  else if (yaml.has("Camera.fx") || yaml.has("Camera1.fx"))
+    model = read_orb_slam(yaml);
+  else if (yaml.has("lensmodel"))
+    model = read_mrcal(yaml);
+  else
+    return false;
+  return true;
+}
+
+/// PhotonVision's lenses of one camera for several modes, COLMAP's of unordered cameras: the one
+/// for images of this size.
+CameraModel read_list(const YamlSection& yaml, const CameraModel& images) {
+  const std::vector<YamlSection> all = yaml.sections("calibrations");
+  std::vector<YamlSection> fitting;
+  std::string sizes;
+  for (const YamlSection& section : all) {
+    CameraModel size;
+    set_size(size_of_opencv(section), size);
+    sizes += (sizes.empty() ? "" : ", ") + size_text(size.width, size.height);
+    const bool fits = images.width == size.width && images.height == size.height;
+    if (fits || images.width == 0 || all.size() == 1) fitting.push_back(section);
+  }
+  CameraModel model;
+  if (fitting.size() != 1)
+    yaml.add_fault("calibrations",
+                   "has " + std::to_string(all.size()) + " lenses, for images of " + sizes + ", " +
+                       std::to_string(fitting.size()) + " of them for those of this camera" +
+                       (images.width > 0 ? ", " + size_text(images.width, images.height) : "") +
+                       ": keep the camera's only");
+  else if (!read_single(fitting.front(), model))
+    fitting.front().add_fault("camera_matrix", "is missing: this is no lens");
+  return model;
+}
+
 tl::unexpected<Error> no_calibration(const std::string& path) {
   return fail(ErrorCode::kInvalid,
               "is no camera calibration: expected the keys intrinsics + resolution (EuRoC), "
               "camera_matrix + distortion_coefficients (OpenCV, ROS, WPILib, PhotonVision), "
               "cam0 (Kalibr, TagSLAM), value0 (Basalt), projection_parameters (camodocal, VINS), "
-              "Camera.fx or Camera1.fx (ORB-SLAM), lensmodel (mrcal), or COLMAP's cameras.txt; or "
+              "Camera.fx or Camera1.fx (ORB-SLAM), lensmodel (mrcal), or COLMAP's cameras.txt or "
+              "DSO's camera.txt; or "
               "of an IMU's noise gyroscope_noise_density (Kalibr), gyr_n (VINS) or Gyr (imu_utils)",
               path);
 }
@@ -263,8 +309,8 @@ Expected<YamlSection> load_calibration(const std::string& path) {
   const auto text = read_whole_file(path, kLargest_bytes);
   if (!text) return tl::unexpected(text.error());
   const auto node = calibration_node(*text);
-  const bool is_ini = text->starts_with('[');
-  if (!node && is_ini) return no_calibration(path);
+  const bool has_keys = !text->starts_with('[') && text->find(':') != std::string::npos;
+  if (!node && !has_keys) return no_calibration(path);
   if (!node) return YamlSection::load(path);
   return YamlSection(*node, "", std::make_shared<YamlReading>(YamlReading{path}));
 }
@@ -323,20 +369,10 @@ Expected<std::vector<CalibratedCamera>> read_calibration(const std::string& path
     cameras = read_basalt(yaml->section("value0"), otherwise);
   } else {
     CalibratedCamera camera{otherwise};
-    const char* matrix = key_of(*yaml, kMatrixKeys);
-    if (yaml->has("intrinsics") && yaml->has("resolution")) {
-      camera.mount.model = read_pinhole(*yaml, "distortion_coefficients");
-    } else if (matrix != nullptr) {
-      camera.mount.model = read_opencv(*yaml, matrix);
-    } else if (yaml->has("projection_parameters") || yaml->has("mirror_parameters")) {
-      camera.mount.model = read_camodocal(*yaml);
-    } else if (yaml->has("Camera.fx") || yaml->has("Camera1.fx")) {
-      camera.mount.model = read_orb_slam(*yaml);
-    } else if (yaml->has("lensmodel")) {
-      camera.mount.model = read_mrcal(*yaml);
-    } else {
+    if (yaml->has("calibrations"))
+      camera.mount.model = read_list(*yaml, otherwise.model);
+    else if (!read_single(*yaml, camera.mount.model))
       return no_calibration(path);
-    }
     read_lens_sigmas(*yaml, camera.mount);
     cameras.push_back(std::move(camera));
   }
@@ -349,31 +385,6 @@ Expected<CameraModel> read_camera_calibration(const std::string& path) {
   if (cameras->size() == 1) return cameras->front().mount.model;
   return fail(ErrorCode::kInvalid,
               "has " + std::to_string(cameras->size()) + " cameras, expected is one", path);
-}
-
-Expected<ImuNoise> read_imu_noise(const std::string& path) {
-  const Expected<YamlSection> yaml = YamlSection::load(path);
-  if (!yaml) return tl::unexpected(yaml.error());
-  const bool is_imu_utils = yaml->has("Gyr") && yaml->has("Acc");
-  const bool has_short_names = is_imu_utils || yaml->has("gyr_n");  // VINS
-  const YamlSection imu = yaml->has("imu0") ? yaml->section("imu0") : *yaml;
-  const YamlSection gyro = is_imu_utils ? yaml->section("Gyr").section("avg-axis") : imu;
-  const YamlSection accel = is_imu_utils ? yaml->section("Acc").section("avg-axis") : imu;
-  const auto positive = [](const YamlSection& section, const char* key) {
-    const double value = section.required_number(key);
-    if (section.has(key) && !(value > 0)) section.add_fault(key, "must be > 0");
-    return value;
-  };
-  ImuNoise noise;
-  noise.accel_noise_m_s2_rtHz =
-      positive(accel, has_short_names ? "acc_n" : "accelerometer_noise_density");
-  noise.accel_walk_m_s3_rtHz =
-      positive(accel, has_short_names ? "acc_w" : "accelerometer_random_walk");
-  noise.gyro_noise_rad_s_rtHz =
-      positive(gyro, has_short_names ? "gyr_n" : "gyroscope_noise_density");
-  noise.gyro_walk_rad_s2_rtHz = positive(gyro, has_short_names ? "gyr_w" : "gyroscope_random_walk");
-  if (!has_short_names) noise.rate_hz = positive(imu, "update_rate");
-  return yaml->check().map([&] { return std::move(noise); });
 }
 
 }  // namespace fiducap

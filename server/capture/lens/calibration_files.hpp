@@ -16,7 +16,8 @@ class Node;
 namespace fiducap {
 
 /// A calibration that is no YAML, as the YAML of the same content: OpenCV's XML, ROS' ost.ini
-/// (keys of OpenCV), COLMAP's cameras.txt (`cam0` … as Kalibr). Unusable parts are left out.
+/// (keys of OpenCV), COLMAP's cameras.txt (a list `calibrations`), DSO's camera.txt (keys of
+/// EuRoC). Unusable parts are left out.
 /// @return nullopt for any other text
 [[nodiscard]] std::optional<YAML::Node> calibration_node(std::string_view text);
 
@@ -49,7 +50,10 @@ struct CalibratedCamera {
 ///     `T_cam_imu` takes IMU axes to camera axes, X_BV = T_cam_imu⁻¹; OpenVINS' `T_imu_cam` is X_BV
 ///   - Basalt's calibration.json: `value0`
 ///   - camodocal's and VINS': `projection_parameters`; ORB-SLAM's: `Camera.fx` …, `Camera1.fx` …
-///   - mrcal's .cameramodel: `lensmodel`; COLMAP's cameras.txt
+///   - mrcal's .cameramodel: `lensmodel`; DSO's camera.txt
+///   - COLMAP's cameras.txt, PhotonVision's settings: lenses of which that for images of the size
+///   of
+///     `otherwise` is taken
 /// Four coefficients without a model name are refused: they fit OpenCV's lens and its fisheye.
 /// @param otherwise  keeps what the file does not have
 [[nodiscard]] Expected<std::vector<CalibratedCamera>> read_calibration(

@@ -165,6 +165,7 @@ std::optional<YAML::Node> colmap_camera(std::string_view line) {
   const auto* model = std::ranges::find(kColmap, words[1], &ColmapModel::name);
   if (model == kColmap.end()) {
     camera["camera_model"] = std::string(words[1]);
+    camera["intrinsics"] = YAML::Node(YAML::NodeType::Sequence);
     return camera;
   }
   const std::size_t centre = model->one_focal ? 3 : 4;
@@ -176,18 +177,53 @@ std::optional<YAML::Node> colmap_camera(std::string_view line) {
   camera["distortion_model"] = model->lens;
   const std::size_t listed = model->radial == 0 ? 0 : std::max<std::size_t>(model->radial, 4);
   for (std::size_t i = 0; i < listed; ++i)
-    camera["distortion_coeffs"].push_back(i < model->radial ? numbers[centre + 2 + i] : 0.0);
+    camera["distortion_coefficients"].push_back(i < model->radial ? numbers[centre + 2 + i] : 0.0);
   return camera;
 }
 
 std::optional<YAML::Node> node_of_colmap(const std::vector<std::string_view>& lines) {
-  YAML::Node node(YAML::NodeType::Map);
+  YAML::Node node;
   for (const std::string_view line : lines) {
     const auto camera = colmap_camera(line);
     if (!camera) return std::nullopt;
-    node["cam" + std::to_string(node.size())] = *camera;
+    node["calibrations"].push_back(*camera);
   }
-  return node.size() == 0 ? std::nullopt : std::optional(node);
+  return node;
+}
+
+// --- DSO ---
+
+/// `RadTan fu fv cu cv k1 k2 r1 r2`, below it width and height. cu and cv below 1 are shares of
+/// the image, from the upper left corner of its first pixel.
+std::optional<YAML::Node> node_of_dso(const std::vector<std::string_view>& lines) {
+  struct Model {
+    std::string_view name;
+    const char* lens;
+  };
+  constexpr std::array<Model, 6> kModels{{{"Pinhole", "none"},
+                                          {"RadTan", "radtan"},
+                                          {"EquiDistant", "equidistant"},
+                                          {"KannalaBrandt", "KannalaBrandt"},
+                                          {"FOV", "FOV"},
+                                          {"ATAN", "FOV"}}};
+  const auto words = words_of(lines.front());
+  const auto* model = std::ranges::find(kModels, words.front(), &Model::name);
+  if (model == kModels.end() || lines.size() < 2) return std::nullopt;
+  std::vector<double> lens = numbers_of({words.begin() + 1, words.end()});
+  const std::vector<double> size = numbers_of(words_of(lines[1]));
+  if (lens.size() < 4 || size.size() != 2) return std::nullopt;
+  if (lens[2] < 1 && lens[3] < 1) {
+    for (std::size_t i = 0; i < 4; ++i) lens[i] *= size[i % 2];
+    lens[2] -= 0.5;
+    lens[3] -= 0.5;
+  }
+  YAML::Node node(YAML::NodeType::Map);
+  node["resolution"] = size;
+  node["intrinsics"] = std::vector<double>(lens.begin(), lens.begin() + 4);
+  node["distortion_model"] = model->lens;
+  if (model->lens != std::string_view("none"))
+    node["distortion_coefficients"] = std::vector<double>(lens.begin() + 4, lens.end());
+  return node;
 }
 
 }  // namespace
@@ -201,6 +237,7 @@ std::optional<YAML::Node> calibration_node(std::string_view text) {
   if (lines.empty()) return std::nullopt;
   if (std::ranges::any_of(lines, [](std::string_view line) { return line.starts_with("[image]"); }))
     return node_of_ini(lines);
+  if (auto node = node_of_dso(lines)) return node;
   return node_of_colmap(lines);
 }
 

@@ -1,6 +1,7 @@
 // Field layouts of WPILib and PhotonVision, and of Limelight.
 
 #include <algorithm>
+#include <optional>
 
 #include <nlohmann/json.hpp>
 
@@ -82,7 +83,7 @@ MapTag field_tag(const JsonPlace& tag, const char* id_key, const Pose& X_WF, dou
   return entry;
 }
 
-/// @param read  one tag
+/// @param read  one tag; nullopt: it is left out
 template <typename Read>
 TagMap field_map(const json& layout, const std::string& key, const std::string& context,
                  const Read& read) {
@@ -92,7 +93,10 @@ TagMap field_map(const json& layout, const std::string& key, const std::string& 
   ImportedTags imported;
   for (std::size_t i = 0; i < tags.size(); ++i) {
     const JsonPlace place{tags[i], context + " /" + key + "/" + std::to_string(i)};
-    if (auto added = imported.add(read(place), place.path); !added) throw Error(added.error());
+    std::optional<MapTag> entry = read(place);
+    if (!entry) continue;
+    if (auto added = imported.add(*std::move(entry), place.path); !added)
+      throw Error(added.error());
   }
   TagMap map;
   map.tags = imported.take();
@@ -139,6 +143,7 @@ Expected<TagMap> map_from_wpilib_json(const std::string& text, double edge_m,
 
 Expected<ImportedMap> map_from_limelight_json(const std::string& text, const std::string& context) {
   std::string family;
+  std::string left_out;
   auto map = map_from_json(text, "fiducials", context, [&](const JsonPlace& tag) {
     const json& named = tag.at("family").value;
     const std::string its = named.is_string() ? listed_tag_family(named.get<std::string>()) : "";
@@ -146,12 +151,22 @@ Expected<ImportedMap> map_from_limelight_json(const std::string& text, const std
     if (family.empty()) family = its;
     if (its != family) tag.refuse("family " + its + ": the tags before are " + family);
     constexpr double kMillimetre = 1e-3;
-    return field_tag(tag, "id", matrix_pose(tag.at("transform")), kMillimetre * tag.number("size"));
+    const MapTag entry =
+        field_tag(tag, "id", matrix_pose(tag.at("transform")), kMillimetre * tag.number("size"));
+    const auto unique = tag.value.find("unique");
+    if (unique == tag.value.end() || (*unique != 0 && *unique != false))
+      return std::optional<MapTag>(entry);
+    left_out += " " + std::to_string(entry.tag.tag_id);
+    return std::optional<MapTag>();
   });
   if (!map) return tl::unexpected<Error>(map.error());
   map->family = family;
-  return ImportedMap{std::move(*map),
-                     {"the origin is the middle of the field, that of WPILib's files a corner"}};
+  ImportedMap imported{std::move(*map),
+                       {"the origin is the middle of the field, that of WPILib's files a corner"}};
+  if (!left_out.empty())
+    imported.remarks.push_back("tags that are not unique have no place and are left out:" +
+                               left_out);
+  return imported;
 }
 
 ExportedMap map_to_wpilib_json(const TagMap& map, std::optional<FieldSize> field) {

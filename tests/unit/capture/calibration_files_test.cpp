@@ -39,8 +39,12 @@ cam1:
 
 class CalibrationFileTest : public testing::Test {
  protected:
-  Expected<std::vector<CalibratedCamera>> cameras(const std::string& content) {
-    return read_calibration(folder_.write("calibration", content), {});
+  /// @param width, height  of the images; 0: not known
+  Expected<std::vector<CalibratedCamera>> cameras(const std::string& content, int width = 0,
+                                                  int height = 0) {
+    CameraMount images;
+    images.model = {width, height};
+    return read_calibration(folder_.write("calibration", content), images);
   }
   Expected<CameraModel> camera(const std::string& content) {
     return read_camera_calibration(folder_.write("camera.yaml", content));
@@ -103,6 +107,38 @@ TEST_F(CalibrationFileTest, ReadsTheFilesOfPhotonVision) {
   }
 }
 
+TEST_F(CalibrationFileTest, TakesTheLensOfPhotonVisionForTheModeOfTheCamera) {
+  const auto lens = [](const std::string& size, const std::string& focal) {
+    return "{\"resolution\": {" + size + "}, \"cameraIntrinsics\": {\"rows\": 3, \"cols\": 3, " +
+           "\"data\": [" + focal +
+           ", 0, 320, 0, 500, 240, 0, 0, 1]}, \"distCoeffs\": [0, 0, 0, 0, 0]}";
+  };
+  const std::string settings = "{\"calibrations\": [" +
+                               lens("\"width\": 1280, \"height\": 720", "900") + ", " +
+                               lens("\"width\": 640, \"height\": 480", "505") + "]}";
+  EXPECT_EQ(value_of(cameras(settings, 640, 480)).at(0).mount.model.fu, 505);
+  EXPECT_EQ(value_of(cameras(settings, 1280, 720)).at(0).mount.model.fu, 900);
+  EXPECT_THAT(error_of(cameras(settings, 320, 240)), HasSubstr("1280 x 720, 640 x 480, 0 of them"));
+}
+
+TEST_F(CalibrationFileTest, ReadsTheCameraOfDso) {
+  EXPECT_EQ(parts_of(value_of(camera("RadTan 505 504 322 254 0.1 -0.2 1e-3 2e-3\n640 480\n"
+                                     "crop\n640 480\n"))),
+            parts_of(radial_tangential({640, 480, 505, 504, 322, 254}, {0.1, -0.2, 1e-3, 2e-3})));
+  EXPECT_EQ(parts_of(value_of(camera("EquiDistant 0.5 0.75 0.5 0.5 1 2 3 4\n640 480\nnone\n"))),
+            parts_of(equidistant({640, 480, 320, 360, 319.5, 239.5}, {1, 2, 3, 4})));
+  EXPECT_THAT(error_of(camera("FOV 500 500 320 240 0.9\n640 480\n")), HasSubstr("fov"));
+  EXPECT_THAT(error_of(camera("some text\n")), HasSubstr("is no camera calibration"));
+}
+
+TEST_F(CalibrationFileTest, ReadsTheSizeOfCalibdb) {
+  EXPECT_EQ(value_of(camera(R"({"img_size": {"rows": 2, "cols": 1, "dt": "d", "data": [640, 480]},
+      "camera_matrix": [500, 0, 320, 0, 500, 240, 0, 0, 1],
+      "distortion_coefficients": [0, 0, 0, 0, 0]})"))
+                .height,
+            480);
+}
+
 TEST_F(CalibrationFileTest, ReadsIniOfRosAndXmlOfOpenCv) {
   const CameraModel wanted =
       radial_tangential({640, 480, 500, 501, 319.5, 239.5}, {0.01, -0.002, 1e-4, -2e-4, 0.5});
@@ -134,17 +170,22 @@ TEST_F(CalibrationFileTest, ReadsIniOfRosAndXmlOfOpenCv) {
 }
 
 TEST_F(CalibrationFileTest, ReadsTheCamerasOfColmapWithItsOriginOfPixels) {
-  const auto read = value_of(
-      cameras("# Camera list\n# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
-              "1 SIMPLE_RADIAL 640 480 500 320 240 0.1\n3 OPENCV_FISHEYE 640 480 300 301 320 240 1 "
-              "2 3 4\n4 FULL_OPENCV 640 480 300 301 320 240 1 2 3 4 5 6 7 8\n"));
-  ASSERT_EQ(read.size(), 3u);
-  EXPECT_EQ(parts_of(read[0].mount.model),
+  const std::string list =
+      "# Camera list\n# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+      "1 SIMPLE_RADIAL 640 480 500 320 240 0.1\n3 OPENCV_FISHEYE 848 480 300 301 320 240 1 2 3 4\n"
+      "4 FULL_OPENCV 640 360 300 301 320 240 1 2 3 4 5 6 7 8\n";
+  const auto of_size = [&](int width, int height) {
+    return parts_of(value_of(cameras(list, width, height)).at(0).mount.model);
+  };
+  EXPECT_EQ(of_size(640, 480),
             parts_of(radial_tangential({640, 480, 500, 500, 319.5, 239.5}, {0.1})));
-  EXPECT_EQ(parts_of(read[1].mount.model),
-            parts_of(equidistant({640, 480, 300, 301, 319.5, 239.5}, {1, 2, 3, 4})));
-  EXPECT_EQ(parts_of(read[2].mount.model),
-            parts_of(rational({640, 480, 300, 301, 319.5, 239.5}, {1, 2, 3, 4, 5, 6, 7, 8})));
+  EXPECT_EQ(of_size(848, 480),
+            parts_of(equidistant({848, 480, 300, 301, 319.5, 239.5}, {1, 2, 3, 4})));
+  EXPECT_EQ(of_size(640, 360),
+            parts_of(rational({640, 360, 300, 301, 319.5, 239.5}, {1, 2, 3, 4, 5, 6, 7, 8})));
+  EXPECT_THAT(error_of(cameras(list)), HasSubstr("has 3 lenses, for images of 640 x 480, 848"));
+  EXPECT_THAT(error_of(cameras(list + "5 PINHOLE 848 480 9 9 9 9\n", 848, 480)),
+              HasSubstr("2 of them for those of this camera, 848 x 480: keep the camera's only"));
   EXPECT_THAT(error_of(cameras("1 FOV 640 480 500 500 320 240 0.9\n")), HasSubstr("is FOV"));
 }
 
@@ -329,8 +370,8 @@ TEST_F(CalibrationFileTest, RefusesOtherFilesAndLensesWithTheReason) {
       {"a: 1\n", "is no camera calibration"},
       {kTwoCameras, "has 2 cameras"},
       {R"({"camera_matrix": [1, 0, 9, 0, 1, 9, 0, 0, 1]})", "image_width is missing"},
-      {std::string("\x89PNG\r\n\x1a\n\0\0\0", 11), "YAML"},
-      {"", "is not a YAML map"}};
+      {std::string("\x89PNG\r\n\x1a\n\0\0\0", 11), "is no camera calibration"},
+      {"", "is no camera calibration"}};
   for (const auto& [content, reason] : kCases)
     EXPECT_THAT(error_of(camera(content)), HasSubstr(reason));
 }

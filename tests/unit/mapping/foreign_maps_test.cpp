@@ -213,6 +213,21 @@ TEST(MapFormats, CheckTheGivenSize) {
   EXPECT_THAT(right.remarks, Contains(HasSubstr("--tag-size is not used")));
 }
 
+TEST(MapFormats, OmitTagsThatAreNotUnique) {
+  const auto tag = [](int id, const std::string& unique) {
+    return "{\"family\": \"apriltag3_36h11_classic\", \"id\": " + std::to_string(id) +
+           ", \"size\": 165.1, \"transform\": [1,0,0," + std::to_string(id) +
+           ", 0,1,0,0, 0,0,1,0, 0,0,0,1], \"unique\": " + unique + "}";
+  };
+  const std::string fmap = "{\"fiducials\": [" + tag(1, "0") + "," + tag(2, "1") + "," +
+                           tag(3, "false") + "," + tag(4, "true") + "]}";
+  const auto read = value_of(read_map(MapFormat::kLimelight, fmap, {}, "field.fmap"));
+  ASSERT_EQ(read.map.tags.size(), 2u);
+  EXPECT_EQ(read.map.tags[0].tag.tag_id, 2);
+  EXPECT_EQ(read.map.tags[1].tag.tag_id, 4);
+  EXPECT_THAT(read.remarks, Contains(HasSubstr("not unique have no place and are left out: 1 3")));
+}
+
 TEST(MapFormats, TakeTheFamilyFromFileOrOptions) {
   const std::string bundle = "tag_bundles: [{layout: [{id: 1, size: 0.1}]}]\n";
   const auto assumed = read_map(MapFormat::kBundles, bundle, {}, "tags.yaml");

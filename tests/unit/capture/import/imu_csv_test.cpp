@@ -203,6 +203,13 @@ TEST_F(ImuCsvTest, ReadsTablesOfPx4AndSensorLog) {
   EXPECT_EQ(px4.samples.at(1).w_WB_B, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(px4.samples[1].f_B, Eigen::Vector3d(6, 7, 9));
   EXPECT_EQ(to_ns(px4.samples[1].sampled_at), 44'000'000);
+  const ImuTable betaflight = value_of(
+      read("loopIteration,time (us),axisP[0],gyroADC[0] (deg/s),gyroADC[1] (deg/s),"
+           "gyroADC[2] (deg/s),accSmooth[0] (g),accSmooth[1] (g),accSmooth[2] (g),motor[0]\n"
+           "0,5000,9,180,0,0,0,0,1,9\n1,6000,9,180,0,0,0,0,1,9\n"));
+  EXPECT_NEAR(betaflight.samples.at(1).w_WB_B.x(), 3.14159265, 1e-6);
+  EXPECT_NEAR(betaflight.samples[1].f_B.z(), 9.80665, 1e-6);
+  EXPECT_EQ(to_ns(betaflight.samples[1].sampled_at), 6'000'000);
   const ImuTable ios = value_of(
       read("loggingTime(txt),accelerometerTimestamp_sinceReboot(s),accelerometerAccelerationX(G),"
            "accelerometerAccelerationY(G),accelerometerAccelerationZ(G),gyroRotationX(rad/s),"

@@ -83,6 +83,13 @@ TEST_F(LogImportTest, CountsTopicsWithSizesAndLenses) {
   EXPECT_THAT(source->others(), testing::Contains("/scan (sensor_msgs/LaserScan, 2 messages)"));
 }
 
+TEST_F(LogImportTest, SixteenBitsAreADepthByTheNameOfTheTopic) {
+  auto messages = walk();
+  for (StoredMessage& message : messages)
+    if (message.topic == "/depth/image_raw") message.topic = "/infra/image_raw";
+  EXPECT_FALSE(stream(*open(messages), "/infra/image_raw").is_depth);
+}
+
 TEST_F(LogImportTest, FindsTheLensOfATopicWithoutFirstSlash) {
   auto messages = walk();
   for (StoredMessage& message : messages)

@@ -94,13 +94,14 @@ TEST_F(AslTest, ListsHaveStampsInAnyUnitAndNamesWithoutEnding) {
   write_images("walk/mav0/cam0/data");
   const auto name = [](int i) { return std::to_string(kBegin_ns + i * 50'000'000); };
   const auto cut = [&](int i, std::size_t digits) { return name(i).substr(0, digits); };
-  std::string seconds = "#timestamp [s],filename\n", microseconds, names = "stamp\n";
+  std::string seconds = "#timestamp [s],filename\n", microseconds, names = "stamp\n", others;
   for (int i = 1; i <= 5; ++i) {
     seconds += cut(i, 10) + "." + name(i).substr(10) + "," + name(i) + ".png\n";
     microseconds += cut(i, 16) + "," + name(i) + "\n";
     names += name(i) + "\n";
+    others += name(i) + "," + name(i) + ".jpg\n";
   }
-  for (const std::string& list : {seconds, microseconds, names}) {
+  for (const std::string& list : {seconds, microseconds, names, others}) {
     folder_.write("walk/mav0/cam0/data.csv", list);
     arguments_.out += "_";
     run(folder_.file("walk"));
@@ -108,6 +109,14 @@ TEST_F(AslTest, ListsHaveStampsInAnyUnitAndNamesWithoutEnding) {
     EXPECT_EQ(to_ns(images()[4].exposed_at), kBegin_ns + 250'000'000) << list;
     EXPECT_THAT(out_, Not(HasSubstr("unreadable"))) << list;
   }
+}
+
+TEST_F(AslTest, FolderWithAVideoNamesTheCommandForIt) {
+  folder_.write("phone/movie.mp4", "x");
+  folder_.write("phone/gyro_accel.csv", "x");
+  run(folder_.file("phone"), kExitFailed);
+  EXPECT_THAT(err_, HasSubstr("Its video: fiducap import " + folder_.file("phone/movie.mp4") +
+                              " --imu " + folder_.file("phone/gyro_accel.csv")));
 }
 
 TEST_F(AslTest, PicturesWithoutTimesAreRefused) {
@@ -125,8 +134,10 @@ TEST_F(AslTest, MotionCaptureIsTruthAndOtherSensorsAreNamed) {
   write_images("room/mav0/cam0/data");
   folder_.write("room/mav0/mocap0/data.csv", truth_table());
   folder_.write("room/mav0/leica0/data.csv", "#timestamp,x,y,z\n");
+  folder_.write("room/groundtruth.txt", "1 0 0 0 0 0 0 1\n");
   run(folder_.file("room"));
   EXPECT_THAT(out_, HasSubstr("leica0 (positions without attitudes): not used"));
+  EXPECT_THAT(out_, HasSubstr("groundtruth.txt (truth is read from mav0/mocap0/data.csv"));
   auto truth = value_of(read_truth(arguments_.out));
   ASSERT_EQ(truth.size(), 30u);
   EXPECT_EQ(truth[0].X_WB.p, Eigen::Vector3d(1, 2, 3));
