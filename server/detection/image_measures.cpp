@@ -35,17 +35,20 @@ double share_of(const Counts& counts, int first, int last, double all) {
   return std::accumulate(counts.begin() + first, counts.begin() + last + 1, 0.0) / all;
 }
 
-/// Histograms of gray and of steps over two pixels.
-void count(const GrayImage& image, Counts& gray, Counts& step) {
+/// Histograms of gray and of steps over two pixels along rows, columns and both diagonals.
+void count(const GrayImage& image, Counts& gray, std::array<Counts, 4>& steps) {
   const auto width = static_cast<std::size_t>(image.width);
   for (int v = 1; v + 1 < image.height; v += kStride) {
     const std::uint8_t* row = image.pixels.data() + static_cast<std::size_t>(v) * width;
     for (int u = 1; u + 1 < image.width; u += kStride) {
       const std::uint8_t* p = row + u;
       ++gray[*p];
-      const int across = std::abs(p[1] - p[-1]);
-      const int down = std::abs(p[width] - *(p - width));
-      ++step[static_cast<std::size_t>(std::max(across, down))];
+      const std::uint8_t* above = p - width;
+      const std::uint8_t* below = p + width;
+      ++steps[0][static_cast<std::size_t>(std::abs(p[1] - p[-1]))];
+      ++steps[1][static_cast<std::size_t>(std::abs(below[0] - above[0]))];
+      ++steps[2][static_cast<std::size_t>(std::abs(below[1] - above[-1]))];
+      ++steps[3][static_cast<std::size_t>(std::abs(below[-1] - above[1]))];
     }
   }
 }
@@ -75,8 +78,8 @@ ImageMeasures measure(const GrayImage& image) {
                       static_cast<std::size_t>(std::max(0, image.height));
   if (image.width < 3 || image.height < 3 || image.pixels.size() < pixels) return out;
   Counts gray{};
-  Counts step{};
-  count(image, gray, step);
+  std::array<Counts, 4> steps{};
+  count(image, gray, steps);
   double all = 0;
   double sum = 0;
   for (std::size_t i = 0; i < gray.size(); ++i) {
@@ -90,7 +93,12 @@ ImageMeasures measure(const GrayImage& image) {
   out.dark_share = share_of(gray, 0, kDarkest, all);
   out.bright_share = share_of(gray, kBrightest, 255, all);
   if (out.white - out.black < kMinContrast) return out;
-  out.steepest = std::min(1.0, quantile(step, all, 1 - kSteepestShare) / (out.white - out.black));
+  out.least_steep = 1;
+  for (const Counts& step : steps) {
+    const double steep = quantile(step, all, 1 - kSteepestShare) / (out.white - out.black);
+    out.steepest = std::clamp(steep, out.steepest, 1.0);
+    out.least_steep = std::min(out.least_steep, steep);
+  }
   return out;
 }
 

@@ -22,6 +22,8 @@ struct ImageMeasures {
   /// The steepest steps over two pixels relative to white − black, like TagSighting::sharpness of
   /// the best edge of the image: near 1 is sharp. 0: an image without contrast.
   double steepest{};
+  /// The same along the direction with the least steep steps, of four: motion blur.
+  double least_steep{};
 };
 
 /// Of every second pixel of every second row; some hundred µs, no allocation.

@@ -340,9 +340,11 @@ std::string looks_text(const std::vector<SharedImage>& images, const TagSetConfi
   if (auto text = light_text(light)) return *text;
   const int cells = find_tag_family(tags.family)->edge_cells;
   UnreadSquares squares = squares_in(images, tags, config, cells);
-  constexpr double kSoft = 0.4;  // ImageMeasures::steepest of an image without a sharp edge
-  if (squares.blur_px == 0 && light.steepest > 0 && light.steepest < kSoft)
-    squares.blur_px = kSharp_px / light.steepest;
+  constexpr double kSoft = 0.4;    // ImageMeasures::steepest of an image without a sharp edge
+  constexpr double kMoved = 0.25;  // … of one without a sharp edge across some direction
+  const bool is_blurred = light.steepest < kSoft || light.least_steep < kMoved;
+  if (squares.blur_px == 0 && light.least_steep > 0 && is_blurred)
+    squares.blur_px = kSharp_px / light.least_steep;
   if (squares.blur_px > 0)
     return "the images are blurred over " + fixed(squares.blur_px, 0) + " px (" +
            fixed(kSharp_px, 0) +

@@ -75,6 +75,10 @@ TEST_F(NoTagTest, BlurIsNamedInPixels) {
     EXPECT_THAT(why([=](GrayImage& image) { blur(image, over_px, over_px); }),
                 StartsWith("the images are blurred over"))
         << over_px;
+  for (const std::pair<int, int> over_px : {std::pair(30, 1), std::pair(1, 30), std::pair(45, 1)})
+    EXPECT_THAT(why([=](GrayImage& image) { blur(image, over_px.first, over_px.second); }),
+                StartsWith("the images are blurred over"))
+        << over_px.first;
 }
 
 TEST_F(NoTagTest, SmallTagsAreNamedInPixels) {
