@@ -15,8 +15,8 @@
 namespace fiducap {
 
 std::size_t put_in_order(std::vector<VectorReading>& readings) {
-  std::ranges::stable_sort(readings, {}, &VectorReading::ns);
-  const auto same = [](const auto& a, const auto& b) { return a.ns == b.ns; };
+  std::ranges::stable_sort(readings, {}, &VectorReading::stamp_ns);
+  const auto same = [](const auto& a, const auto& b) { return a.stamp_ns == b.stamp_ns; };
   const auto repeated = std::unique(readings.begin(), readings.end(), same);
   const auto struck = static_cast<std::size_t>(readings.end() - repeated);
   readings.erase(repeated, readings.end());
@@ -24,27 +24,22 @@ std::size_t put_in_order(std::vector<VectorReading>& readings) {
 }
 
 ImuPairs pair_readings(const std::vector<VectorReading>& gyro,
-                       const std::vector<VectorReading>& accel, Duration longest_gap) {
-  ImuPairs pairs;
-  pairs.samples.reserve(gyro.size());
-  auto after = accel.begin();
-  for (const VectorReading& g : gyro) {
-    while (after != accel.end() && after->ns < g.ns) ++after;
-    if (after != accel.end() && after->ns == g.ns) {
-      pairs.samples.push_back({instant_from_ns(g.ns), g.v, after->v});
-      continue;
-    }
-    const bool between = after != accel.begin() && after != accel.end();
-    if (!between || after->ns - (after - 1)->ns > longest_gap.count()) {
-      ++pairs.alone;
-      continue;
-    }
-    const VectorReading& before = *(after - 1);
-    const double share =
-        static_cast<double>(g.ns - before.ns) / static_cast<double>(after->ns - before.ns);
-    pairs.samples.push_back({instant_from_ns(g.ns), g.v, before.v + share * (after->v - before.v)});
+                       const std::vector<VectorReading>& accel) {
+  ImuPairs out;
+  out.samples.reserve(gyro.size());
+  ReadingPairs pairs;
+  auto g = gyro.begin();
+  auto a = accel.begin();
+  while (g != gyro.end() || a != accel.end()) {
+    if (a == accel.end() || (g != gyro.end() && g->stamp_ns <= a->stamp_ns))
+      pairs.add_gyro(*g++);
+    else
+      pairs.add_accel(*a++);
+    while (const auto pair = pairs.take())
+      out.samples.push_back({instant_from_ns(pair->stamp_ns), pair->w, pair->f});
   }
-  return pairs;
+  out.alone = gyro.size() - out.samples.size();
+  return out;
 }
 
 namespace {

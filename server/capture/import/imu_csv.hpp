@@ -14,6 +14,7 @@
 #include "base/time.hpp"
 #include "capture/import/import_source.hpp"
 #include "capture/imu_sample.hpp"
+#include "capture/reading_pairs.hpp"
 
 namespace fiducap {
 
@@ -46,10 +47,7 @@ struct ImuColumns {
 /// Fields of a line without blanks and quotes around them.
 [[nodiscard]] std::vector<std::string> split_header(std::string_view line, char separator = ',');
 
-struct VectorReading {
-  std::int64_t ns{};
-  Eigen::Vector3d v{Eigen::Vector3d::Zero()};
-};
+using VectorReading = ReadingPairs::Timed;
 
 struct ImuPairs {
   std::vector<ImuSample> samples;
@@ -60,10 +58,10 @@ struct ImuPairs {
 /// @return number of removed readings
 std::size_t put_in_order(std::vector<VectorReading>& readings);
 
-/// The accelerometer at the times of the gyro, linear between the readings around each.
-/// @pre both in order   @param longest_gap  over which nothing is interpolated
+/// The accelerometer at the times of the gyro, linear between the readings around each
+/// (ReadingPairs). @pre both in order
 [[nodiscard]] ImuPairs pair_readings(const std::vector<VectorReading>& gyro,
-                                     const std::vector<VectorReading>& accel, Duration longest_gap);
+                                     const std::vector<VectorReading>& accel);
 
 /// A table of an IMU: its readings in SI units, and the assumptions made.
 struct ImuTable {

@@ -59,7 +59,7 @@ class LogSource final : public SensorSource {
     by_topic_.clear();
     put_in_order(gyro);
     put_in_order(accel);
-    ImuPairs pairs = pair_readings(gyro, accel, ReadingPairs::kLongestGap);
+    ImuPairs pairs = pair_readings(gyro, accel);
     if (pairs.alone > 0)
       log::warning("import", std::to_string(pairs.alone) +
                                  " readings of the gyroscope without an accelerometer within 0.1 s "

@@ -63,10 +63,12 @@ Expected<std::vector<VectorReading>> read_vectors(const std::string& path, Found
   while (rows->next() && rows->line_is_complete() && readings.size() < kMostPhoneRows) {
     const auto fields = rows->fields();
     VectorReading reading;
-    const bool whole =
-        fields.size() > *std::ranges::max_element(at) && parse_time(fields[at[0]], 0, reading.ns) &&
-        parse_number(fields[at[1]], reading.v[0]) && parse_number(fields[at[2]], reading.v[1]) &&
-        parse_number(fields[at[3]], reading.v[2]) && reading.ns > 0 && reading.v.allFinite();
+    const bool whole = fields.size() > *std::ranges::max_element(at) &&
+                       parse_time(fields[at[0]], 0, reading.stamp_ns) &&
+                       parse_number(fields[at[1]], reading.value[0]) &&
+                       parse_number(fields[at[2]], reading.value[1]) &&
+                       parse_number(fields[at[3]], reading.value[2]) && reading.stamp_ns > 0 &&
+                       reading.value.allFinite();
     if (whole)
       readings.push_back(reading);
     else if (rows->line() > 1 && found.unreadable++ == 0)
@@ -128,7 +130,7 @@ class SensorLogger final : public PartsImport {
       return value == metadata.end() ? std::string() : value->second;
     };
     std::vector<double> sizes;
-    for (const VectorReading& f : *force) sizes.push_back(f.v.norm());
+    for (const VectorReading& f : *force) sizes.push_back(f.value.norm());
     double factor = nth_smallest(sizes, sizes.size() / 2) < 2 ? kStandardGravity_m_s2 : 1.0;
     if (factor != 1.0) remarks_.emplace_back("its unit is g");
     const bool turned = value_of("platform") == "ios" && value_of("standardisation") != "true";
@@ -139,8 +141,8 @@ class SensorLogger final : public PartsImport {
     }
     if (metadata.empty())
       remarks_.emplace_back("no Metadata.csv: Android's signs (or standardised ones) are assumed");
-    for (VectorReading& f : *force) f.v *= factor;
-    ImuPairs pairs = pair_readings(*gyro, *force, ReadingPairs::kLongestGap);
+    for (VectorReading& f : *force) f.value *= factor;
+    ImuPairs pairs = pair_readings(*gyro, *force);
     remarks_.push_back("the accelerometer is interpolated at the times of the gyro" +
                        (pairs.alone == 0 ? std::string()
                                          : "; " + std::to_string(pairs.alone) +
@@ -176,7 +178,7 @@ class SensorLogger final : public PartsImport {
     if (!moved) return moved;
     const auto gravity = read_vectors(file("Gravity.csv"), found);
     if (!gravity) return gravity;
-    const ImuPairs pairs = pair_readings(*moved, *gravity, ReadingPairs::kLongestGap);
+    const ImuPairs pairs = pair_readings(*moved, *gravity);
     std::vector<VectorReading> force;
     force.reserve(pairs.samples.size());
     for (const ImuSample& pair : pairs.samples)
