@@ -107,10 +107,12 @@ bool EventBoard::waits(Event& event) {
   if (hold_ == Duration::zero()) return false;
   const auto known = unsettled_.find(Order::View{event.subject, event.kind});
   if (known == unsettled_.end() && unsettled_.size() == kStanding) return false;
-  if (known != unsettled_.end())
+  if (known != unsettled_.end()) {
     known->second.event = std::move(event);
-  else
-    unsettled_.emplace(Key{event.subject, event.kind}, Unsettled{std::move(event)});
+    return true;
+  }
+  Key key{event.subject, event.kind};
+  unsettled_.emplace(std::move(key), Unsettled{std::move(event)});
   return true;
 }
 

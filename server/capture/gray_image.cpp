@@ -1,6 +1,7 @@
 #include "capture/gray_image.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <fstream>
@@ -9,6 +10,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "base/bytes.hpp"
+#include "base/text.hpp"
 #include "capture/output_file.hpp"
 
 namespace fiducap {
@@ -54,6 +56,60 @@ Expected<PixelSize> jpeg_size(std::span<const std::byte> image) {
   }
   if (auto whole = from.check("JPEG header"); !whole) return tl::unexpected(whole.error());
   return fail(ErrorCode::kInvalid, "has no JPEG size before its pixels");
+}
+
+Expected<PixelSize> bmp_size(std::span<const std::byte> image) {
+  LittleEndianReader from(image.subspan(2));
+  from.bytes(12);
+  const bool is_short = from.u32() == 12;  // of OS/2
+  const auto width = is_short ? from.u16() : static_cast<std::int32_t>(from.u32());
+  const auto height = is_short ? from.u16() : static_cast<std::int32_t>(from.u32());
+  if (auto whole = from.check("BMP header"); !whole) return tl::unexpected(whole.error());
+  if (width < 0 || height == INT32_MIN) return fail(ErrorCode::kInvalid, "has no size in its BMP");
+  return PixelSize{width, std::abs(height)};  // negative: the first row is the uppermost one
+}
+
+/// PBM, PGM, PPM: `P5`, width, height, with comments between them.
+Expected<PixelSize> pnm_size(std::string_view text) {
+  text.remove_prefix(2);
+  std::array<int, 2> sides{-1, -1};
+  for (int& side : sides) {
+    for (;;) {
+      text.remove_prefix(std::min(text.find_first_not_of(" \t\r\n"), text.size()));
+      if (!text.starts_with('#')) break;
+      text.remove_prefix(std::min(text.find('\n'), text.size()));
+    }
+    const std::string_view digits = text.substr(0, text.find_first_not_of("0123456789"));
+    text.remove_prefix(digits.size());
+    if (text.empty() || !parse_number(digits, side))
+      return fail(ErrorCode::kInvalid, "has no size in its PGM");
+  }
+  return PixelSize{sides[0], sides[1]};
+}
+
+/// Of the first image of a file.
+template <typename Reader>
+Expected<PixelSize> tiff_size(std::span<const std::byte> image) {
+  Reader head(image.subspan(4));
+  const std::uint32_t directory = head.u32();
+  if (head.failed() || directory > image.size())
+    return fail(ErrorCode::kInvalid, "has no directory in its TIFF");
+  Reader from(image.subspan(directory));
+  PixelSize size{-1, -1};
+  for (int left = from.u16(); left > 0 && !from.failed(); --left) {
+    constexpr int kWidth = 256, kHeight = 257, kShort = 3;
+    const int tag = from.u16();
+    const bool is_short = from.u16() == kShort;
+    from.u32();  // number of values
+    const std::uint32_t value = is_short ? from.u16() : from.u32();
+    if (is_short) from.u16();
+    if (tag == kWidth || tag == kHeight)
+      (tag == kWidth ? size.width : size.height) =
+          static_cast<int>(std::min<std::uint32_t>(value, INT32_MAX));
+  }
+  if (size.width < 0 || size.height < 0)
+    return fail(ErrorCode::kInvalid, "has no size in its TIFF");
+  return size;
 }
 
 /// A progressive JPEG repeats all pixels in each scan. Encoders write up to 14; a file of a few
@@ -132,7 +188,13 @@ Expected<PixelSize> encoded_size(std::span<const std::byte> image) {
                   "has more than " + std::to_string(kMostScans) + " scans, which no camera writes");
     return jpeg_size(image);
   }
-  return fail(ErrorCode::kUnsupported, "is neither JPEG nor PNG");
+  if (bytes.starts_with("BM")) return bmp_size(image);
+  if (bytes.size() > 2 && bytes[0] == 'P' && bytes[1] >= '1' && bytes[1] <= '6')
+    return pnm_size(bytes);
+  if (bytes.starts_with(std::string_view("II*\0", 4))) return tiff_size<LittleEndianReader>(image);
+  if (bytes.starts_with(std::string_view("MM\0*", 4))) return tiff_size<BigEndianReader>(image);
+  return fail(ErrorCode::kUnsupported,
+              "is no image in PNG, JPEG, BMP, PGM or TIFF: convert it to one of them");
 }
 
 void scale_down(const GrayImage& image, int width, GrayImage& out, std::vector<float>& sums) {
@@ -203,11 +265,9 @@ Expected<void> GrayDecoder::read_file(const std::filesystem::path& file, Size wa
 /// Ignores the rotation tag of a JPEG: the calibration is for the image as it was read out.
 Expected<void> GrayDecoder::decode_any(std::span<const std::uint8_t> encoded, Size wanted,
                                        GrayImage& out) {
-  if (const auto size = encoded_size(std::as_bytes(encoded))) {
-    if (const auto fits = check_size(*size, wanted); !fits) return fits;
-  } else if (size.error().code == ErrorCode::kInvalid) {
-    return tl::unexpected(size.error());
-  }
+  const auto size = encoded_size(std::as_bytes(encoded));
+  if (!size) return tl::unexpected(size.error());
+  if (const auto fits = check_size(*size, wanted); !fits) return fits;
   // Not decoded into `out`: OpenCV 4.6 leaves it unchanged without an error for broken bytes.
   cv::Mat decoded;
   try {

@@ -42,7 +42,8 @@ struct GrayImage {
 
 using GrayImagePool = ObjectPool<GrayImage>;
 
-/// Size in the header of a JPEG or PNG, for a check before decoding: it may claim gigabytes.
+/// Size in the header of a PNG, JPEG, BMP, PGM (PBM, PPM) or TIFF, for a check before decoding: it
+/// may claim gigabytes. Other formats are refused.
 [[nodiscard]] Expected<PixelSize> encoded_size(std::span<const std::byte> image);
 
 /// Averages an image to a width of `width` pixels; copies one that is not wider.
@@ -65,11 +66,11 @@ class GrayDecoder final {
 
   /// @param bits  used at least
   explicit GrayDecoder(int bits = 8) : bits_(bits) {}
-  /// PNG or JPEG, whose size is checked before decoding.
+  /// Its size is checked before decoding (encoded_size).
   /// @param wanted  another size is an error; nullopt: any
   [[nodiscard]] Expected<void> decode(std::span<const std::uint8_t> encoded, Size wanted,
                                       GrayImage& out);
-  /// A file of any format that OpenCV knows.
+  /// The same of a file.
   [[nodiscard]] Expected<void> read_file(const std::filesystem::path& file, Size wanted,
                                          GrayImage& out);
   /// 8 to 16.

@@ -280,7 +280,8 @@ std::int64_t take_day(std::string_view& text) {
   const int month = take_digits(text, 2);
   if (!take_one_of(text, "-/")) return -1;
   const int day = take_digits(text, 2);
-  if (year < 1970 || month < 0 || day < 0 || !take_one_of(text, "T ")) return -1;
+  constexpr int kFirst = 1970, kLast = 2261;  // ns since 1970 fit 64 bits
+  if (year < kFirst || year > kLast || month < 0 || day < 0 || !take_one_of(text, "T ")) return -1;
   const chr::year_month_day date{chr::year(year), chr::month(static_cast<unsigned>(month)),
                                  chr::day(static_cast<unsigned>(day))};
   return date.ok() ? chr::sys_days(date).time_since_epoch().count() : -1;

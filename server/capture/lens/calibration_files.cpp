@@ -282,7 +282,9 @@ CameraModel read_list(const YamlSection& yaml, const CameraModel& images) {
     if (fits || images.width == 0 || all.size() == 1) fitting.push_back(section);
   }
   CameraModel model;
-  if (fitting.size() != 1)
+  if (all.empty())
+    yaml.add_fault("calibrations", "has no lens: calibrate the camera first");
+  else if (fitting.size() != 1)
     yaml.add_fault("calibrations",
                    "has " + std::to_string(all.size()) + " lenses, for images of " + sizes + ", " +
                        std::to_string(fitting.size()) + " of them for those of this camera" +
@@ -376,6 +378,7 @@ Expected<std::vector<CalibratedCamera>> read_calibration(const std::string& path
     read_lens_sigmas(*yaml, camera.mount);
     cameras.push_back(std::move(camera));
   }
+  if (cameras.empty() && yaml->check()) return no_calibration(path);
   return yaml->check().map([&] { return std::move(cameras); });
 }
 

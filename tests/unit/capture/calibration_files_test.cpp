@@ -119,6 +119,7 @@ TEST_F(CalibrationFileTest, TakesTheLensOfPhotonVisionForTheModeOfTheCamera) {
   EXPECT_EQ(value_of(cameras(settings, 640, 480)).at(0).mount.model.fu, 505);
   EXPECT_EQ(value_of(cameras(settings, 1280, 720)).at(0).mount.model.fu, 900);
   EXPECT_THAT(error_of(cameras(settings, 320, 240)), HasSubstr("1280 x 720, 640 x 480, 0 of them"));
+  EXPECT_THAT(error_of(cameras("{\"calibrations\": []}")), HasSubstr("has no lens"));
 }
 
 TEST_F(CalibrationFileTest, ReadsTheCameraOfDso) {
@@ -202,6 +203,7 @@ TEST_F(CalibrationFileTest, ReadsTheCalibrationOfBasalt) {
   EXPECT_EQ(read[0].place, CameraPlace::kOnBody);
   EXPECT_EQ(read[0].mount.time_shift, std::chrono::milliseconds(5));
   EXPECT_THAT(error_of(cameras(replaced(kBasalt, "kb4", "ds"))), HasSubstr("pinhole-radtan8"));
+  EXPECT_THAT(error_of(cameras("{\"value0\": {}}")), HasSubstr("is no camera calibration"));
 }
 
 TEST_F(CalibrationFileTest, ReadsTheLensesOfVinsOrbSlamAndMrcal) {

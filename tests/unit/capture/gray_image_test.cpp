@@ -28,6 +28,8 @@ TEST(EncodedSize, IsReadFromImagesOfOpenCv) {
     EXPECT_EQ(size_in(encoded(".png", size)), size);
     EXPECT_EQ(size_in(encoded(".jpg", size)), size);
     EXPECT_EQ(size_in(encoded(".jpg", size, {cv::IMWRITE_JPEG_PROGRESSIVE, 1})), size);
+    for (const char* ending : {".bmp", ".ppm", ".tiff"})
+      EXPECT_EQ(size_in(encoded(ending, size)), size) << ending;
   }
 }
 
@@ -51,10 +53,57 @@ TEST(EncodedSize, RefusesAJpegOfThousandsOfScans) {
   EXPECT_THAT(error_of(encoded_size(std::as_bytes(std::span(jpeg)))), HasSubstr("100 scans"));
 }
 
+TEST(EncodedSize, IsReadFromTheirVariants) {
+  const auto of = [](std::string_view text) {
+    return encoded_size(std::as_bytes(std::span(text)));
+  };
+  EXPECT_EQ(of("P5 # 9\n# 8 7\n 33\t44\n255\n"), (PixelSize{33, 44}));
+  EXPECT_EQ(encoded_size(from_hex("424d"
+                                  "000000000000000000000000"
+                                  "28000000"
+                                  "21000000"
+                                  "d4ffffff")),
+            (PixelSize{33, 44}));
+  EXPECT_EQ(encoded_size(from_hex("424d"
+                                  "000000000000000000000000"
+                                  "0c000000"
+                                  "2100"
+                                  "2c00")),
+            (PixelSize{33, 44}));
+  EXPECT_EQ(encoded_size(from_hex("4d4d002a"
+                                  "00000008"
+                                  "0002"
+                                  "0100"
+                                  "0003"
+                                  "00000001"
+                                  "00210000"
+                                  "0101"
+                                  "0004"
+                                  "00000001"
+                                  "0000002c")),
+            (PixelSize{33, 44}));
+}
+
+// OpenCV would decode them; nothing bounds what they claim.
+TEST(EncodedSize, RefusesOtherFormatsByName) {
+  for (const char* ending : {".jp2", ".webp", ".hdr", ".exr"}) {
+    std::vector<std::uint8_t> bytes;
+    try {
+      bytes = encoded(ending, {33, 44});
+    } catch (const cv::Exception&) {
+      continue;  // not in every build of OpenCV
+    }
+    EXPECT_THAT(error_of(size_in(bytes)), HasSubstr("convert it")) << ending;
+  }
+}
+
 TEST(EncodedSize, RefusesOtherFiles) {
   for (const char* other :
        {"", "ff", "ffd8", "ffd8ffd9", "ffd8ffda0008", "47494638396101000100", "89504e470d0a1a0a",
-        "89504e470d0a1a0a0000000d49444154ffffffffffffffff", "ffd8ffe00001", "ffd8ffffffffff"}) {
+        "89504e470d0a1a0a0000000d49444154ffffffffffffffff", "ffd8ffe00001", "ffd8ffffffffff",
+        "762f3101", "424d", "5035", "5035203333203434", "503520332061", "49492a00",
+        "49492a00ffffffff", "49492a000800000001000001030001000000",
+        "4d4d002a000000080001010000030000000100210000"}) {
     EXPECT_FALSE(encoded_size(from_hex(other))) << other;
   }
 }
