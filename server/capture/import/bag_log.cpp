@@ -16,7 +16,7 @@ constexpr std::string_view kBagVersion2 = "#ROSBAG V2.0\n";
 constexpr std::uint64_t kLargestBagHeader_bytes = 1 << 20;
 constexpr std::uint64_t kLargestConnection_bytes = 16 << 20;
 
-enum BagOp : std::uint8_t { kMessage = 2, kBagHeader = 3, kChunk = 5, kConnection = 7 };
+enum BagOp : std::uint8_t { kNone = 0, kMessage = 2, kBagHeader = 3, kChunk = 5, kConnection = 7 };
 
 /// The fields `name=value` of a record's header.
 class BagFields final {
@@ -134,9 +134,13 @@ class BagLog final : public RecordLog {
     record.op = fields->op();
     record.fields = std::move(*fields);
     const bool wanted = record.op == kChunk || record.op == kConnection || record.op == kMessage;
-    if (wanted ? data > kLargestChunk_bytes || !file_.read(data, data_) : !file_.skip(data))
-      return false;
-    record.data = wanted ? std::span<const std::byte>(data_) : std::span<const std::byte>();
+    const bool is_read = wanted && data <= kLargestChunk_bytes;
+    if (!(is_read ? file_.read(data, data_) : file_.skip(data))) return false;
+    if (wanted && !is_read) {
+      damage_.note(std::string("a record ") + kChunkTooLarge);
+      record.op = kNone;
+    }
+    record.data = is_read ? std::span<const std::byte>(data_) : std::span<const std::byte>();
     damage_.cut_at.reset();
     return true;
   }

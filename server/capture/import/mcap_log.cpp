@@ -15,6 +15,7 @@ constexpr std::string_view kMcapMagic = "\x89MCAP0\r\n";
 constexpr std::uint64_t kPiece_bytes = 1 << 20;
 
 enum McapOp : std::uint8_t {
+  kMcapNone = 0x00,  ///< In no file.
   kMcapFooter = 0x02,
   kMcapSchema = 0x03,
   kMcapChannel = 0x04,
@@ -93,9 +94,11 @@ class McapLog final : public RecordLog {
     const bool wanted = record.op == kMcapFooter || record.op == kMcapDataEnd ||
                         (!data_ended_ && (record.op == kMcapSchema || record.op == kMcapChannel ||
                                           record.op == kMcapMessage || record.op == kMcapChunk));
-    if (length > file_.left() || (wanted && length > kLargestChunk_bytes)) return false;
-    if (!wanted) {
+    if (length > file_.left()) return false;
+    if (!wanted || length > kLargestChunk_bytes) {
       if (!pass(length)) return false;
+      if (wanted) damage_.note(std::string("a record ") + kChunkTooLarge);
+      if (wanted) record.op = kMcapNone;
     } else {
       if (!file_.read(length, content_)) return false;
       crc_ = crc_of(content_, crc_);
@@ -123,7 +126,7 @@ class McapLog final : public RecordLog {
     const std::uint64_t length = from.u64();
     record.content = length <= from.left() ? from.bytes(static_cast<std::size_t>(length))
                                            : std::span<const std::byte>();
-    if (from.failed() || record.content.size() != length) {
+    if (from.failed() || record.op == kMcapNone || record.content.size() != length) {
       drop_chunk("a record in a chunk is broken");
       return false;
     }

@@ -65,11 +65,11 @@ Expected<void> unpack_all(std::span<const std::byte> packed, std::uint64_t state
   std::size_t filled = 0;
   for (;;) {
     if (filled == out.size()) {
-      if (filled >= most && stated == 0)
-        return fail(ErrorCode::kUnsupported, "unpacks to more than 512 MiB");
       // One byte more than stated, to detect a larger content.
       const std::uint64_t next = std::max<std::uint64_t>(65536, filled + filled / 2);
-      out.resize(static_cast<std::size_t>(std::min<std::uint64_t>(next, most + 1)));
+      const auto size = static_cast<std::size_t>(std::min<std::uint64_t>(next, most + 1));
+      out.reserve(size);  // no more: resize would double it
+      out.resize(size);
     }
     const UnpackStep did = step(packed, std::span(out).subspan(filled));
     if (did.failed) return fail(ErrorCode::kInvalid, "cannot be unpacked: it is damaged");
@@ -80,6 +80,7 @@ Expected<void> unpack_all(std::span<const std::byte> packed, std::uint64_t state
       return fail(ErrorCode::kUnsupported, "was left out: the file unpacks to more than " +
                                                std::to_string(UnpackBudget::kPerByte) +
                                                " times its size");
+    if (filled > most && stated == 0) return fail(ErrorCode::kUnsupported, kChunkTooLarge);
     if (filled > most)
       return fail(ErrorCode::kInvalid,
                   "unpacks to more than the stated " + std::to_string(most) + " bytes");
@@ -152,7 +153,7 @@ Expected<void> unpack_chunk(std::string_view compression, std::span<const std::b
                             std::uint64_t stated_bytes, UnpackBudget& budget,
                             std::vector<std::byte>& out) {
   if (stated_bytes > kLargestChunk_bytes || packed.size() > kLargestChunk_bytes)
-    return fail(ErrorCode::kUnsupported, "is larger than 512 MiB");
+    return fail(ErrorCode::kUnsupported, kChunkTooLarge);
   if (compression.empty() || compression == "none") {
     out.assign(packed.begin(), packed.end());
     return {};

@@ -77,15 +77,19 @@ class MessageLog {
 /// `printable`, of at most 200 bytes.
 [[nodiscard]] std::string printable_name(std::string_view text);
 
-/// Largest chunk or message that is unpacked.
-inline constexpr std::uint64_t kLargestChunk_bytes = std::uint64_t{1} << 29;
+/// Largest chunk or message that is read. Recorders end a chunk at 0.8 to 4 MiB, so a larger one
+/// has one message; an image of 65 megapixels with 16 bits has 124 MiB.
+inline constexpr std::uint64_t kLargestChunk_bytes = std::uint64_t{1} << 27;
+inline constexpr const char* kChunkTooLarge =
+    "is larger than 128 MiB: write the file again with smaller chunks (`mcap compress`, `rosbag "
+    "compress`)";
 
 /// Bytes that a file may unpack to in total. Images and IMU readings shrink to a tenth at best;
 /// content that was made to take time and memory shrinks to a thirty-thousandth.
 class UnpackBudget final {
  public:
   static constexpr std::uint64_t kPerByte = 250;
-  static constexpr std::uint64_t kAlways_bytes = std::uint64_t{1} << 30;
+  static constexpr std::uint64_t kAlways_bytes = std::uint64_t{1} << 28;
 
   explicit UnpackBudget(std::uint64_t file_bytes)
       : left_(kAlways_bytes + kPerByte * std::min(file_bytes, kLargestFile_bytes)) {}

@@ -44,8 +44,7 @@ class RecordLog : public MessageLog {
   bool unpack(std::string_view compression, std::span<const std::byte> packed,
               std::uint64_t stated_bytes) {
     chunk_at_ = 0;
-    const auto unpacked = unpack_chunk(compression, packed, stated_bytes, budget_, unpacked_);
-    chunk_.swap(unpacked_);
+    const auto unpacked = unpack_chunk(compression, packed, stated_bytes, budget_, chunk_);
     if (!unpacked) drop_chunk("a chunk " + unpacked.error().what);
     return unpacked.has_value();
   }
@@ -61,7 +60,6 @@ class RecordLog : public MessageLog {
 
  private:
   UnpackBudget budget_;
-  std::vector<std::byte> unpacked_;
 };
 
 /// @tparam Log  a RecordLog with `Expected<void> begin()`

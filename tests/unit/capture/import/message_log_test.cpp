@@ -202,6 +202,16 @@ TEST_F(ChunkCodecTest, RefusesSizesThatAreWrongOrTooLarge) {
   EXPECT_TRUE(unpack("zstd", zstd(text_) + "padding", text_.size()));
 }
 
+TEST_F(ChunkCodecTest, UnpacksNoMoreThanTheLargestChunk) {
+  EXPECT_THAT(error_of(unpack("zstd", zstd(text_), kLargestChunk_bytes + 1)),
+              HasSubstr("is larger than 128 MiB: write the file again with smaller chunks"));
+  EXPECT_TRUE(out_.empty()) << "refused before it is unpacked";
+  const std::string bomb = zstd(std::string(kLargestChunk_bytes + 1, '\0'));
+  EXPECT_LT(bomb.size(), kLargestChunk_bytes / 1000);
+  EXPECT_THAT(error_of(unpack("zstd", bomb, 0)), HasSubstr("is larger than 128 MiB"));
+  EXPECT_LE(out_.capacity(), kLargestChunk_bytes + 1);
+}
+
 TEST_F(ChunkCodecTest, RefusesTruncatedAndDamagedChunks) {
   for (const auto& [name, packed] :
        {std::pair("zstd", zstd(text_)), std::pair("lz4", lz4(text_))}) {
@@ -247,6 +257,34 @@ TEST_F(MessageLogTest, OpensNoChunkInAChunk) {
   const Read nested = read("b.mcap", magic + chunk_of(records + chunk_of(records)));
   EXPECT_THAT(nested.messages, ElementsAre("/a x 0 m"));
   EXPECT_THAT(nested.remarks, testing::Contains(HasSubstr("a chunk contains a chunk")));
+}
+
+// A chunk of zeros would be read as millions of empty records.
+TEST_F(MessageLogTest, LeavesOutAChunkOfZeros) {
+  const Read zeros = read("a.mcap", "\x89MCAP0\r\n" + chunk_of(std::string(900, '\0')));
+  EXPECT_THAT(zeros.remarks, testing::Contains(HasSubstr("a record in a chunk is broken")));
+}
+
+// What follows it is read: such a file is not truncated.
+TEST_F(MessageLogTest, LeavesOutARecordThatIsTooLarge) {
+  const auto with_large_record = [&](const std::string& name, std::string before,
+                                     const std::string& after) {
+    const std::string path = folder_.write(name, before);
+    std::filesystem::resize_file(path, before.size() + kLargestChunk_bytes + 1);
+    std::ofstream(path, std::ios::binary | std::ios::app) << after;
+    return read_all(path);
+  };
+  const std::string mcap = mcap_file(kMessages, {"zstd"});
+  const std::string large("\x06\x01\0\0\x08\0\0\0\0", 9);
+  const Read of_mcap = with_large_record("a.mcap", mcap.substr(0, 8) + large, mcap.substr(8));
+  EXPECT_THAT(of_mcap.messages, kAll);
+  EXPECT_THAT(of_mcap.remarks, testing::Contains(HasSubstr("a record is larger than 128 MiB")));
+  const std::string bag = bag_file(kMessages, {"lz4"});
+  const std::string head("\x08\0\0\0\x04\0\0\0op=\x05\x01\0\0\x08", 16);
+  const std::size_t first = 4096;  // the magic and the record of the bag's header
+  const Read of_bag = with_large_record("a.bag", bag.substr(0, first) + head, bag.substr(first));
+  EXPECT_THAT(of_bag.messages, kAll);
+  EXPECT_THAT(of_bag.remarks, testing::Contains(HasSubstr("a record is larger than 128 MiB")));
 }
 
 class Db3Test : public testing::Test {
