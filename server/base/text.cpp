@@ -72,26 +72,27 @@ std::string shortest(double value) {
   return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
 }
 
-std::string printable(std::string_view text) {
+std::string printable(std::string_view text) { return printable(text, std::string::npos); }
+
+std::string printable(std::string_view text, std::size_t most) {
   constexpr std::string_view kDigits = "0123456789abcdef";
   std::string out;
-  out.reserve(text.size());
+  out.reserve(std::min(text.size(), most));
   while (!text.empty()) {
+    const std::size_t shown = out.size();
     const std::string_view from = text;
     const auto character = take_character(text);
     const std::string_view bytes = from.substr(0, from.size() - text.size());
     const bool is_control =
         !character || *character < 0x20 || (*character >= 0x7f && *character < 0xa0);
-    if (!is_control) {
-      out += bytes;
-      continue;
-    }
-    for (const char c : bytes) {
+    if (!is_control) out += bytes;
+    for (const char c : is_control ? bytes : std::string_view()) {
       const auto byte = static_cast<unsigned char>(c);
       out += "\\x";
       out += kDigits[byte >> 4];
       out += kDigits[byte & 15];
     }
+    if (out.size() > most) return out.replace(shown, std::string::npos, "...");
   }
   return out;
 }

@@ -33,6 +33,8 @@ template <typename Range, typename ToText = std::identity>
 /// Text from outside for a log, a message or a terminal, which it must not control: escapes control
 /// characters (also U+0080 to U+009F) and bytes that are not UTF-8 as `\x1b`; the rest stays.
 [[nodiscard]] std::string printable(std::string_view text);
+/// The same, of at most `most` bytes as shown; then `...` where characters are left out.
+[[nodiscard]] std::string printable(std::string_view text, std::size_t most);
 
 /// Compares in constant time. An empty secret is equal to nothing.
 [[nodiscard]] bool same_secret(std::string_view given, std::string_view secret);

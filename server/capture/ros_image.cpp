@@ -81,9 +81,8 @@ std::string without_compressed(const std::string& image_topic) {
 Expected<const Encoding*> encoding_of(const RawImage& image) {
   const Encoding* encoding = find(image.encoding);
   if (encoding == nullptr)
-    return fail(
-        ErrorCode::kUnsupported,
-        "encoding \"" + printable(image.encoding.substr(0, kShownName)) + "\" is not supported");
+    return fail(ErrorCode::kUnsupported,
+                "encoding \"" + printable(image.encoding, kShownName) + "\" is not supported");
   const std::uint64_t row =
       std::uint64_t{image.width} * static_cast<std::uint64_t>(encoding->channels * encoding->bytes);
   const std::uint64_t needed =

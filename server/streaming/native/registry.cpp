@@ -105,7 +105,7 @@ Registry::Reply Registry::renew(Subscriber& subscriber, const SubscribeRequest& 
     prune_profiles();
     return {};
   }
-  subscriber.name = printable(request.client_name);
+  subscriber.name = printable(request.client_name, kMaxClientName);
   subscriber.lease_until = now + limits_.lease;
   subscriber.report = request.report;
   subscriber.profile = profile;

@@ -40,8 +40,8 @@ Bitstream read_version(LittleEndianReader& in) {
 /// @return only a name ("Ping") when the payload has no sender block
 Sender read_sender(std::span<const std::byte> payload) {
   Sender sender;
-  sender.name = printable(
-      until_zero(payload.first(std::min(payload.size(), kSenderName))).substr(0, kShownName));
+  sender.name =
+      printable(until_zero(payload.first(std::min(payload.size(), kSenderName))), kShownName);
   if (payload.size() < kSenderBlock) return sender;
   LittleEndianReader in(payload.subspan(kSenderName));
   in.bytes(4);  // version of the client's application

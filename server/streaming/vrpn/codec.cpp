@@ -55,9 +55,7 @@ std::string_view as_text(std::span<const std::byte> bytes) {
 }
 
 /// Short and printable, for an error's text.
-std::string shown(std::string_view text) {
-  return "\"" + printable(text.substr(0, 40)) + (text.size() > 40 ? "...\"" : "\"");
-}
+std::string shown(std::string_view text) { return "\"" + printable(text, 40) + "\""; }
 
 Expected<std::uint16_t> checked_port(std::int64_t port, const char* context) {
   if (port >= kLowestPort && port <= 65535) return static_cast<std::uint16_t>(port);

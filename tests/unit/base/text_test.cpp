@@ -65,6 +65,14 @@ TEST(Printable, EscapesControlCharactersOnly) {
   EXPECT_EQ(printable("\xe0\x80\xaf"), "\\xe0\\x80\\xaf") << "overlong";
 }
 
+TEST(Printable, LimitsWhatIsShown) {
+  EXPECT_EQ(printable("abcd", 4), "abcd");
+  EXPECT_EQ(printable("abcde", 4), "abcd...");
+  EXPECT_EQ(printable("Größe", 3), "Gr...") << "no half of a character";
+  EXPECT_EQ(printable("a\n\n", 8), "a\\x0a...") << "no half of an escape";
+  EXPECT_EQ(printable(std::string(256, '\x1b'), 64).size(), 64u + 3);
+}
+
 TEST(YamlText, AliasRepeatsItsAnchor) {
   const auto root =
       value_of(load_yaml("lens: &l {fu: 500}\ncameras: [{model: *l}, {model: *l}]\n"));
