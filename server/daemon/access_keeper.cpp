@@ -35,7 +35,7 @@ std::string utc_text(std::int64_t utc_ns) {
                      utc_ns / 1'000'000 % 1000);
 }
 
-std::string shown(const std::string& text) { return printable(text.substr(0, kLongestText)); }
+std::string shown(const std::string& text) { return printable(text, kLongestText); }
 
 }  // namespace
 
