@@ -71,8 +71,8 @@ class Bundle final {
       for (const auto& [group, X_VG] : poses) views_.back()[group] = to_block(X_VG);
     }
     add_points(data, options, state);
-    if (state.camera.distortion == Distortion::kRational)
-      add_prior(rms_per_coordinate(residuals(data, state)));
+    if (state.coefficient_sigma > 0)
+      add_prior(rms_per_coordinate(residuals(data, state)) / state.coefficient_sigma);
     hold_fixed(options, state);
   }
 
@@ -122,11 +122,11 @@ class Bundle final {
     }
   }
 
-  /// The noise is the one of the last adjustment.
-  void add_prior(double sigma_px) {
+  /// @param weight_px  residual of a coefficient of 1: as probable as the noise so far
+  void add_prior(double weight_px) {
     Eigen::Matrix<double, kLensNumbers, kLensNumbers> A =
         Eigen::Matrix<double, kLensNumbers, kLensNumbers>::Zero();
-    for (int i = 4; i < kLensNumbers; ++i) A(i, i) = sigma_px / kRationalPrior;
+    for (int i = 4; i < kLensNumbers; ++i) A(i, i) = weight_px;
     problem_.AddResidualBlock(new ceres::NormalPrior(A, ceres::Vector::Zero(kLensNumbers)), nullptr,
                               lens_.data());
   }

@@ -6,10 +6,6 @@
 
 namespace fiducap {
 
-/// Sigma of the prior that each coefficient of a rational lens is zero. Numerator and denominator
-/// nearly cancel, so that images do not determine each of them alone.
-inline constexpr double kRationalPrior = 2;
-
 struct BundleOptions {
   /// Indices of the estimated lens parameters.
   std::vector<int> free;

@@ -74,6 +74,8 @@ struct CalibrationData {
 /// A camera with the poses of all targets. Targets of one group do not move relative to each other.
 struct CalibrationState {
   CameraModel camera;
+  /// Of a prior that each coefficient of a rational lens is 0; 0: none.
+  double coefficient_sigma{0};
   std::vector<int> group_of;              ///< Per target.
   std::vector<Pose> X_GT;                 ///< Per target; the first one of a group defines G.
   std::vector<std::map<int, Pose>> X_VG;  ///< Per view and group seen in it.

@@ -1,6 +1,7 @@
 #include "calibration/intrinsics/intrinsics_calibration.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -110,16 +111,24 @@ LensFit with_third_radial(LensFit fit) {
   return significant && is_plausible(freer) ? freer : fit;
 }
 
-/// All terms of a rational lens, where together they explain more than chance.
-LensFit with_denominator(LensFit fit) {
-  LensFit freer = fit_freer(fit, kAllOfRational);
-  const auto terms = static_cast<double>(freer.free.size() - fit.free.size());
-  const double variance = freer.sigma_px * freer.sigma_px;
-  const double gain = (squares_of(fit) - squares_of(freer)) / variance / terms;
-  // Smaller residuals reject a few sightings more.
-  const bool kept_points = static_cast<double>(count_points(freer.data)) >=
-                           kKept * static_cast<double>(count_points(fit.data));
-  return kept_points && gain > kPerTerm && is_plausible(freer) ? freer : fit;
+/// All terms of a rational lens, where together they explain more than chance. Numerator and
+/// denominator nearly cancel: images do not determine each of them alone, and both may pass through
+/// zero beyond the corners seen. The weakest prior is used that gives a lens.
+std::optional<LensFit> with_denominator(const LensFit& fit) {
+  constexpr std::array kSigmas{20.0, 6.0, 2.0};  // coefficients of real lenses are up to 20
+  for (const double sigma : kSigmas) {
+    LensFit freer = fit;
+    freer.state.coefficient_sigma = sigma;
+    freer = fit_freer(freer, kAllOfRational);
+    const auto terms = static_cast<double>(freer.free.size() - fit.free.size());
+    const double variance = freer.sigma_px * freer.sigma_px;
+    const double gain = (squares_of(fit) - squares_of(freer)) / variance / terms;
+    // Smaller residuals reject a few sightings more.
+    const bool kept_points = static_cast<double>(count_points(freer.data)) >=
+                             kKept * static_cast<double>(count_points(fit.data));
+    if (kept_points && gain > kPerTerm && is_plausible(freer) && is_determined(freer)) return freer;
+  }
+  return std::nullopt;
 }
 
 /// Keeps the distortion terms that the images support. Frees the third radial coefficient of a
@@ -130,8 +139,7 @@ LensFit with_denominator(LensFit fit) {
 /// rest of the image.
 LensFit with_supported_terms(LensFit fit) {
   if (fit.state.camera.distortion == Distortion::kRational) {
-    LensFit whole = with_denominator(fit);
-    if (whole.free.size() > fit.free.size() && is_determined(whole)) return whole;
+    if (auto whole = with_denominator(fit)) return *std::move(whole);
     fit.state.camera.distortion = Distortion::kRadialTangential;
   }
   if (fit.state.camera.distortion == Distortion::kRadialTangential)

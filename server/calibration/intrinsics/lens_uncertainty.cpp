@@ -72,7 +72,7 @@ class ReducedSystem final {
     }
     S_ = Eigen::MatrixXd::Zero(size_, size_);
     for (std::size_t v = 0; v < data.views.size(); ++v) add_view(v);
-    if (state.camera.distortion == Distortion::kRational) add_prior();
+    if (state.coefficient_sigma > 0) add_prior();
   }
 
   /// Per view: the gradient of its squared residuals / 2, poses marginalised.
@@ -105,9 +105,9 @@ class ReducedSystem final {
  private:
   void add_prior() {
     const double variance = squares_ / std::max(1.0, freedom());
+    const double weight = variance / (state_.coefficient_sigma * state_.coefficient_sigma);
     for (std::size_t i = 0; i < free_.size(); ++i)
-      if (const auto k = static_cast<Eigen::Index>(i); free_[i] >= 4)
-        S_(k, k) += variance / (kRationalPrior * kRationalPrior);
+      if (const auto k = static_cast<Eigen::Index>(i); free_[i] >= 4) S_(k, k) += weight;
   }
 
   void add_view(std::size_t v) {

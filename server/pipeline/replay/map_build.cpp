@@ -98,7 +98,16 @@ void evaluate(const GraphState& graph, const std::vector<MapBuildBody>& bodies, 
   }
 }
 
-void note_mismatches(std::span<const GraphFinding> findings,
+void note_missing_tags(const std::vector<FewImages>& few, const std::vector<MapBuildBody>& bodies,
+                       MapBuild& build) {
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    const OfflineSetup& setup = bodies[i].body.setup;
+    if (build.recordings[i].images_with_tags == 0)
+      build.recordings[i].why_no_tag = why_no_tag(few[i].images(), setup.tags, setup.detector);
+  }
+}
+
+void note_mismatches(std::span<const GraphFinding> findings, const BatchResult& solved,
                      const std::vector<MapBuildBody>& bodies, MapBuild& build) {
   for (const GraphFinding& finding : findings) {
     const auto of = std::ranges::find_if(
@@ -108,6 +117,9 @@ void note_mismatches(std::span<const GraphFinding> findings,
             ? mismatch_text(finding.what, {})
             : of->body.name + ": " + mismatch_text(finding.what, of->body.setup.sensors.cameras));
   }
+  for (const MapBuildBody& one : bodies)
+    if (const auto doubt = solved.doubts.find(one.body.id); doubt != solved.doubts.end())
+      build.mismatches.push_back(one.body.name + ": " + doubt->second);
 }
 
 }  // namespace
@@ -163,11 +175,7 @@ Expected<MapBuild> build_map(const std::vector<MapBuildBody>& bodies, const Offl
   });
   if (!done) return tl::unexpected(done.error());
   const Duration ran = thread_cpu_time();
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    const OfflineSetup& setup = bodies[i].body.setup;
-    if (build.recordings[i].images_with_tags == 0)
-      build.recordings[i].why_no_tag = why_no_tag(few[i].images(), setup.tags, setup.detector);
-  }
+  note_missing_tags(few, bodies, build);
   std::vector<BatchBody> batch;
   for (std::size_t i = 0; i < bodies.size(); ++i)
     batch.push_back(
@@ -178,10 +186,7 @@ Expected<MapBuild> build_map(const std::vector<MapBuildBody>& bodies, const Offl
   });
   build.last = solved.last;
   note_moved(replay.map().take_events(), build);
-  note_mismatches(replay.refiner().findings(), bodies, build);
-  for (const MapBuildBody& one : bodies)
-    if (const auto doubt = solved.doubts.find(one.body.id); doubt != solved.doubts.end())
-      build.mismatches.push_back(one.body.name + ": " + doubt->second);
+  note_mismatches(replay.refiner().findings(), solved, bodies, build);
   build.run_cpu_s = to_seconds(ran - begin);
   build.solve_cpu_s = to_seconds(thread_cpu_time() - ran);
   build.map = *replay.map().snapshot();
