@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <iterator>
 #include <utility>
 
 #include "mapping/formats/map_exchange.hpp"
@@ -91,9 +92,10 @@ Expected<ImportedMap> read_wpilib(const std::string& text, const MapImportOption
                 "WPILib files do not contain the size of the tags; add --tag-size METRES", context);
   auto imported =
       without_family(map_from_wpilib_json(text, *options.edge_m, context), options, context);
-  if (imported)
-    imported->remarks.push_back("the file has no sizes: all tags are " + shortest(*options.edge_m) +
-                                " m; length and width of the field are not kept");
+  if (!imported) return imported;
+  imported->remarks.push_back("the file has no sizes: all tags are " + shortest(*options.edge_m) +
+                              " m; length and width of the field are not kept");
+  std::ranges::move(field_remarks(imported->map), std::back_inserter(imported->remarks));
   return imported;
 }
 

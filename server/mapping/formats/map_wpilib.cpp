@@ -1,6 +1,8 @@
 // Field layouts of WPILib and PhotonVision, and of Limelight.
 
 #include <algorithm>
+#include <cmath>
+#include <iterator>
 #include <optional>
 
 #include <nlohmann/json.hpp>
@@ -134,6 +136,21 @@ Expected<TagMap> map_from_json(const std::string& text, const std::string& key,
 
 }  // namespace
 
+std::vector<std::string> field_remarks(const TagMap& map) {
+  constexpr double kOnWall = 0.5;    // of the face's normal along z
+  constexpr double kUpright = 0.87;  // cosine of 30°
+  std::vector<int> leaning;
+  for (const MapTag& entry : map.tags) {
+    const Eigen::Matrix3d R_WT = entry.tag.X_WT.rotation();
+    if (std::abs(R_WT(2, 2)) < kOnWall && R_WT(2, 1) < kUpright)
+      leaning.push_back(entry.tag.tag_id);
+  }
+  if (leaning.empty()) return {};
+  return {tags_text(leaning) + (leaning.size() == 1 ? " is on a wall, but" : " are on walls, but") +
+          " not upright. In this format a tag's x points out of its face and its z up; other "
+          "programs' quaternions are not the same"};
+}
+
 Expected<TagMap> map_from_wpilib_json(const std::string& text, double edge_m,
                                       const std::string& context) {
   return map_from_json(text, "tags", context, [&](const JsonPlace& tag) {
@@ -166,6 +183,7 @@ Expected<ImportedMap> map_from_limelight_json(const std::string& text, const std
   if (!left_out.empty())
     imported.remarks.push_back("tags that are not unique have no place and are left out:" +
                                left_out);
+  std::ranges::move(field_remarks(imported.map), std::back_inserter(imported.remarks));
   return imported;
 }
 

@@ -14,6 +14,7 @@ using testing::AllOf;
 using testing::Contains;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Not;
 
 constexpr double kRoundTrip_m = 1e-6;  // the promise
 constexpr double kEdge_m = 0.16;
@@ -211,6 +212,23 @@ TEST(MapFormats, CheckTheGivenSize) {
   const auto right = value_of(read_map(MapFormat::kCsv, csv, {.edge_m = 0.16}, "a.csv"));
   EXPECT_EQ(right.map.tags[0].tag.edge_m, 0.2);
   EXPECT_THAT(right.remarks, Contains(HasSubstr("--tag-size is not used")));
+}
+
+// The quaternion of tag 11 in FTC's library, whose axes of a tag are others.
+TEST(MapFormats, NameTagsOfAFieldThatAreNotUpright) {
+  const auto remarks = [](const std::string& quaternion) {
+    return value_of(
+               read_map(MapFormat::kWpilib,
+                        "{\"tags\": [{\"ID\": 11, \"pose\": {\"translation\": {\"x\": 1, \"y\": 2, "
+                        "\"z\": 0.7}, \"rotation\": {\"quaternion\": {" +
+                            quaternion + "}}}}]}",
+                        {.edge_m = 0.1}, "field.json"))
+        .remarks;
+  };
+  EXPECT_THAT(remarks("\"W\": 0.3536, \"X\": -0.6124, \"Y\": 0.6124, \"Z\": -0.3536"),
+              Contains(HasSubstr("tag 11 is on a wall, but not upright")));
+  EXPECT_THAT(remarks("\"W\": 0.6, \"X\": 0, \"Y\": 0, \"Z\": 0.8"),
+              Not(Contains(HasSubstr("upright"))));
 }
 
 TEST(MapFormats, OmitTagsThatAreNotUnique) {
