@@ -252,7 +252,11 @@ Expected<CollectedViews> views_in_images(const CalibrateCameraArguments& argumen
     line.show("looking for targets: " + std::to_string(looked) + of + " images, " +
               std::to_string(found) + " with");
   });
-  if (!seen || !seen->data.views.empty()) return seen;
+  if (!seen) return seen;
+  // By chance a square is a tag of the given family.
+  const bool are_others = !targets->board && !targets->checkerboard &&
+                          !other_family_in(seen->few.images(), targets->tags).empty();
+  if (!seen->data.views.empty() && !are_others) return seen;
   return fail(ErrorCode::kNotFound, not_found_text(*targets, *seen), arguments.input);
 }
 
