@@ -342,7 +342,8 @@ std::string looks_text(const std::vector<SharedImage>& images, const TagSetConfi
   UnreadSquares squares = squares_in(images, tags, config, cells);
   constexpr double kSoft = 0.4;    // ImageMeasures::steepest of an image without a sharp edge
   constexpr double kMoved = 0.25;  // … of one without a sharp edge across some direction
-  const bool is_blurred = light.steepest < kSoft || light.least_steep < kMoved;
+  const bool has_moved = squares.small_px > 0 && light.least_steep < kMoved;
+  const bool is_blurred = light.steepest < kSoft || has_moved;
   if (squares.blur_px == 0 && light.least_steep > 0 && is_blurred)
     squares.blur_px = kSharp_px / light.least_steep;
   if (squares.blur_px > 0)

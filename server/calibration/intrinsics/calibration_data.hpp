@@ -74,7 +74,7 @@ struct CalibrationData {
 /// A camera with the poses of all targets. Targets of one group do not move relative to each other.
 struct CalibrationState {
   CameraModel camera;
-  /// Of a prior that each coefficient of a rational lens is 0; 0: none.
+  /// 1-sigma of a prior that each coefficient of a rational lens is 0; 0: no prior.
   double coefficient_sigma{0};
   std::vector<int> group_of;              ///< Per target.
   std::vector<Pose> X_GT;                 ///< Per target; the first one of a group defines G.

@@ -13,7 +13,6 @@
 namespace fiducap {
 namespace {
 
-constexpr std::ptrdiff_t kMinViews = 5;
 constexpr std::size_t kMinPoints = 60;
 // Lenses with residuals up to this ratio are equally good: the one with fewer parameters is used.
 constexpr double kAsGood = 1.01;
@@ -212,9 +211,9 @@ std::string summary_of(const CalibrationData& data) {
 Expected<IntrinsicsCalibration> calibrate_intrinsics(
     const CalibrationData& data, const IntrinsicsOptions& options,
     const std::function<void(const std::string&)>& progress) {
-  if (views_used(data) < kMinViews || count_points(data) < kMinPoints)
+  if (views_used(data) < kFewestViews || count_points(data) < kMinPoints)
     return fail(ErrorCode::kInvalid, "too few data: " + summary_of(data) +
-                                         ", needed are at least " + std::to_string(kMinViews) +
+                                         ", needed are at least " + std::to_string(kFewestViews) +
                                          " and " + std::to_string(kMinPoints) +
                                          "; 50 different images make a good calibration");
   std::vector<LensFit> fits;

@@ -10,6 +10,9 @@
 
 namespace fiducap {
 
+/// Images with a target, below which there is no calibration.
+inline constexpr std::ptrdiff_t kFewestViews = 5;
+
 struct IntrinsicsOptions {
   /// Lenses to try; the one with the smallest residuals is used, of equally good ones the one with
   /// fewer parameters.

@@ -18,7 +18,7 @@ std::string full_name(const std::string& topic) {
 
 /// 16UC1 is a depth or a picture of more than 8 bits: the topic's name decides.
 bool is_depth(const std::string& topic, std::string_view encoding) {
-  constexpr std::array kNames{"depth", "disparity", "range"};
+  constexpr std::array kNames{"depth", "disparity"};
   const bool is_named = std::ranges::any_of(
       kNames, [&](const char* name) { return topic.find(name) != std::string::npos; });
   return (encoding == "16UC1" && is_named) || encoding == "32FC1" ||

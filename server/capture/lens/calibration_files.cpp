@@ -286,10 +286,12 @@ CameraModel read_list(const YamlSection& yaml, const CameraModel& images) {
     yaml.add_fault("calibrations", "has no lens: calibrate the camera first");
   else if (fitting.size() != 1)
     yaml.add_fault("calibrations",
-                   "has " + std::to_string(all.size()) + " lenses, for images of " + sizes + ", " +
-                       std::to_string(fitting.size()) + " of them for those of this camera" +
-                       (images.width > 0 ? ", " + size_text(images.width, images.height) : "") +
-                       ": keep the camera's only");
+                   "has " + std::to_string(all.size()) + " lenses (for images of " + sizes + ")" +
+                       (images.width == 0 ? std::string()
+                                          : ", " + std::to_string(fitting.size()) +
+                                                " of them for this camera's images of " +
+                                                size_text(images.width, images.height)) +
+                       ": keep only the lens of this camera");
   else if (!read_single(fitting.front(), model))
     fitting.front().add_fault("camera_matrix", "is missing: this is no lens");
   return model;

@@ -51,9 +51,8 @@ struct CalibratedCamera {
 ///   - Basalt's calibration.json: `value0`
 ///   - camodocal's and VINS': `projection_parameters`; ORB-SLAM's: `Camera.fx` …, `Camera1.fx` …
 ///   - mrcal's .cameramodel: `lensmodel`; DSO's camera.txt
-///   - COLMAP's cameras.txt, PhotonVision's settings: lenses of which that for images of the size
-///   of
-///     `otherwise` is taken
+///   - COLMAP's cameras.txt and PhotonVision's settings: several lenses; the one for images of the
+///     size of `otherwise` is taken
 /// Four coefficients without a model name are refused: they fit OpenCV's lens and its fisheye.
 /// @param otherwise  keeps what the file does not have
 [[nodiscard]] Expected<std::vector<CalibratedCamera>> read_calibration(

@@ -147,8 +147,8 @@ std::vector<std::string> field_remarks(const TagMap& map) {
   }
   if (leaning.empty()) return {};
   return {tags_text(leaning) + (leaning.size() == 1 ? " is on a wall, but" : " are on walls, but") +
-          " not upright. In this format a tag's x points out of its face and its z up; other "
-          "programs' quaternions are not the same"};
+          " not upright. In this format a tag's x points out of its face and its z up; in other "
+          "programs the axes of a tag differ"};
 }
 
 Expected<TagMap> map_from_wpilib_json(const std::string& text, double edge_m,

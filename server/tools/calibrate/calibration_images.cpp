@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/log.hpp"
+#include "calibration/intrinsics/intrinsics_calibration.hpp"
 #include "calibration/intrinsics/view_collector.hpp"
 #include "capture/camera_device.hpp"
 #include "capture/camera_frame.hpp"
@@ -16,6 +17,7 @@
 #include "capture/recording/recording_layout.hpp"
 #include "capture/sensor_source.hpp"
 #include "daemon/system.hpp"
+#include "detection/no_tag.hpp"
 #include "detection/tag_family.hpp"
 #include "tools/calibrate/calibrate.hpp"
 
@@ -253,10 +255,11 @@ Expected<CollectedViews> views_in_images(const CalibrateCameraArguments& argumen
               std::to_string(found) + " with");
   });
   if (!seen) return seen;
-  // By chance a square is a tag of the given family.
-  const bool are_others = !targets->board && !targets->checkerboard &&
+  // Squares that are tags of the given family by chance are too few for a calibration.
+  const auto views = static_cast<std::ptrdiff_t>(seen->data.views.size());
+  const bool are_others = views < kFewestViews && !targets->board && !targets->checkerboard &&
                           !other_family_in(seen->few.images(), targets->tags).empty();
-  if (!seen->data.views.empty() && !are_others) return seen;
+  if (views > 0 && !are_others) return seen;
   return fail(ErrorCode::kNotFound, not_found_text(*targets, *seen), arguments.input);
 }
 

@@ -196,13 +196,14 @@ TEST(RationalLens, IsFoundWithItsCovariance) {
     scene.look(40, kFine_px);
     const auto result = calibrate_intrinsics(scene.data, {{Distortion::kRational}, true}, quiet);
     ASSERT_TRUE(result) << result.error().text();
-    if (result->state.camera.distortion != Distortion::kRational) continue;  // with a pole
+    // A pole beside the boards, with every prior: radial-tangential instead.
+    if (result->state.camera.distortion != Distortion::kRational) continue;
     ++rational;
     EXPECT_EQ(result->free.size(), static_cast<std::size_t>(kLensNumbers));
     EXPECT_NEAR(result->sigma_px, kFine_px, 0.1 * kFine_px);
     errors.add(*result, rational_lens());
   }
-  EXPECT_GE(rational, kRuns - 2);
+  EXPECT_GE(rational, kRuns - 1);
   errors.expect_consistent();
 }
 

@@ -118,7 +118,8 @@ TEST_F(CalibrationFileTest, TakesTheLensOfPhotonVisionForTheModeOfTheCamera) {
                                lens("\"width\": 640, \"height\": 480", "505") + "]}";
   EXPECT_EQ(value_of(cameras(settings, 640, 480)).at(0).mount.model.fu, 505);
   EXPECT_EQ(value_of(cameras(settings, 1280, 720)).at(0).mount.model.fu, 900);
-  EXPECT_THAT(error_of(cameras(settings, 320, 240)), HasSubstr("1280 x 720, 640 x 480, 0 of them"));
+  EXPECT_THAT(error_of(cameras(settings, 320, 240)),
+              HasSubstr("1280 x 720, 640 x 480), 0 of them"));
   EXPECT_THAT(error_of(cameras("{\"calibrations\": []}")), HasSubstr("has no lens"));
 }
 
@@ -184,9 +185,9 @@ TEST_F(CalibrationFileTest, ReadsTheCamerasOfColmapWithItsOriginOfPixels) {
             parts_of(equidistant({848, 480, 300, 301, 319.5, 239.5}, {1, 2, 3, 4})));
   EXPECT_EQ(of_size(640, 360),
             parts_of(rational({640, 360, 300, 301, 319.5, 239.5}, {1, 2, 3, 4, 5, 6, 7, 8})));
-  EXPECT_THAT(error_of(cameras(list)), HasSubstr("has 3 lenses, for images of 640 x 480, 848"));
+  EXPECT_THAT(error_of(cameras(list)), HasSubstr("has 3 lenses (for images of 640 x 480, 848"));
   EXPECT_THAT(error_of(cameras(list + "5 PINHOLE 848 480 9 9 9 9\n", 848, 480)),
-              HasSubstr("2 of them for those of this camera, 848 x 480: keep the camera's only"));
+              HasSubstr("2 of them for this camera's images of 848 x 480: keep only"));
   EXPECT_THAT(error_of(cameras("1 FOV 640 480 500 500 320 240 0.9\n")), HasSubstr("is FOV"));
 }
 

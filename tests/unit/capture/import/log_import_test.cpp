@@ -86,8 +86,8 @@ TEST_F(LogImportTest, CountsTopicsWithSizesAndLenses) {
 TEST_F(LogImportTest, SixteenBitsAreADepthByTheNameOfTheTopic) {
   auto messages = walk();
   for (StoredMessage& message : messages)
-    if (message.topic == "/depth/image_raw") message.topic = "/infra/image_raw";
-  EXPECT_FALSE(stream(*open(messages), "/infra/image_raw").is_depth);
+    if (message.topic == "/depth/image_raw") message.topic = "/orange/image_raw";
+  EXPECT_FALSE(stream(*open(messages), "/orange/image_raw").is_depth);
 }
 
 TEST_F(LogImportTest, FindsTheLensOfATopicWithoutFirstSlash) {
