@@ -84,7 +84,7 @@ struct FieldSize {
 /// workspace; tags are surveyed and exact.
 [[nodiscard]] Expected<TagMap> map_from_wpilib_json(const std::string& text, double edge_m,
                                                     const std::string& context);
-/// Names tags on walls that are not upright: their attitudes come from another program.
+/// Names tags that are neither upright nor flat: their attitudes may come from another program.
 [[nodiscard]] std::vector<std::string> field_remarks(const TagMap& map);
 /// @param field  nullopt: as far as the tags reach from the origin
 [[nodiscard]] ExportedMap map_to_wpilib_json(const TagMap& map, std::optional<FieldSize> field);

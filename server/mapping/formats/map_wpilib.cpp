@@ -137,18 +137,17 @@ Expected<TagMap> map_from_json(const std::string& text, const std::string& key,
 }  // namespace
 
 std::vector<std::string> field_remarks(const TagMap& map) {
-  constexpr double kOnWall = 0.5;    // of the face's normal along z
-  constexpr double kUpright = 0.87;  // cosine of 30°
+  constexpr double kFlat = 0.9;     // of the face's normal along z
+  constexpr double kUpright = 0.7;  // cosine of 45°; FRC's fields have tags that lean by 30°
   std::vector<int> leaning;
   for (const MapTag& entry : map.tags) {
     const Eigen::Matrix3d R_WT = entry.tag.X_WT.rotation();
-    if (std::abs(R_WT(2, 2)) < kOnWall && R_WT(2, 1) < kUpright)
-      leaning.push_back(entry.tag.tag_id);
+    if (std::abs(R_WT(2, 2)) < kFlat && R_WT(2, 1) < kUpright) leaning.push_back(entry.tag.tag_id);
   }
   if (leaning.empty()) return {};
-  return {tags_text(leaning) + (leaning.size() == 1 ? " is on a wall, but" : " are on walls, but") +
-          " not upright. In this format a tag's x points out of its face and its z up; in other "
-          "programs the axes of a tag differ"};
+  return {tags_text(leaning) + (leaning.size() == 1 ? " is" : " are") +
+          " neither upright nor flat. In this format a tag's x points out of its face and its z "
+          "up; in other programs the axes of a tag differ"};
 }
 
 Expected<TagMap> map_from_wpilib_json(const std::string& text, double edge_m,

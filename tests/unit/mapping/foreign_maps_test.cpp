@@ -214,21 +214,26 @@ TEST(MapFormats, CheckTheGivenSize) {
   EXPECT_THAT(right.remarks, Contains(HasSubstr("--tag-size is not used")));
 }
 
-// The quaternion of tag 11 in FTC's library, whose axes of a tag are others.
-TEST(MapFormats, NameTagsOfAFieldThatAreNotUpright) {
-  const auto remarks = [](const std::string& quaternion) {
-    return value_of(
-               read_map(MapFormat::kWpilib,
-                        "{\"tags\": [{\"ID\": 11, \"pose\": {\"translation\": {\"x\": 1, \"y\": 2, "
-                        "\"z\": 0.7}, \"rotation\": {\"quaternion\": {" +
-                            quaternion + "}}}}]}",
-                        {.edge_m = 0.1}, "field.json"))
+TEST(MapFormats, NameTagsOfAFieldThatAreNeitherUprightNorFlat) {
+  const auto remarks = [](double w, double x, double y, double z) {
+    const auto number = [](const char* name, double value) {
+      return "\"" + std::string(name) + "\": " + std::to_string(value);
+    };
+    return value_of(read_map(MapFormat::kWpilib,
+                             R"({"tags": [{"ID": 11, "pose": {"translation": {"x": 1, "y": 2, )"
+                             R"("z": 0.7}, "rotation": {"quaternion": {)" +
+                                 number("W", w) + ", " + number("X", x) + ", " + number("Y", y) +
+                                 ", " + number("Z", z) + "}}}}]}",
+                             {.edge_m = 0.1}, "field.json"))
         .remarks;
   };
-  EXPECT_THAT(remarks("\"W\": 0.3536, \"X\": -0.6124, \"Y\": 0.6124, \"Z\": -0.3536"),
-              Contains(HasSubstr("tag 11 is on a wall, but not upright")));
-  EXPECT_THAT(remarks("\"W\": 0.6, \"X\": 0, \"Y\": 0, \"Z\": 0.8"),
-              Not(Contains(HasSubstr("upright"))));
+  const auto named = Contains(HasSubstr("tag 11 is neither upright nor flat"));
+  // Of FTC's library, whose axes of a tag are others.
+  EXPECT_THAT(remarks(0.3536, -0.6124, 0.6124, -0.3536), named);
+  EXPECT_THAT(remarks(0.3535, 0.6124, -0.6124, 0.3535), named);
+  EXPECT_THAT(remarks(0.6, 0, 0, 0.8), Not(named)) << "on a wall";
+  EXPECT_THAT(remarks(0.965926, 0, 0.258819, 0), Not(named)) << "leans by 30°, as in FRC 2025";
+  EXPECT_THAT(remarks(0.707107, 0, -0.707107, 0), Not(named)) << "on the floor";
 }
 
 TEST(MapFormats, OmitTagsThatAreNotUnique) {
