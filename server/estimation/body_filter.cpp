@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "base/expected.hpp"
-#include "estimation/robocentric/robocentric_filter.hpp"
+#include "estimation/rcars/rcars_filter.hpp"
 #include "estimation/world/world_filter.hpp"
 
 namespace fiducap {
@@ -16,13 +16,17 @@ Duration shift_to_apply(const ClockEstimate& clock, Duration applied) {
                                                                   : applied;
 }
 
+std::optional<std::string> fault_of_filter(const std::string& name, const BodySensors& sensors) {
+  if (name != "robocentric" || sensors.imu) return std::nullopt;
+  return "filter robocentric needs an IMU, and this body has none: set filter world";
+}
+
 std::unique_ptr<BodyFilter> make_body_filter(const std::string& name, const BodySensors& sensors,
                                              const WorkspaceGauge& gauge,
                                              const EstimatorConfig& config) {
   if (name == "world") return std::make_unique<world::WorldFilter>(sensors, gauge, config);
   FIDUCAP_ASSERT(name == "robocentric");  // the only other value of the configuration
-  const ClockHypothesis same_clock{std::vector<double>(sensors.cameras.size(), 0.0)};
-  return std::make_unique<robocentric::RobocentricFilter>(sensors, gauge, config, same_clock);
+  return std::make_unique<rcars::RcarsFilter>(sensors, gauge, config);
 }
 
 }  // namespace fiducap

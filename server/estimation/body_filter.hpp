@@ -84,7 +84,7 @@ class FilterObserver {
 };
 
 /// The filter of one rigid body. An interface because two implementations are compared:
-/// `robocentric` (the paper's) and `world` (production).
+/// `robocentric` (the paper's, rcars/) and `world` (production).
 ///
 /// Samples come in the order of SampleMerger: an image exposed at t right after the first IMU
 /// sample at or after t.
@@ -138,7 +138,12 @@ class BodyFilter {
   virtual void mismatches(std::vector<FoundMismatch>& out) const { out.clear(); }
 };
 
+/// Why this filter cannot track a body with these sensors; nullopt: it can.
+[[nodiscard]] std::optional<std::string> fault_of_filter(const std::string& name,
+                                                         const BodySensors& sensors);
+
 /// @param name  `robocentric` or `world`
+/// @pre fault_of_filter() finds none
 [[nodiscard]] std::unique_ptr<BodyFilter> make_body_filter(const std::string& name,
                                                            const BodySensors& sensors,
                                                            const WorkspaceGauge& gauge,

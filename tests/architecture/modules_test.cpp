@@ -34,7 +34,7 @@ const std::map<std::string, std::string> kListed{
     {"detection", "points sheet"},
     {"estimation",
      "imu filter start[imu filter] checks[imu] update[imu filter start] "
-     "robocentric[imu filter start update] world[imu filter start update] "
+     "rcars[imu filter start] world[imu filter start update] "
      "segment[imu filter world]"},
     {"mapping", "formats graph store"},
     {"pipeline", "agreement replay"},

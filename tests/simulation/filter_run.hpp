@@ -37,7 +37,7 @@ struct FilterMoment {
 
 /// Parameters of a run.
 struct FilterChoice {
-  std::string filter{"robocentric"};
+  std::string filter{"world"};
   KnowledgeCase knowledge{'A'};
   EstimatorConfig estimator{};
   /// The map is made by the bodies and returned to them, as in the server. False: it is

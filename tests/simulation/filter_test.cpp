@@ -1,9 +1,8 @@
-// Both filters on simulated corners with truth: accuracy, consistency, faults.
+// The world filter on simulated corners with truth: accuracy, consistency, faults.
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <functional>
-#include <tuple>
 
 #include "simulation/filter_run.hpp"
 
@@ -14,19 +13,17 @@ constexpr int kSeeds = 20;
 constexpr double kSettled_s = 5.0;
 
 struct RunSetup {
-  std::string filter{"robocentric"};
   SimulatedDataSetup data{};
   char knowledge{'A'};
   double most_position_m{1};  ///< Accuracy over all seeds.
 };
 
 FilterRun run_setup(const RunSetup& setup) {
-  return run_filter(simulate(setup.data), {.filter = setup.filter, .knowledge = {setup.knowledge}})
+  return run_filter(simulate(setup.data), {.knowledge = {setup.knowledge}})
       .scored_after(kSettled_s);
 }
 
-/// The world filter.
-FilterRun run_world(const SimulatedDataSetup& data) { return run_setup({"world", data}); }
+FilterRun run_world(const SimulatedDataSetup& data) { return run_setup({data}); }
 
 /// Means over seeds.
 struct Ensemble {
@@ -58,24 +55,14 @@ constexpr double kNeesHigh = 17.4;
 // Tens of thousands of innovations per run make NIS sharp; the gate cuts the highest 0.1 %.
 constexpr double kNisSlack = 0.03;
 
-using FilterAndSetup = std::tuple<std::string, RunSetup>;
-
-RunSetup setup_of(const FilterAndSetup& param) {
-  RunSetup setup = std::get<1>(param);
-  setup.filter = std::get<0>(param);
-  return setup;
-}
-
-const auto kFilters = testing::Values(std::string("robocentric"), std::string("world"));
-
-class Consistency : public testing::TestWithParam<FilterAndSetup> {};
+class Consistency : public testing::TestWithParam<RunSetup> {};
 
 TEST_P(Consistency, NeesNisAndErrorsAreInTheirBands) {
-  const Ensemble all = run_seeds(setup_of(GetParam()));
+  const Ensemble all = run_seeds(GetParam());
   EXPECT_GT(all.nees, kNeesLow);
   EXPECT_LT(all.nees, kNeesHigh);
   EXPECT_NEAR(all.nis, 1.0, kNisSlack);
-  EXPECT_LT(all.position_m, std::get<1>(GetParam()).most_position_m);
+  EXPECT_LT(all.position_m, GetParam().most_position_m);
   RecordProperty("position_rmse_um", static_cast<int>(1e6 * all.position_m));
 }
 
@@ -85,37 +72,27 @@ const RunSetup kClasses[] = {{.data = {.world = "table"}, .most_position_m = 0.0
                              {.data = {.world = "hall"}},
                              {.data = {.world = "sparse"}, .knowledge = 'C'}};
 
-INSTANTIATE_TEST_SUITE_P(Classes, Consistency,
-                         testing::Combine(kFilters, testing::ValuesIn(kClasses)),
-                         [](const auto& one) {
-                           const RunSetup setup = setup_of(one.param);
-                           return setup.filter + "_" + setup.data.world +
-                                  (setup.knowledge == 'C' ? "KnownMap" : "FreeMap");
-                         });
+INSTANTIATE_TEST_SUITE_P(Classes, Consistency, testing::ValuesIn(kClasses), [](const auto& one) {
+  return one.param.data.world + (one.param.knowledge == 'C' ? "KnownMap" : "FreeMap");
+});
 
-class FilterAccuracy : public testing::TestWithParam<std::string> {};
-class FilterFaults : public testing::TestWithParam<std::string> {};
-INSTANTIATE_TEST_SUITE_P(Each, FilterAccuracy, kFilters);
-INSTANTIATE_TEST_SUITE_P(Each, FilterFaults, kFilters);
-
-TEST_P(FilterAccuracy, HoldsWithoutImu) {
+TEST(FilterAccuracy, HoldsWithoutImu) {
   // Without IMU extrinsics and pose cannot be separated: they are exact.
-  const FilterRun one = run_setup({GetParam(), {.world = "table", .has_imu = false}, 'B'});
+  const FilterRun one = run_setup({{.world = "table", .has_imu = false}, 'B'});
   // Single images of three tags of 60 px at 1 m with 0.4 px noise give about 7 mm.
   EXPECT_LT(one.position_rmse_m(), 0.012);
   EXPECT_LT(one.map_position_m, 0.003);
   EXPECT_GT(one.frames_with_pose, 0.98 * one.frames_with_tags);
 }
 
-TEST_P(FilterFaults, PhantomTagsDoNotJoinTheMap) {
-  const FilterRun one =
-      run_setup({GetParam(), {.world = "hall", .faults = {.wrong_id = 0.05}}, 'C'});
+TEST(FilterFaults, PhantomTagsDoNotJoinTheMap) {
+  const FilterRun one = run_setup({{.world = "hall", .faults = {.wrong_id = 0.05}}, 'C'});
   EXPECT_EQ(one.tags_mapped, 0);
   EXPECT_LT(one.position_rmse_m(), 0.02);
 }
 
-TEST_P(FilterFaults, CoastsThroughABlackout) {
-  RunSetup setup{GetParam(), {.world = "hall", .seconds = 40}, 'C'};
+TEST(FilterFaults, CoastsThroughABlackout) {
+  RunSetup setup{{.world = "hall", .seconds = 40}, 'C'};
   setup.data.faults.blackout_every_s = 10;
   setup.data.faults.blackout_s = 1.0;
   const FilterRun one = run_setup(setup);
@@ -123,8 +100,8 @@ TEST_P(FilterFaults, CoastsThroughABlackout) {
   EXPECT_LT(one.mean_nees(), 25.0);
 }
 
-TEST_P(FilterFaults, MovedTagLeavesTheState) {
-  RunSetup setup{GetParam(), {.world = "table", .seconds = 40}};
+TEST(FilterFaults, MovedTagLeavesTheState) {
+  RunSetup setup{{.world = "table", .seconds = 40}};
   setup.data.faults.moved_tag = 2;
   setup.data.faults.moved_at_s = 20;
   setup.data.faults.moved_by_m = {0.3, 0.0, 0.0};
@@ -186,7 +163,7 @@ TEST(WorldFilterClock, CostsNothingWhenCorrectInQuickMotion) {
   // Seeds in which a clock estimated from the beginning made the filter overconfident.
   for (const std::uint64_t seed : {1007, 1038, 1067, 1079}) {
     const EstimationData data = simulate({.world = "sparse", .seconds = 20.0, .seed = seed});
-    FilterChoice choice{.filter = "world"};
+    FilterChoice choice;
     const double learned = run_filter(data, choice).scored_after(kSettled_s).position_rmse_m();
     choice.estimator.estimate_clocks = false;
     const double exact = run_filter(data, choice).scored_after(kSettled_s).position_rmse_m();
@@ -206,7 +183,7 @@ TEST(WorldFilterClock, IsEstimatedAfterTheStart) {
 TEST(WorldFilterClock, MayBeExact) {
   EstimationData data = simulate({.world = "sparse", .seconds = 15.0, .seed = 2});
   data.camera.time_shift_sigma_s = 0;
-  const FilterRun one = run_filter(data, {.filter = "world"}).scored_after(kSettled_s);
+  const FilterRun one = run_filter(data, {}).scored_after(kSettled_s);
   EXPECT_EQ(one.clock.shift_s, 0);
   EXPECT_LT(one.mean_nees() / 15, 2.0);
 }
@@ -230,7 +207,7 @@ TEST(WorldFilterClock, FollowsAJump) {
     for_each_image(data, [&](CornerFrame& image) {
       if (image.exposed_at > middle) image.exposed_at += from_seconds(jump_s);
     });
-    const FilterRun one = run_filter(data, {.filter = "world"});
+    const FilterRun one = run_filter(data, {});
     EXPECT_EQ(one.tags_dropped, 0);
     EXPECT_NEAR(one.clock.shift_s, -jump_s, 5 * one.clock.shift_sigma_s);
     EXPECT_LT(one.scored_after(20).position_rmse_m(), 0.006);
@@ -277,8 +254,8 @@ TEST(WorldFilterSaturation, LeavesNoWrongPoseBehind) {
   }
 }
 
-TEST_P(FilterFaults, SaturatedImuIsNotUsed) {
-  RunSetup setup{GetParam(), {.world = "table"}};
+TEST(FilterFaults, SaturatedImuIsNotUsed) {
+  RunSetup setup{{.world = "table"}};
   const FilterRun sound = run_setup(setup);
   setup.data.faults.saturation_at_s = 12;
   setup.data.faults.saturation_s = 3;

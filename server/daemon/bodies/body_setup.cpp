@@ -258,6 +258,8 @@ BodySetup read_body_setup(const BodyConfig& body, const simulation::RoomConfig& 
     setup.sensors.cameras.push_back(std::move(mount));
   }
   setup.sensors.imu = read_imu(body, setup, faults);
+  if (auto fault = fault_of_filter(body.filter, setup.sensors))
+    faults.push_back({ErrorCode::kInvalid, std::move(*fault), body.name});
   setup.configured_cameras = setup.sensors.cameras;
   if (const auto gravity = site.configured_gravity()) setup.sensors.set_known_gravity(*gravity);
   return setup;

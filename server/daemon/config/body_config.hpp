@@ -125,7 +125,7 @@ struct ImuConfig : ImuNoise {
 struct BodyConfig {
   std::string name;             ///< In all protocols and in the folders of recordings.
   int id{0};                    ///< In all protocols; 0: place in the list, from 1.
-  std::string filter{"world"};  ///< `world`, or `robocentric` (that of the RCARS paper).
+  std::string filter{"world"};  ///< `world`, or `robocentric` (RCARS; needs an IMU).
   /// `type: sensors` if `cameras` and `imu_source` have sources of their own.
   SourceConfig source;
   std::vector<CameraConfig> cameras;            ///< Empty with a recording: the recording's own.

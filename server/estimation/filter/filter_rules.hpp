@@ -2,7 +2,7 @@
 
 #include <cstddef>
 
-/// Constants of both filters outside their equations.
+/// Constants of the filter outside its equations.
 namespace fiducap::filter_rules {
 
 // Initial uncertainty, 1-sigma.

@@ -51,8 +51,7 @@ struct ImageTags {
 /// The update cycle of the EKF: gating, initialisation of tags, definition of the workspace,
 /// removal of outliers, relocalisation, restart and report. Independent of the state's coordinates.
 ///
-/// @tparam Coordinates  state and its operations: world::WorldCoordinates or
-///                      robocentric::RobocentricCoordinates
+/// @tparam Coordinates  state and its operations: world::WorldCoordinates
 template <class Coordinates>
 class TagFilter final : public StartingFilter {
  public:

@@ -89,6 +89,8 @@ Expected<void> add_body(const ReplayArguments& arguments, const std::string& fol
   auto setup = session == nullptr ? replay_setup(arguments, *info)
                                   : session_setup(arguments, *session, inputs.bodies.size(), *info);
   if (!setup) return tl::unexpected(setup.error());
+  if (auto fault = fault_of_filter(setup->filter, setup->sensors))
+    return fail(ErrorCode::kInvalid, std::move(*fault), info->name);
   auto input = open_input(std::move(*info), std::move(*setup));
   if (!input) return tl::unexpected(input.error());
   inputs.bodies.push_back(std::move(*input));

@@ -103,7 +103,7 @@ int run(int argc, char** argv) {
   app.add_flag("--json", json, "tables as JSON")->configurable(false);
   app.fallthrough();
   EstimationOptions base;
-  base.filters = {"robocentric", "world"};
+  base.filters = {"world"};
   if (const auto folder = shared_data()) base.data = folder->string();
   std::vector<EstimationOptions> options(std::size(kVerbs), base);
   std::vector<CLI::App*> commands;

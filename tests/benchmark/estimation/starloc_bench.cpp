@@ -65,6 +65,8 @@ std::vector<Table> bench_starloc(const EstimationOptions& options) {
                 Figure{imu->rate_rms_rad_s, 3}));
     }
     for (const std::string& filter : options.filters) {
+      const bool needs_imu = filter == "robocentric";
+      if (needs_imu && !imu) continue;
       StarlocChoice choice;
       choice.filter = filter;
       add_tracking(*run, camera, imu ? &*imu : nullptr, choice, tables[2]);
@@ -73,7 +75,7 @@ std::vector<Table> bench_starloc(const EstimationOptions& options) {
       add_tracking(*run, camera, &*imu, choice, tables[2]);
       choice.corrected_clocks = true;
       choice.use_imu = false;
-      add_tracking(*run, camera, &*imu, choice, tables[2]);
+      if (!needs_imu) add_tracking(*run, camera, &*imu, choice, tables[2]);
     }
   }
   return tables;

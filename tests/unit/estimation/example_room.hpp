@@ -91,14 +91,4 @@ class ExampleRoom {
 [[nodiscard]] bool names(const UpdateReport& report, int tag_id);
 void erase_tag(std::vector<KnownTag>& map, int tag_id);
 
-/// A test with each of the two filters.
-class BothFilters : public testing::TestWithParam<const char*> {
- protected:
-  static ExampleRoom::Setup setup() { return {.filter = GetParam()}; }
-};
-inline const auto kBothFilters = testing::Values("robocentric", "world");
-inline std::string name_of_filter(const testing::TestParamInfo<const char*>& info) {
-  return info.param;
-}
-
 }  // namespace fiducap

@@ -202,7 +202,7 @@ TEST(CornerNoise, StartsWithTheNoiseLearnedByAnotherFilter) {
   EXPECT_DOUBLE_EQ(noise.of(kAnyTag), 0.4) << "at most the configured one";
 }
 
-TEST(CornerNoise, TheRobocentricFilterHasConstantNoise) {
+TEST(CornerNoise, IsConstantWhenNothingIsLearned) {
   CornerNoise noise(kConfig, false);
   learn(noise, 2.0, 0.0);
   EXPECT_EQ(noise.of(tag_at(0, 0.3)), kConfig.corner_noise_px);

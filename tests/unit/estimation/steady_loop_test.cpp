@@ -19,14 +19,14 @@
 namespace fiducap {
 namespace {
 
-class AtRest : public BothFilters {
+class AtRest : public testing::Test {
  protected:
   explicit AtRest(bool has_imu = true) {
     CameraMount mount;
     mount.model = example_camera();
     BodySensors sensors{.cameras = {mount}, .imu = {}};
     if (has_imu) sensors.imu = ImuNoise{};
-    filter_ = make_body_filter(GetParam(), sensors, WorkspaceGauge{}, EstimatorConfig{});
+    filter_ = make_body_filter("world", sensors, WorkspaceGauge{}, EstimatorConfig{});
   }
   void add_tag(const Eigen::Vector3d& p_VT) {
     seen_.tags.push_back(example_observation(static_cast<int>(seen_.tags.size()), 0.2,
@@ -64,7 +64,7 @@ class SteadyLoop : public AtRest {
   std::vector<TagBelief> beliefs_;
 };
 
-TEST_P(SteadyLoop, AllocatesNothingAfterWarmUpAndTheEstimateIsConstant) {
+TEST_F(SteadyLoop, AllocatesNothingAfterWarmUpAndTheEstimateIsConstant) {
   run_images(150);  // the start is kept for six seconds
   ASSERT_EQ(report_.tags_used, kTags);
   const BodyEstimate before = filter_->estimate();
@@ -80,7 +80,7 @@ TEST_P(SteadyLoop, AllocatesNothingAfterWarmUpAndTheEstimateIsConstant) {
   EXPECT_EQ(without_images.count(), 0u);
 }
 
-TEST_P(SteadyLoop, BadReadingsAreIgnored) {
+TEST_F(SteadyLoop, BadReadingsAreIgnored) {
   run_images(60);
   const BodyEstimate before = filter_->estimate();
   filter_->propagate({now_ - std::chrono::seconds(1), {1, 1, 1}, {0, 0, 0}});
@@ -88,8 +88,6 @@ TEST_P(SteadyLoop, BadReadingsAreIgnored) {
   run_images(1);
   EXPECT_LT((filter_->estimate().X_WB.p - before.X_WB.p).norm(), 1e-5);
 }
-
-INSTANTIATE_TEST_SUITE_P(Filters, SteadyLoop, kBothFilters, name_of_filter);
 
 class WithoutImu : public AtRest {
  protected:
@@ -102,7 +100,7 @@ class WithoutImu : public AtRest {
   }
 };
 
-TEST_P(WithoutImu, RestartsAfterALongContradiction) {
+TEST_F(WithoutImu, RestartsAfterALongContradiction) {
   TagObservations torn = seen_;  // corners that no square can have
   for (TagObservation& tag : torn.tags)
     for (std::size_t c = 0; c < 4; ++c) tag.corners_px[c].x() += c % 2 == 0 ? 15.0 : -15.0;
@@ -116,15 +114,10 @@ TEST_P(WithoutImu, RestartsAfterALongContradiction) {
   EXPECT_EQ(show(seen_).tags_used, 3);
 }
 
-INSTANTIATE_TEST_SUITE_P(Filters, WithoutImu, kBothFilters, name_of_filter);
-
-class BoundedPast : public BothFilters {};
-INSTANTIATE_TEST_SUITE_P(Filters, BoundedPast, kBothFilters, name_of_filter);
-
 // Six images and a thousand readings a second: the images that a waiting tag remembers reach
 // further back than four thousand readings.
-TEST_P(BoundedPast, ASlowCameraAndAFastImuLoseNothing) {
-  ExampleRoom::Setup setup = BoundedPast::setup();
+TEST(BoundedPast, ASlowCameraAndAFastImuLoseNothing) {
+  ExampleRoom::Setup setup;
   setup.image_period_s = 1.0 / 6;
   setup.imu_period_s = 0.001;
   // Tag 0 is shown rarely, so that it waits for long.
@@ -142,8 +135,8 @@ TEST_P(BoundedPast, ASlowCameraAndAFastImuLoseNothing) {
   }
 }
 
-TEST_P(BoundedPast, ImagesWithoutReadingsDoNotGrowMemory) {
-  ExampleRoom::Setup setup = BoundedPast::setup();
+TEST(BoundedPast, ImagesWithoutReadingsDoNotGrowMemory) {
+  ExampleRoom::Setup setup;
   setup.image_period_s = 0.1;
   ExampleRoom room(setup);
   room.images(4);
