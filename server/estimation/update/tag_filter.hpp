@@ -1,18 +1,22 @@
 #pragma once
 
-#include <algorithm>
 #include <map>
 #include <optional>
 #include <span>
 #include <utility>
 #include <vector>
 
-#include "estimation/filter/tag_measurement.hpp"
 #include "estimation/start/starting_filter.hpp"
-#include "estimation/start/tag_candidates.hpp"
-#include "estimation/update/body_follower.hpp"
 #include "estimation/update/contradictions.hpp"
+#include "estimation/update/jump_search.hpp"
+#include "estimation/update/pose_finder.hpp"
 #include "estimation/update/workspace_anchor.hpp"
+#include "estimation/world/image_memory.hpp"
+#include "estimation/world/image_update.hpp"
+#include "estimation/world/initial_state.hpp"
+#include "estimation/world/landmarks.hpp"
+#include "estimation/world/propagator.hpp"
+#include "estimation/world/tag_entry.hpp"
 
 namespace fiducap {
 
@@ -23,41 +27,25 @@ struct ImageTags {
   std::vector<bool> accepted;    ///< Per usable one, by the last update.
 
   /// @param is_anchored  the map's poses are in this filter's axes
-  template <class State>
-  void sort(const TagObservations& seen, std::span<const KnownTag> known, const State& state,
-            bool is_anchored) {
-    usable.clear();
-    fresh.clear();
-    for (const TagObservation& tag : seen.tags) {
-      const auto found = std::ranges::find(known, tag.tag_id, &KnownTag::tag_id);
-      const TagToUse use{&tag, state.find(tag.tag_id), found == known.end() ? nullptr : &*found};
-      const bool is_usable = use.local >= 0 || (use.known != nullptr && is_anchored);
-      (is_usable ? usable : fresh).push_back(use);
-    }
-  }
-
+  void sort(const TagObservations& seen, std::span<const KnownTag> known,
+            const world::FilterState& state, bool is_anchored);
   /// Updates the indices after tags were removed from the state.
-  template <class State>
-  void find_again(const State& state) {
-    for (std::size_t i = usable.size(); i-- > 0;) {
-      usable[i].local = state.find(usable[i].seen->tag_id);
-      if (usable[i].local >= 0 || usable[i].known != nullptr) continue;
-      usable.erase(usable.begin() + static_cast<std::ptrdiff_t>(i));
-      accepted.erase(accepted.begin() + static_cast<std::ptrdiff_t>(i));
-    }
-  }
+  void find_again(const world::FilterState& state);
 };
 
-/// The update cycle of the EKF: gating, initialisation of tags, definition of the workspace,
-/// removal of outliers, relocalisation, restart and report. Independent of the state's coordinates.
+/// The extended Kalman filter of one body: propagates, associates, gates, corrects. Adds new tags,
+/// defines the workspace, removes outliers, relocalises and restarts.
 ///
-/// @tparam Coordinates  state and its operations: world::WorldCoordinates
-template <class Coordinates>
+/// The state is in workspace axes W with errors on the world's side (error_state.hpp), so that the
+/// pose of the workspace stays unobservable. Tags of the map are held with the map's covariance
+/// (Schmidt).
 class TagFilter final : public StartingFilter {
  public:
   /// @param clocks  of the first start
   TagFilter(BodySensors sensors, const WorkspaceGauge& gauge, const EstimatorConfig& config,
             ClockHypothesis clocks);
+  TagFilter(const TagFilter&) = delete;
+  TagFilter& operator=(const TagFilter&) = delete;
 
   void propagate(const ImuSample& imu) override;
   UpdateReport update(const TagObservations& seen, const MapKnowledge& map) override;
@@ -69,37 +57,43 @@ class TagFilter final : public StartingFilter {
   [[nodiscard]] BodyEstimate estimate() const override;
   void tag_beliefs(std::vector<TagBelief>& out) const override;
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override;
-  [[nodiscard]] ClockEstimate clock(int camera) const override {
-    return coordinates().clock(camera);
-  }
+  [[nodiscard]] ClockEstimate clock(int camera) const override { return clock_of(state_, camera); }
   void mismatches(std::vector<FoundMismatch>& out) const override;
   [[nodiscard]] LearnedSensors learned(int camera) const override {
-    return coordinates().learned(camera);
+    return image_update_.learned(camera);
   }
 
   [[nodiscard]] Explanation explain(const TagObservations& seen,
                                     const UpdateReport& report) const override;
-  [[nodiscard]] bool is_following() const override { return follower_.is_running(); }
+  [[nodiscard]] bool is_following() const override { return mode_ == FilterMode::kRunning; }
   [[nodiscard]] int contradicting_images() const override {
     return contradictions_.contradicting_images();
   }
   [[nodiscard]] InitialisationPriors initialisation_priors() const override {
-    return coordinates().initialisation_priors();
+    return image_update_.initialisation_priors(state_);
   }
-  void begin_with(const InitialisationPriors& priors) override { coordinates().begin_with(priors); }
+  void begin_with(const InitialisationPriors& priors) override {
+    image_update_.begin_with(state_, priors);
+  }
   void end_start() override;
   [[nodiscard]] Axes axes() const override { return {anchor_.is_anchored(), anchor_.defined_by()}; }
   [[nodiscard]] int generation() const override { return generation_; }
   void set_generation(int generation) override { generation_ = generation; }
   void set_restart_clocks(ClockHypothesis clocks) override { restart_clocks_ = std::move(clocks); }
 
-  [[nodiscard]] const auto& state() const { return coordinates().state(); }
+  [[nodiscard]] const world::FilterState& state() const { return state_; }
 
  private:
-  [[nodiscard]] Coordinates& coordinates() { return follower_.coordinates(); }
-  [[nodiscard]] const Coordinates& coordinates() const { return follower_.coordinates(); }
-  [[nodiscard]] bool has_imu() const { return follower_.has_imu(); }
-  [[nodiscard]] bool is_in_mode(FilterMode mode) const { return follower_.mode() == mode; }
+  enum class FilterMode {
+    kStarting,  ///< No tags yet, no pose.
+    kLost,      ///< Tags and workspace are known, the motion since then is not.
+    kRunning,
+  };
+
+  [[nodiscard]] bool has_imu() const { return sensors_.imu.has_value(); }
+  [[nodiscard]] const CameraModel& model_of(int camera) const;
+  /// Own tags are not the map's.
+  [[nodiscard]] bool is_own(std::size_t tag) const { return !state_.tags[tag].held; }
 
   void restart();
   UpdateReport process(const TagObservations& seen, std::span<const KnownTag> known);
@@ -111,11 +105,27 @@ class TagFilter final : public StartingFilter {
   int move_to(const TagObservations& seen);
   UpdateReport correct(const TagObservations& seen, int iterations);
   void correct(const TagObservations& seen, int iterations, UpdateReport& report);
+  void correct_by_points(const TagObservations& seen, long image, UpdateReport& report);
   void shift_axes(const std::optional<Pose>& X_new_old, UpdateReport& report);
   void note_exact_tags();
   void add_bend_of_prints(BodyEstimate& body) const;
 
-  // relocalisation_impl.hpp
+  // tag_filter_motion.cpp
+  bool add_reading(const ImuSample& imu);
+  void start_motion(Instant at);
+  void lose_motion(bool is_turn_lost);
+  void jump(const Pose& X_WB, Instant at);
+  [[nodiscard]] bool propagate_to(const TagObservations& seen);
+  [[nodiscard]] bool move_by_corners(const TagObservations& seen);
+  void integrate_to(Instant to);
+  void finish_motion();
+  [[nodiscard]] std::optional<CameraAttitude> camera_attitude(int camera, Instant at) const;
+  [[nodiscard]] double turn_sigma_rad() const;
+  [[nodiscard]] std::optional<Eigen::Vector3d> shift_by(const TagObservations& seen,
+                                                        const TagToUse& tag) const;
+
+  // relocalisation.cpp
+  void set_clock(int camera, double shift_s, double sigma_s);
   void reset_outlier_counters();
   void look_for_jump(const TagObservations& seen, UpdateReport& report);
   void handle_outliers(const TagObservations& seen, UpdateReport& report);
@@ -126,14 +136,11 @@ class TagFilter final : public StartingFilter {
   void confirm_removals();
   void update_ambiguity(const TagObservations& seen);
   void check_single_tag_relocalisation(const TagObservations& seen, UpdateReport& report);
-  void lose_motion(bool is_turn_lost);
   bool relocalise(const TagObservations& seen);
-  [[nodiscard]] bool is_relocalisation_doubtful(const Pose& X_AB, Instant at) const;
-  /// By a tag whose branch is decided by its views since, with the gyroscope.
+  [[nodiscard]] bool is_relocalisation_doubtful(const Pose& X_WB, Instant at) const;
   bool relocalise_by_views(const TagObservations& seen);
-  void jump(const Pose& X_AB, Instant at);
 
-  // admission_impl.hpp
+  // tag_admission.cpp
   [[nodiscard]] std::optional<TagVerdict> judge(const TagObservations& seen, const TagToUse& tag,
                                                 const ViewLimits& limits);
   void initialise_new_tags(const TagObservations& seen, UpdateReport& report);
@@ -145,12 +152,22 @@ class TagFilter final : public StartingFilter {
   void join(const TagObservations& seen, const TagObservation& tag, const Pose& X_VT);
   [[nodiscard]] bool is_where_first_seen(const TagObservations& seen, const TagToUse& tag,
                                          const TagVerdict& verdict);
-  /// At its first sighting, when past images are remembered.
+  /// At its first sighting.
   bool admit_late(const TagToUse& tag, const TagVerdict& verdict, UpdateReport& report);
   void follow_again(long from, UpdateReport& report);
 
-  BodyFollower<Coordinates> follower_;
-  WorkspaceAnchor<Coordinates> anchor_;
+  BodySensors sensors_;
+  EstimatorConfig config_;
+  world::FilterState state_;  ///< At the instant of the last image.
+  FilterMode mode_{FilterMode::kStarting};
+  world::Propagator propagator_;
+  world::ImageUpdate image_update_;
+  world::ImageMemory memory_;
+  std::optional<world::CloneWindow> window_;  ///< Only when points are tracked.
+  world::HeldTags held_tags_;
+  PoseFinder pose_finder_;
+  JumpSearch jump_search_;
+  WorkspaceAnchor anchor_;
   Contradictions contradictions_;
   TagCandidates candidates_;
   ImageTags tags_;

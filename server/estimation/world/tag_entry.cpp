@@ -181,6 +181,16 @@ void fuse_with_held(FilterState& state, std::size_t tag, std::size_t held) {
   state.add_error(dx);
 }
 
+void give_to_map(FilterState& state, std::size_t tag, const KnownTag& map) {
+  if (map.is_exact()) {
+    fuse_prior(state, tag, map);
+  } else {
+    hold(state, map, state.tags[tag].last_seen);
+    fuse_with_held(state, tag, state.tags.size() - 1);
+  }
+  state.remove_tag(tag);
+}
+
 void fuse_prior(FilterState& state, std::size_t tag, const KnownTag& prior) {
   const Pose& X_WT = state.tags[tag].X_WT;
   Eigen::Matrix<double, 6, 1> y;

@@ -37,6 +37,9 @@ void hold_one(FilterState& state, const KnownTag& tag, const KnownMap* whole, In
 /// Fuses a tag of the state with the same held tag: corrects the body, not the held tag (Schmidt).
 void fuse_with_held(FilterState& state, std::size_t tag, std::size_t held);
 
+/// Fuses an own tag with the map's, which replaces it.
+void give_to_map(FilterState& state, std::size_t tag, const KnownTag& map);
+
 /// Replaces the tags of the state that are in the map, also own ones, by the map's joint mean and
 /// covariance after a change of the map.
 ///

@@ -2,15 +2,6 @@
 
 #include <algorithm>
 
-#include "estimation/update/admission_impl.hpp"
-#include "estimation/update/body_follower_impl.hpp"
-#include "estimation/update/relocalisation_impl.hpp"
-#include "estimation/update/tag_filter_impl.hpp"
-
-namespace fiducap {
-template class TagFilter<world::WorldCoordinates>;
-}
-
 namespace fiducap::world {
 
 WorldFilter::WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorConfig config)
@@ -40,7 +31,7 @@ bool WorldFilter::are_clocks_vague() const {
 }
 
 std::unique_ptr<StartingFilter> WorldFilter::make(const ClockHypothesis& clocks) const {
-  auto filter = std::make_unique<WorldTagFilter>(sensors_, gauge_, config_, clocks);
+  auto filter = std::make_unique<TagFilter>(sensors_, gauge_, config_, clocks);
   filter->set_tag_priors(priors_);
   return filter;
 }

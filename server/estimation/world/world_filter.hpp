@@ -7,11 +7,8 @@
 #include "estimation/start/hypothesis_plan.hpp"
 #include "estimation/start/start_search.hpp"
 #include "estimation/update/tag_filter.hpp"
-#include "estimation/world/world_coordinates.hpp"
 
 namespace fiducap::world {
-
-using WorldTagFilter = TagFilter<WorldCoordinates>;
 
 /// The production filter: measurements of RCARS II-D4, state in workspace axes, errors on the
 /// world's side. While the cameras' clocks are uncertain its start is processed again with other
@@ -55,7 +52,7 @@ class WorldFilter final : public BodyFilter {
   }
 
   [[nodiscard]] const FilterState& state() const {
-    return static_cast<const WorldTagFilter&>(*present_).state();  // see make()
+    return static_cast<const TagFilter&>(*present_).state();  // see make()
   }
 
  private:
@@ -78,7 +75,3 @@ class WorldFilter final : public BodyFilter {
 };
 
 }  // namespace fiducap::world
-
-namespace fiducap {
-extern template class TagFilter<world::WorldCoordinates>;
-}

@@ -8,7 +8,7 @@
 #include <random>
 
 #include "estimation/filter/chi_square.hpp"
-#include "estimation/filter/corner_update.hpp"
+#include "estimation/world/corner_update.hpp"
 #include "estimation/world/corner_measurement.hpp"
 #include "example_tags.hpp"
 #include "support/jacobian_check.hpp"
@@ -274,7 +274,7 @@ class Return {
       tags.push_back({&seen_[i], static_cast<int>(i), nullptr});
     std::vector<bool> accepted;
     FilterState after = before;
-    CornerUpdate<FilterState> update;
+    CornerUpdate update;
     update.apply(after, 0, model_, tags, {.gate = kNoGate, .iterations = iterations}, noise,
                  accepted);
     return after;

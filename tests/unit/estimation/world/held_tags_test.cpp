@@ -8,7 +8,7 @@
 
 #include "base/pose.hpp"
 #include "estimation/filter/chi_square.hpp"
-#include "estimation/filter/corner_update.hpp"
+#include "estimation/world/corner_update.hpp"
 #include "estimation/world/corner_measurement.hpp"
 #include "estimation/world/tag_entry.hpp"
 #include "estimation/world/workspace_axes.hpp"
@@ -56,7 +56,7 @@ TEST(HeldTag, CorrectsTheBodyAndIsNotCorrected) {
       77, 0.2, (state.X_WB * state.X_BV[0]).inverse() * state.tags[0].X_WT, model);
   const std::array<TagToUse, 1> use{TagToUse{&seen, static_cast<int>(held), nullptr}};
   std::vector<bool> accepted;
-  CornerUpdate<FilterState> update;
+  CornerUpdate update;
   CornerNoise noise(EstimatorConfig{}, false);
   const UpdateReport report =
       update.apply(state, 0, model, use, {.gate = chi_square_quantile(8, 0.999)}, noise, accepted);

@@ -1,0 +1,104 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "estimation/start/place_search.hpp"
+#include "estimation/start/starting_filter.hpp"
+#include "estimation/world/calibration_monitor.hpp"
+#include "estimation/world/corner_update.hpp"
+#include "estimation/world/noise_watch.hpp"
+
+namespace fiducap::world {
+
+/// Corrects a state by the corners of one image, and learns noise and calibration from it.
+class ImageUpdate final {
+ public:
+  /// Keeps references to both.
+  ImageUpdate(const BodySensors& sensors, const EstimatorConfig& config);
+
+  /// The state was reset: adds the calibration parameters.
+  void restart(FilterState& state);
+  /// Sets the lens and the applied clock shift of the present image.
+  void look_at(FilterState& state, const TagObservations& seen);
+  /// @param linearisation  first linearisation point; nullptr: the mean
+  /// @param accepted       out: per tag
+  UpdateReport correct(FilterState& state, FilterState* linearisation, const TagObservations& seen,
+                       std::span<const TagToUse> tags, double gate, int iterations,
+                       std::vector<bool>& accepted);
+  /// Updates the tests of the configuration. Once per new image.
+  void test(FilterState& state, const TagObservations& seen, const UpdateReport& report);
+  /// Off while past images are processed again: they have taught already.
+  void set_learning(bool is_learning) { is_learning_ = is_learning; }
+
+  /// Estimates the noise of the motion to an image.
+  void follow(const MotionSinceImage& motion) {
+    if (watches_noise()) noise_watch_.follow(motion);
+  }
+  /// The motion is unknown, or expressed in other axes.
+  void lose_motion() { noise_watch_.lose_motion(); }
+  /// Discards the noise learned from the last images: a clock has jumped.
+  void note_clock_jump(FilterState& state) {
+    noise_watch_.take_back();
+    apply_jitter(state);
+  }
+  /// A tag was wrong, not the noise.
+  void discard_noise_learned_since_outlier(FilterState& state) {
+    noise_watch_.discard_since_outlier();
+    apply_jitter(state);
+  }
+  /// After an exchange with the map. @param before  statistics before it
+  void follow_map(FilterState& state, const KnownMap& map, int body_id, const Pose& moved,
+                  std::span<const CalibrationMonitor::TestStatistics> before);
+  void watch_print(FilterState& state, int tag_id) const {
+    calibration_monitor_.watch_print(state, tag_id);
+  }
+  [[nodiscard]] const CalibrationMonitor& calibration() const { return calibration_monitor_; }
+
+  [[nodiscard]] InitialisationPriors initialisation_priors(const FilterState& state) const;
+  /// Jitter is applied from the first image that teaches noise: the clock must be known.
+  void begin_with(FilterState& state, const InitialisationPriors& priors);
+  /// Includes the covariance of likely, not yet corrected errors.
+  [[nodiscard]] BodyEstimate body(const FilterState& state) const;
+  [[nodiscard]] BodyPlace place(const FilterState& state) const;
+  void list_mismatches(const FilterState& state, std::vector<FoundMismatch>& out) const {
+    calibration_monitor_.list(state, out);
+    noise_watch_.list(out);
+  }
+  [[nodiscard]] const CornerNoise& noise(int camera) const {
+    return corner_noise_[static_cast<std::size_t>(camera)];
+  }
+  [[nodiscard]] double imu_variance() const { return noise_watch_.imu_variance(); }
+  [[nodiscard]] LearnedSensors learned(int camera) const {
+    return {&noise(camera), noise_watch_.imu_variance(), noise_watch_.jitter_s()};
+  }
+  /// The lens of the present image.
+  [[nodiscard]] const CameraModel& lens(int camera) const {
+    return lenses_[static_cast<std::size_t>(camera)];
+  }
+  [[nodiscard]] std::vector<SightedTag> sighted(const FilterState& state, int camera,
+                                                std::span<const TagToUse> tags) const;
+
+ private:
+  void apply_jitter(FilterState& state) const {
+    for (CameraClock& clock : state.clocks) clock.jitter_s = noise_watch_.jitter_s();
+  }
+  [[nodiscard]] bool watches_noise() const;
+  void learn_noise(FilterState& state, const UpdateReport& report, const Vector6d& on_time,
+                   bool teaches);
+
+  const BodySensors& sensors_;
+  const EstimatorConfig& config_;
+  CornerUpdate corner_update_;
+  std::vector<CornerNoise> corner_noise_;  ///< One per camera.
+  CalibrationMonitor calibration_monitor_;
+  std::vector<CameraModel> lenses_;  ///< One per camera: as known before the present image.
+  NoiseWatch noise_watch_;
+  bool is_learning_{true};
+  int images_without_fit_{0};  ///< Consecutive.
+  PostRealignmentHoldoff holdoff_;
+  double nis_{1.0};  ///< Mean normalised innovation squared of the last images.
+};
+
+}  // namespace fiducap::world
