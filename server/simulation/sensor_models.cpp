@@ -101,8 +101,8 @@ ImuModel::ImuModel(const ImuErrors& errors, double gravity_m_s2, std::uint64_t s
       gyro_walk_(seed, Purpose::kGyroWalk),
       accel_walk_(seed, Purpose::kAccelWalk) {
   Random random(seed, Purpose::kImuErrors);
-  gyro_gain_ = gain(random, errors);
-  accel_gain_ = gain(random, errors);
+  gyro_gain_ = gain(random, errors) * errors.gyro_gain;
+  accel_gain_ = gain(random, errors) * errors.accel_gain;
 }
 
 ImuSample ImuModel::measure(std::uint64_t k, const Trajectory::Point& truth) {

@@ -66,8 +66,11 @@ struct ImuErrors {
   Eigen::Vector3d accel_bias{0.05, -0.04, 0.06};    ///< At the start, m/s².
   double scale_error{0.0};                          ///< 1-sigma of each axis' scale, both sensors.
   double misalignment_rad{0.0};                     ///< 1-sigma of each axis' tilt, both sensors.
-  double gyro_range_rad_s{35.0};                    ///< Saturation.
-  double accel_range_m_s2{160.0};                   ///< Saturation.
+  // Known parts of both, before the drawn ones; not in the configuration.
+  Eigen::Matrix3d gyro_gain{Eigen::Matrix3d::Identity()};
+  Eigen::Matrix3d accel_gain{Eigen::Matrix3d::Identity()};
+  double gyro_range_rad_s{35.0};   ///< Saturation.
+  double accel_range_m_s2{160.0};  ///< Saturation.
 };
 
 /// Images, or corners without images, of a camera.

@@ -87,6 +87,9 @@ struct SimulatedDataSetup {
   double readout_configured_s{0};         ///< … and as configured …
   double readout_sigma_s{0};              ///< … with this sigma.
   double imu_noise_factor{1};             ///< Factor of all configured densities.
+  /// Of the true rate and specific force, before bias and noise.
+  Eigen::Matrix3d gyro_gain{Eigen::Matrix3d::Identity()};
+  Eigen::Matrix3d accel_gain{Eigen::Matrix3d::Identity()};
   /// Of world `ring`: its size, and what of it the body walks (TrajectoryConfig).
   simulation::RingConfig ring{};
   double from{0};

@@ -3,10 +3,13 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "base/expected.hpp"
 #include "base/pose.hpp"
 #include "pipeline/body_tracker.hpp"
+#include "pipeline/doubts.hpp"
+#include "pipeline/pose_trust.hpp"
 #include "pipeline/replay/bodies_replay.hpp"
 #include "support/memory_source.hpp"
 
@@ -70,6 +73,37 @@ MapErrors map_errors(const Tags& map, const EstimationData& data, const Pose& X_
 // Tags are compared at every tenth image: they hardly move in between.
 constexpr int kImagesPerTagCheck = 10;
 
+/// nullopt: the event names no part of the configuration.
+std::optional<NamedCause> cause_of(const BodyEvent& event, const BodyPipeline& pipeline) {
+  using Kind = BodyEvent::Kind;
+  switch (event.kind) {
+    case Kind::kMismatch:
+      for (const FoundMismatch& found : pipeline.mismatches())
+        if (mismatch_text(found, pipeline.setup().sensors.cameras) == event.text)
+          return NamedCause{found.kind, found.tag_id};
+      return {};
+    case Kind::kDoubt: {  // of these, size_text names a cause
+      if (event.text.starts_with("all tags look"))
+        return NamedCause{FoundMismatch::Kind::kAllPrints};
+      int tag_id = -1;
+      if (std::sscanf(event.text.c_str(), "tag %d looks", &tag_id) != 1 ||
+          event.text.find("tags.sizes_m") == std::string::npos)
+        return {};
+      return NamedCause{FoundMismatch::Kind::kOnePrint, tag_id};
+    }
+    case Kind::kTurnsDisagree:  // that of PoseTrust names none
+      if (event.text == contradiction_text(true) || event.text == contradiction_text(false))
+        return {};
+      return NamedCause{event.kind};
+    case Kind::kClockJumped:
+    case Kind::kImuUnusable:
+    case Kind::kImuDoubtful:
+      return NamedCause{event.kind};
+    default:
+      return {};
+  }
+}
+
 /// Compares one body with the truth, image by image.
 class Run {
  public:
@@ -87,6 +121,7 @@ class Run {
     for (const BodyEvent& event : update.events) {
       result_.resets += event.kind == BodyEvent::Kind::kReset ? 1 : 0;
       note_said(event.text);
+      note_named(event);
     }
     // The filter's, whether it may be shown or not.
     if (!update.has_place()) return;
@@ -121,6 +156,12 @@ class Run {
     const bool known =
         std::find(result_.said.begin(), result_.said.end(), text) != result_.said.end();
     if (!text.empty() && !known) result_.said.push_back(text);
+  }
+
+  void note_named(const BodyEvent& event) {
+    const auto cause = cause_of(event, *pipeline_);
+    if (cause && std::ranges::find(result_.named, *cause) == result_.named.end())
+      result_.named.push_back(*cause);
   }
 
   void count(const UpdateReport& report) {

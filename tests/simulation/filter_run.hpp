@@ -5,6 +5,7 @@
 #include <limits>
 #include <span>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "estimation/body_filter.hpp"
@@ -67,6 +68,14 @@ struct Nees {
   double tags{kNone};
 };
 
+/// What a message names as the cause: a kind of mismatch, or an event about IMU, axes or clocks.
+struct NamedCause {
+  std::variant<FoundMismatch::Kind, BodyEvent::Kind> what;
+  int tag_id{-1};
+
+  bool operator==(const NamedCause&) const = default;
+};
+
 /// One filter over one set of data, compared with the truth at every image.
 struct FilterRun {
   struct At {
@@ -108,6 +117,7 @@ struct FilterRun {
   double seconds{};               ///< Of data.
   int resets{};                   ///< The filter has forgotten everything.
   std::vector<std::string> said;  ///< Each sentence of the body's events and doubts once.
+  std::vector<NamedCause> named;  ///< What these name, each once.
 
   [[nodiscard]] FilterRun scored_after(double t_s) const;
   /// Root of the mean square of one figure over the images.

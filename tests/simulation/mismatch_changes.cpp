@@ -39,16 +39,6 @@ constexpr double kFirstSecond_s = 1.0;
 constexpr double kLater_s = 1.1;
 constexpr double kLatest_s = 2.6;
 
-void for_imu(EstimationData& data, const std::function<void(ImuSample&)>& work) {
-  for (SensorSample& sample : data.samples)
-    if (auto* imu = std::get_if<ImuSample>(&sample)) work(*imu);
-}
-
-/// Pose of the camera at an instant of the IMU's clock.
-Pose camera_at(const EstimationData& data, Instant at) {
-  return data.truth_near(at).X_WB * data.camera.X_BV;
-}
-
 /// Sighting of the tag in an image by the rules of the simulator; nullopt: it is not seen.
 std::optional<TagSighting> sight(const EstimationData& data, const CornerFrame& image,
                                  const RecordedTag& tag, const simulation::ImageKey& key) {
@@ -125,6 +115,15 @@ std::map<int, double> first_seen(EstimationData& data) {
 }
 
 }  // namespace
+
+void for_imu(EstimationData& data, const std::function<void(ImuSample&)>& work) {
+  for (SensorSample& sample : data.samples)
+    if (auto* imu = std::get_if<ImuSample>(&sample)) work(*imu);
+}
+
+Pose camera_at(const EstimationData& data, Instant at) {
+  return data.truth_near(at).X_WB * data.camera.X_BV;
+}
 
 void for_images(EstimationData& data,
                 const std::function<void(CornerFrame&, std::size_t k, double t_s)>& work) {

@@ -278,6 +278,8 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   body.seed = setup.seed;
   const ImuNoise configured = body.imu.noise;
   body.imu.noise = scaled(configured, setup.imu_noise_factor);
+  body.imu.gyro_gain = setup.gyro_gain;
+  body.imu.accel_gain = setup.accel_gain;
   const auto source =
       value_of(simulation::make_simulated_source(room, body, kFirstSample, nullptr));
 
