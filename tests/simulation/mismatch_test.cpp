@@ -71,7 +71,7 @@ bool are_equal(const EstimationData& a, const EstimationData& b) {
 }
 
 TEST(MismatchWorlds, AllRowsButTheFirstDifferFromTheirBase) {
-  const SimulatedDataSetup setup{.world = "sparse", .seconds = 10};
+  const SimulatedDataSetup setup{.world = "sparse", .seconds = 20};
   for (const Mismatch& mismatch : mismatches()) {
     const EstimationData base = unmodified_world(setup, mismatch);
     const EstimationData wrong = mismatched_world(setup, mismatch);
