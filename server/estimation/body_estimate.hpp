@@ -23,6 +23,23 @@ inline constexpr int kBiasF = 9;     ///< accelerometer bias, m/s², B axes.
 inline constexpr int kBiasW = 12;  ///< gyro bias, rad/s, B axes (without IMU: minus the body rate).
 }  // namespace estimate_block
 
+/// Deterministic errors of the IMU beyond its biases: f_measured = (1 + accel_scale) f + bias and
+/// w_measured = exp(gyro_turn) (1 + gyro_scale) w + bias, scales per axis.
+struct ImuErrors {
+  Eigen::Vector3d accel_scale{Eigen::Vector3d::Zero()};
+  Eigen::Vector3d gyro_turn{Eigen::Vector3d::Zero()};  ///< Against the accelerometer, rad.
+  Eigen::Vector3d gyro_scale{Eigen::Vector3d::Zero()};
+
+  /// @param measured  bias removed
+  [[nodiscard]] Eigen::Vector3d force(const Eigen::Vector3d& measured) const {
+    return measured.array() / (1 + accel_scale.array());
+  }
+  /// @param measured  bias removed
+  [[nodiscard]] Eigen::Vector3d rate(const Eigen::Vector3d& measured) const {
+    return (exp_so3(-gyro_turn) * measured).array() / (1 + gyro_scale.array());
+  }
+};
+
 /// The state of one body at one instant, mean and covariance.
 struct BodyEstimate {
   Instant at{};
@@ -33,6 +50,7 @@ struct BodyEstimate {
   Eigen::Vector3d a_WB{Eigen::Vector3d::Zero()};
   Eigen::Vector3d bias_f{Eigen::Vector3d::Zero()};
   Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
+  ImuErrors imu{};
   Matrix15d covariance{Matrix15d::Zero()};
   double gravity_offset_m_s2{};  ///< Gravity minus BodySensors::gravity_m_s2.
   bool anchored{};               ///< W is the workspace. False: axes of this filter's own.

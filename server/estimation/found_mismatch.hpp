@@ -36,12 +36,21 @@ struct FoundMismatch {
     kGyroRange,    ///< Saturated rate, rad/s.
     kAccelRange,   ///< Saturated specific force, m/s².
     kStampJitter,  ///< Independent error of each image's stamp, 1-sigma, s.
+    kAccelScale,   ///< `axes`: the accelerometer reads this much more, relative.
+    kGyroTurn,     ///< `axes`: rotation of the gyroscope against the accelerometer, rad.
+    kGyroScale,    ///< `axes`: the gyroscope reads this much more, relative.
+    kMountPosition,  ///< `axes`: position of the camera on the body beyond the configured one, m.
+    kMountRotation,  ///< `axes`: its rotation vector, B axes, rad.
   } kind{};
   int camera{-1};
   int tag_id{-1};
   double value{};
   double sigma{};
   LensEstimate lens{};
+  Eigen::Vector3d axes{Eigen::Vector3d::Zero()};
+  Eigen::Vector3d axes_sigma{Eigen::Vector3d::Zero()};
+  /// Something is wrong, but the data do not tell whether this or another ambiguous finding.
+  bool is_ambiguous{false};
 };
 
 }  // namespace fiducap

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/numeric.hpp"
+
 namespace fiducap {
 namespace {
 
@@ -15,6 +17,8 @@ constexpr double kMilli = 1e3;
 // A mismatch is reported when it has lasted this long, and again when it has changed by this
 // factor.
 constexpr Duration kLasting = std::chrono::seconds(3);
+// While the data do not tell which of several causes is right, more of them may.
+constexpr Duration kLastingAmbiguous = std::chrono::seconds(10);
 constexpr double kChanged = 1.5;
 // A refined number: when it has moved by this many reported sigmas.
 constexpr double kMoved_sigma = 4.0;
@@ -84,6 +88,35 @@ std::string range_text(const char* sensor, const std::string& end) {
       sensor, end);
 }
 
+std::string axes_text(const FoundMismatch& found, double unit, const char* name) {
+  const auto axis = [&](int k) {
+    return fmt::format("{} {:.2f} ± {:.2f}", "xyz"[k], unit * found.axes(k),
+                       unit * found.axes_sigma(k));
+  };
+  return fmt::format("{}, {}, {} {}", axis(0), axis(1), axis(2), name);
+}
+
+std::string motion_text(const FoundMismatch& found) {
+  constexpr const char* kAdvice = "; this is corrected for. Run fiducap calibrate imu";
+  if (found.kind == Kind::kAccelScale)
+    return fmt::format("the accelerometer seems to read too much by {}{}",
+                       axes_text(found, kInPercent, "%"), kAdvice);
+  if (found.kind == Kind::kGyroScale)
+    return fmt::format("the gyro seems to read too much by {}{}",
+                       axes_text(found, kInPercent, "%"), kAdvice);
+  return fmt::format("the gyro's axes seem turned against the accelerometer's by {}{}",
+                     axes_text(found, kDegreesPerRadian, "°"), kAdvice);
+}
+
+std::string mount_text(const FoundMismatch& found) {
+  const bool is_place = found.kind == Kind::kMountPosition;
+  return fmt::format(
+      "camera {}: {} on the body differs from the configured one by {}; this is corrected for. Run "
+      "fiducap calibrate extrinsics, or correct bodies[].cameras[].X_BV and its sigmas",
+      found.camera, is_place ? "its position" : "its attitude",
+      is_place ? axes_text(found, kMilli, "mm") : axes_text(found, kDegreesPerRadian, "°"));
+}
+
 bool is_same(const FoundMismatch& a, const FoundMismatch& b) {
   return a.kind == b.kind && a.camera == b.camera && a.tag_id == b.tag_id;
 }
@@ -109,6 +142,11 @@ bool has_changed(const FoundMismatch& now, const FoundMismatch& reported) {
 }  // namespace
 
 std::string mismatch_text(const FoundMismatch& found, const std::vector<CameraMount>& cameras) {
+  if (found.is_ambiguous) {
+    FoundMismatch one = found;
+    one.is_ambiguous = false;
+    return "one of several possible causes: " + mismatch_text(one, cameras);
+  }
   const char* const larger = found.value > 0 ? "larger" : "smaller";
   switch (found.kind) {
     case Kind::kFocalLength:
@@ -147,6 +185,13 @@ std::string mismatch_text(const FoundMismatch& found, const std::vector<CameraMo
           "the images' stamps seem to jitter by {:.1f} ms; this is corrected for. Use the stamps "
           "of the camera or its driver instead of the time of arrival",
           kMilli * found.value);
+    case Kind::kAccelScale:
+    case Kind::kGyroTurn:
+    case Kind::kGyroScale:
+      return motion_text(found);
+    case Kind::kMountPosition:
+    case Kind::kMountRotation:
+      return mount_text(found);
   }
   return {};
 }
@@ -166,8 +211,9 @@ std::vector<FoundMismatch> MismatchReporter::take(const std::vector<FoundMismatc
       known_.push_back({one, now, false});
       continue;
     }
+    const Duration lasting = one.is_ambiguous ? kLastingAmbiguous : kLasting;
     const bool is_due =
-        known->is_reported ? has_changed(one, known->found) : now - known->since >= kLasting;
+        known->is_reported ? has_changed(one, known->found) : now - known->since >= lasting;
     if (!is_due) {
       if (known->is_reported) known->since = now;
       continue;

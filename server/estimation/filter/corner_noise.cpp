@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "estimation/filter/chi_square.hpp"
+
 namespace fiducap {
 
 namespace {
@@ -20,6 +22,8 @@ constexpr double kFallsQuickly = 4;
 // of a coordinate's variance persist while a tag is in view: 0.003 px of 0.012 px of a sharp tag.
 constexpr double kLeast_px = 0.004;
 constexpr double kMost = 20.0;
+// Probability of a smaller chi-square of the views of a new tag by the assumed noise.
+constexpr double kNoisyViews = 0.999;
 // A movement of this size makes the detector's error on the pixel grid independent.
 constexpr double kMoved_px = 1.0;
 // Largest noise factor of repeated sightings: they still show that the body did not move.
@@ -96,6 +100,17 @@ Matrix8d CornerNoise::covariance(const TagObservation& seen, double more_px) con
 
 void CornerNoise::begin_with(double unexplained_px) {
   begun_px_ = unexplained_px_ = least_px_ = std::min(unexplained_px, start_px_);
+}
+
+void CornerNoise::learn_from_views(const TagObservation& seen, double cost,
+                                   int degrees_of_freedom) {
+  if (!learns_ || degrees_of_freedom <= 0) return;
+  if (!(cost > chi_square_quantile(degrees_of_freedom, kNoisyViews))) return;
+  const double noise_px = std::max(of(seen), start_px_);
+  const double variance = noise_px * noise_px * cost / degrees_of_freedom;
+  const double rest = variance - seen.corner_sigma_px * seen.corner_sigma_px;
+  if (rest > unexplained_px_ * unexplained_px_)
+    unexplained_px_ = std::min(std::sqrt(rest), kMost * start_px_);
 }
 
 double CornerNoise::growth(const TagObservation& seen) const {

@@ -36,6 +36,9 @@ class CornerNoise final {
   [[nodiscard]] Matrix8d covariance(const TagObservation& seen, double more_px) const;
   /// Initial f, learned by another filter from the same images.
   void begin_with(double unexplained_px);
+  /// Views of a new tag, each with a free distance, fit with a chi-square of `cost`: raises the
+  /// noise if it is too large. So a start learns it before any tag is in the state.
+  void learn_from_views(const TagObservation& seen, double cost, int degrees_of_freedom);
   /// of() relative to its initial value.
   [[nodiscard]] double growth(const TagObservation& seen) const;
   /// Allows f to fall quickly, when the calibration is confirmed: otherwise a small f would reject

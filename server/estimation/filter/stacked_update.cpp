@@ -39,6 +39,14 @@ dense::ConstView columns_of(const StackedUpdate::ConstCovariance& P, Eigen::Inde
   return {P.col(first).data(), P.outerStride()};
 }
 
+/// Makes a corner so noisy that it does not count.
+void remove_corner(int corner, TagMeasurement& m) {
+  constexpr double kNoise_px = 1e3;
+  if (m.even) m.R = m.noise_px * m.noise_px * Matrix8d::Identity();
+  m.even = false;
+  m.R.diagonal().segment<2>(2 * corner).array() += kNoise_px * kNoise_px;
+}
+
 /// Whitens by the Cholesky factor of the noise covariance.
 template <class Rest>
 void make_even(const Matrix8d& R, Matrix86d& H, Rest& y) {
@@ -92,16 +100,50 @@ StackedUpdate::Turned StackedUpdate::turn(const TagMeasurement& m, bool paramete
   return out;
 }
 
-void StackedUpdate::gate(ConstCovariance P, const ImageMeasurement& image, double limit,
+/// Without the corner that fits least.
+StackedUpdate::Judged StackedUpdate::judge_three_corners(ConstCovariance P,
+                                                         const ImageMeasurement& image,
+                                                         const TagMeasurement& m) const {
+  Judged best{std::numeric_limits<double>::infinity(), 0.0};
+  for (int corner = 0; corner < 4; ++corner) {
+    TagMeasurement other = m;
+    remove_corner(corner, other);
+    const bool parameters = image.parameters.are_there();
+    Judged judged = m.relative ? judge(P, image, other, turn(other, parameters))
+                               : judge(P, image, other);
+    judged.outlier = corner;
+    if (judged.distance < best.distance) best = judged;
+  }
+  return best;
+}
+
+void StackedUpdate::remove_outliers(ImageMeasurement& image) const {
+  for (std::size_t i = 0; i < image.tags.size(); ++i)
+    if (judged_[i].outlier >= 0) remove_corner(judged_[i].outlier, image.tags[i]);
+}
+
+int StackedUpdate::degrees_of_freedom() const {
+  int sum = 0;
+  for (const std::size_t i : used_) sum += judged_[i].outlier < 0 ? kRows : kRows - 2;
+  return sum;
+}
+
+void StackedUpdate::gate(ConstCovariance P, ImageMeasurement& image, const GateLimits& limits,
                          std::vector<bool>& accepted) {
   used_.clear();
   accepted.assign(image.tags.size(), false);
   judged_.assign(image.tags.size(), {std::numeric_limits<double>::quiet_NaN(), 0.0});
   for (std::size_t i = 0; i < image.tags.size(); ++i) {
-    const TagMeasurement& m = image.tags[i];
+    TagMeasurement& m = image.tags[i];
     if (!m.in_front) continue;
     judged_[i] = m.relative ? judge(P, image, m, turned_[i]) : judge(P, image, m);
-    if (!(judged_[i].distance < limit)) continue;  // rejects NaN as well
+    if (!(judged_[i].distance < limits.of_tag)) {  // rejects NaN as well
+      const Judged without = judge_three_corners(P, image, m);
+      if (!(without.distance < limits.of_three_corners)) continue;
+      judged_[i] = without;
+      remove_corner(without.outlier, m);
+      if (m.relative) turned_[i] = turn(m, image.parameters.are_there());
+    }
     accepted[i] = true;
     used_.push_back(i);
   }

@@ -8,6 +8,12 @@
 
 namespace fiducap {
 
+/// Largest squared Mahalanobis distance of a tag that is used.
+struct GateLimits {
+  double of_tag{};           ///< Chi-square of 8.
+  double of_three_corners{};  ///< Chi-square of 6.
+};
+
 /// The joint Kalman update with all tags of one image, independent of the filter's coordinates.
 /// Keeps its memory between images.
 ///
@@ -26,23 +32,27 @@ class StackedUpdate final {
   /// Prepares an image at its linearisation point.
   void prepare(ConstCovariance P, const ImageMeasurement& image);
 
-  /// Accepts the measurements whose Mahalanobis distance by the *joint* covariance is below `limit`
-  /// (chi-square of 8): a tag seen again after drift closes the loop.
+  /// Accepts the measurements whose Mahalanobis distance by the *joint* covariance is below the
+  /// limit (chi-square of 8): a tag seen again after drift closes the loop. A tag of which one
+  /// corner is an outlier (occlusion, glare) is used without it: the noise of that corner grows.
   /// @param accepted  out: per measurement
-  void gate(ConstCovariance P, const ImageMeasurement& image, double limit,
+  void gate(ConstCovariance P, ImageMeasurement& image, const GateLimits& limits,
             std::vector<bool>& accepted);
+  /// The image was measured again: removes the same corners.
+  void remove_outliers(ImageMeasurement& image) const;
 
   /// Result of gate() for one measurement.
   struct Judged {
     double distance{};     ///< yᵀ S⁻¹ y; NaN: behind the camera
     double noise_share{};  ///< trace R / trace S; uneven: after whitening
+    int outlier{-1};       ///< Corner that is not used.
   };
   [[nodiscard]] std::span<const Judged> judged() const { return judged_; }
 
   [[nodiscard]] bool empty() const { return used_.empty(); }
   [[nodiscard]] std::span<const std::size_t> used() const { return used_; }
   /// Of the result of solve().
-  [[nodiscard]] int degrees_of_freedom() const { return 8 * static_cast<int>(used_.size()); }
+  [[nodiscard]] int degrees_of_freedom() const;
 
   /// @param held  first columns of six-wide blocks that are not corrected (Schmidt)
   /// @return normalised innovation squared yᵀ S⁻¹ y; the correction is in correction()
@@ -98,6 +108,8 @@ class StackedUpdate final {
                              const TagMeasurement& m, const Turned& turned) const;
   [[nodiscard]] Judged judge(ConstCovariance P, const ImageMeasurement& image,
                              const TagMeasurement& m) const;
+  [[nodiscard]] Judged judge_three_corners(ConstCovariance P, const ImageMeasurement& image,
+                                           const TagMeasurement& m) const;
   void add_parameters(ConstCovariance P, const ParameterColumns& parameters,
                       const TagMeasurement& m, const Turned& turned, Matrix6d& S) const;
 

@@ -162,12 +162,12 @@ void OutputPredictor::extrapolate(BodyEstimate& state, Instant to) const {
 
 void OutputPredictor::integrate(BodyEstimate& state, const InertialInput& input, Instant to) const {
   const double dt = to_seconds(to - state.at);
-  const Vector3d half_turn = (0.5 * dt) * (input.w_B - state.bias_w);
+  const Vector3d half_turn = (0.5 * dt) * state.imu.rate(input.w_B - state.bias_w);
   const Eigen::Quaterniond half = exp_so3(half_turn);
   const Matrix3d R_start = state.X_WB.rotation();
   const Matrix3d R_mid = R_start * half.toRotationMatrix();
   const Matrix3d J_half = left_jacobian_so3(half_turn);
-  const Vector3d force_W = R_mid * (input.f_B - state.bias_f);
+  const Vector3d force_W = R_mid * state.imu.force(input.f_B - state.bias_f);
   const Vector3d a_W = force_W + gravity_W_ - state.gravity_offset_m_s2 * Vector3d::UnitZ();
 
   ErrorStep step;
@@ -219,8 +219,8 @@ void OutputPredictor::coast(BodyEstimate& state, Instant to) const {
 }
 
 void OutputPredictor::set_rates(BodyEstimate& state, const ImuSample& reading) const {
-  state.w_WB_B = reading.w_WB_B - state.bias_w;
-  state.a_WB = state.X_WB.q * (reading.f_B - state.bias_f) + gravity_W_ -
+  state.w_WB_B = state.imu.rate(reading.w_WB_B - state.bias_w);
+  state.a_WB = state.X_WB.q * state.imu.force(reading.f_B - state.bias_f) + gravity_W_ -
                state.gravity_offset_m_s2 * Vector3d::UnitZ();
 }
 

@@ -11,6 +11,7 @@
 #include "capture/lens/camera_model.hpp"
 #include "detection/tag_geometry.hpp"
 #include "detection/tag_observation.hpp"
+#include "estimation/body_estimate.hpp"
 #include "estimation/imu/imu_buffer.hpp"
 #include "estimation/known_tag.hpp"
 
@@ -88,6 +89,7 @@ struct MotionSegment {
   std::vector<Instance> instances;    ///< From begin (images only in a chain's first one) to end.
   std::vector<CameraBelief> cameras;  ///< All of the body's.
   double gravity_offset_m_s2{};       ///< Gravity minus the configured value.
+  ImuErrors imu{};                    ///< As estimated by the filter; constant.
   std::vector<KnownTag> tags;         ///< Tags seen, by the filter or the map.
   std::vector<double> scales;         ///< Relative size offset of each tag; empty: none.
 

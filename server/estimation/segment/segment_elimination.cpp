@@ -42,6 +42,7 @@ void SegmentElimination::prepare_workspace() {
     workspace_.lenses[static_cast<std::size_t>(c)] = camera.lens;
   }
   workspace_.gravity_offset_m_s2 = segment_.gravity_offset_m_s2;
+  workspace_.imu = segment_.imu;
   workspace_.parameter_tests.resize(1);  // measure() includes the parameters
   for (const KnownTag& known : segment_.tags)
     workspace_.add_tag({{.tag_id = known.tag_id, .edge_m = known.edge_m}, known.X_WT},
@@ -105,8 +106,7 @@ SegmentElimination::Motion SegmentElimination::move(const MotionSegment::Instanc
   Motion out;
   out.Phi = motion.Phi;
   out.by_gravity = Vector15d::Zero();
-  out.by_gravity(world::layout::kPosition + 2) = -motion.fall_s2;
-  out.by_gravity(world::layout::kVelocity + 2) = -motion.fall_s;
+  out.by_gravity.head<world::layout::kBiasF>() = motion.by_parameters.col(0);
   Matrix15d Q = motion.Q;
   Q.diagonal().head<9>().array() += kSurestMotion * kSurestMotion;
   Q.diagonal().tail<6>().array() += kUnusedBias * kUnusedBias;
@@ -185,9 +185,9 @@ void SegmentElimination::add_images(const MotionSegment::Instance& instance,
   workspace_.gyro_B.setZero();
   if (!motion.empty()) {
     const InertialInput& input = motion.front().input;
-    workspace_.gyro_B = input.w_B;
+    workspace_.gyro_B = workspace_.imu.rate(input.w_B - workspace_.bias_w) + workspace_.bias_w;
     if (input.has_accelerometer)
-      workspace_.a_WB = workspace_.X_WB.q * (input.f_B - workspace_.bias_f) +
+      workspace_.a_WB = workspace_.X_WB.q * workspace_.imu.force(input.f_B - workspace_.bias_f) +
                         Eigen::Vector3d(0, 0, -segment_.sensors->gravity_m_s2);
   }
   for (const SegmentImage& image : instance.images) {

@@ -135,7 +135,9 @@ void SegmentRecorder::end(const BodyFilter& filter) {
   for (const auto& [tag_id, seen] : is_seen) open_.tags.push_back(places_.at(tag_id));
   places_.clear();
   open_.cameras = camera_beliefs(filter, sensors_.cameras);
-  open_.gravity_offset_m_s2 = filter.estimate().gravity_offset_m_s2;
+  const BodyEstimate body = filter.estimate();
+  open_.gravity_offset_m_s2 = body.gravity_offset_m_s2;
+  open_.imu = body.imu;
   const auto sensors = open_.sensors;
   done_.push_back(std::make_shared<const MotionSegment>(std::move(open_)));
   if (done_.size() > kMostHeldBack) done_.pop_front();

@@ -133,7 +133,8 @@ std::optional<TagVerdict> TagCandidates::judge_turning(Candidate& candidate, Vie
   // The pose is that of the newest image; the views selected its branch.
   const Eigen::Quaterniond q_VT = q_WV.conjugate() * best.q_WT;
   const bool first = angle_between(poses[0].X_VT.q, q_VT) <= angle_between(poses[1].X_VT.q, q_VT);
-  return TagVerdict{poses[first ? 0 : 1].X_VT, best.q_WT};
+  return TagVerdict{poses[first ? 0 : 1].X_VT, best.q_WT, best.cost,
+                    5 * static_cast<int>(views.size()) - 3};
 }
 
 TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraModel& model,

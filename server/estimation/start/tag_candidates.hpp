@@ -49,6 +49,8 @@ struct TagVerdict {
   Pose X_VT;  ///< In the camera's axes, by the newest image alone.
   /// Attitude by all views, in the axes of CameraAttitude.
   std::optional<Eigen::Quaterniond> q_WT;
+  double cost{};  ///< Chi-square of the views by the assumed corner noise …
+  int numbers{};  ///< … and its degrees of freedom; 0: not known.
 };
 
 /// Numbers of views of a tag.

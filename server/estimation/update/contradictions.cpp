@@ -1,7 +1,9 @@
 #include "estimation/update/contradictions.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
 
 namespace fiducap {
 
@@ -19,6 +21,14 @@ constexpr int kAgainst = 5;
 constexpr double kDecisive = 6.0;
 // Position error of a single tag over a few images, 1-sigma per axis.
 constexpr double kByOneTag_m = 0.05;
+// Prior of a tag that was moved while the body did not see any: probability and distance, 1-sigma.
+constexpr double kMovedWhileUnseen = 0.2;
+constexpr double kMovedBy_m = 0.5;
+
+/// Of N(0, S), without the constant factor.
+double density(const Eigen::Vector3d& x, const Eigen::Matrix3d& S) {
+  return std::exp(-0.5 * x.dot(S.llt().solve(x))) / std::sqrt(S.determinant());
+}
 }  // namespace
 
 bool TagScores::is_doubtful(int tag_id) const {
@@ -106,7 +116,19 @@ void SingleTagRelocalisation::begin(int tag_id, const std::optional<BodyPlace>& 
   forget();
   tag_id_ = tag_id;
   before_ = before;
-  if (before) moved_W_ = p_WB_now - before->p_WB;
+  const double moved2 = kMovedBy_m * kMovedBy_m;
+  if (!before) {
+    mixture_ = kMovedWhileUnseen * moved2 * Eigen::Matrix3d::Identity();
+    return;
+  }
+  moved_W_ = p_WB_now - before->p_WB;
+  const Eigen::Matrix3d S = before->covariance + kByOneTag_m * kByOneTag_m * Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d S_moved = S + moved2 * Eigen::Matrix3d::Identity();
+  const double in_place = (1 - kMovedWhileUnseen) * density(moved_W_, S);
+  const double moved = kMovedWhileUnseen * density(moved_W_, S_moved);
+  if (!(in_place + moved > 0)) return;
+  const double share = moved / (in_place + moved);
+  mixture_ = share * (S + (1 - share) * moved_W_ * moved_W_.transpose());
 }
 
 SingleTagRelocalisation::Verdict SingleTagRelocalisation::contradict(

@@ -103,8 +103,9 @@ class UnstableTags final {
   std::size_t next_{0};  ///< Overwritten by the next new id.
 };
 
-/// Monitors a relocalisation by a single tag, which may have been moved during the gap. When proven
-/// tags contradict it, the less likely motion by the IMU decides which of them was moved.
+/// Monitors a relocalisation by a single tag, which may have been moved during the gap: the pose is
+/// a mixture of "the tag is in place" and "it was moved, and the IMU is right". When proven tags
+/// contradict it, the less likely motion by the IMU decides which of them was moved.
 class SingleTagRelocalisation final {
  public:
   enum class Verdict { kOpen, kTagWrong, kOthersWrong };
@@ -114,6 +115,8 @@ class SingleTagRelocalisation final {
   void forget() { *this = SingleTagRelocalisation{}; }
   [[nodiscard]] bool is_watched() const { return tag_id_.has_value(); }
   [[nodiscard]] int tag_id() const { return *tag_id_; }
+  /// Covariance of the position that the mixture has beyond that of the filter, W axes.
+  [[nodiscard]] const Eigen::Matrix3d& mixture() const { return mixture_; }
   /// Adds an image whose proven tags contradict. Two different ones outvote the single tag.
   /// @param against  their ids, at least one
   /// @param shift_W  position of the body by the first of them, relative to the estimate; nullopt:
@@ -125,6 +128,7 @@ class SingleTagRelocalisation final {
   std::optional<int> tag_id_;
   std::optional<BodyPlace> before_;
   Eigen::Vector3d moved_W_{Eigen::Vector3d::Zero()};  ///< Motion of the body by the single tag.
+  Eigen::Matrix3d mixture_{Eigen::Matrix3d::Zero()};
   int images_against_{0};
   std::optional<int> against_;                         ///< The tag that contradicts.
   bool are_several_{false};                            ///< Others contradict, too.

@@ -37,8 +37,12 @@ bool is_seen_at(const TagObservation& seen, const Eigen::Vector3d& p_VT,
 std::optional<TagVerdict> TagFilter::judge(const TagObservations& seen, const TagToUse& tag,
                                               const ViewLimits& limits) {
   const double noise_px = image_update_.noise(seen.camera).of(*tag.seen);
-  return candidates_.judge(seen.camera, seen.exposed_at, *tag.seen, model_of(seen.camera), noise_px,
-                           camera_attitude(seen.camera, seen.exposed_at), limits);
+  const auto verdict =
+      candidates_.judge(seen.camera, seen.exposed_at, *tag.seen, model_of(seen.camera), noise_px,
+                        camera_attitude(seen.camera, seen.exposed_at), limits);
+  if (verdict)
+    image_update_.noise(seen.camera).learn_from_views(*tag.seen, verdict->cost, verdict->numbers);
+  return verdict;
 }
 
 void TagFilter::initialise_new_tags(const TagObservations& seen, UpdateReport& report) {

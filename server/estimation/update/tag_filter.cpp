@@ -64,7 +64,8 @@ TagFilter::TagFilter(BodySensors sensors, const WorkspaceGauge& gauge,
       anchor_(gauge, has_imu()),
       candidates_(config),
       restart_clocks_(std::move(clocks)),
-      gate_(chi_square_quantile(8, config.gate_probability)) {
+      gate_{chi_square_quantile(8, config.gate_probability),
+            chi_square_quantile(6, config.gate_probability)} {
   FIDUCAP_ASSERT(!sensors_.cameras.empty());
   if (config_.landmarks && has_imu()) window_.emplace(sensors_.cameras.size(), LandmarkRules{});
   restart();
@@ -310,11 +311,12 @@ BodyEstimate TagFilter::estimate() const {
   out.w_WB_B = -state_.bias_w;
   if (has_imu() && propagator_.imu().newest()) {
     const InertialInput input = propagator_.imu().input_between(state_.time, state_.time);
-    out.w_WB_B = input.w_B - state_.bias_w;
-    out.a_WB = state_.X_WB.q * (input.f_B - state_.bias_f) +
+    out.w_WB_B = state_.imu.rate(input.w_B - state_.bias_w);
+    out.a_WB = state_.X_WB.q * state_.imu.force(input.f_B - state_.bias_f) +
                Eigen::Vector3d(0, 0, -(sensors_.gravity_m_s2 + out.gravity_offset_m_s2));
   }
   out.anchored = anchor_.is_anchored();
+  if (single_tag_.is_watched()) out.covariance.topLeftCorner<3, 3>() += single_tag_.mixture();
   if (ambiguous_offset_W_)
     out.covariance.topLeftCorner<3, 3>() += *ambiguous_offset_W_ * ambiguous_offset_W_->transpose();
   if (!has_imu() && config_.doubt_configuration) add_bend_of_prints(out);
@@ -379,7 +381,7 @@ std::vector<ExtrinsicsEstimate> TagFilter::extrinsics() const {
 
 Explanation TagFilter::explain(const TagObservations& seen, const UpdateReport& report) const {
   const int unexplained = report.tags_seen - report.tags_used - report.tags_rejected;
-  Explanation out{report.nis + gate_ * report.tags_rejected + kUnexplained * unexplained,
+  Explanation out{report.nis + gate_.of_tag * report.tags_rejected + kUnexplained * unexplained,
                   kNumbersOfTag * report.tags_seen};
   // Normalisation term of the likelihood.
   const CornerNoise& noise = image_update_.noise(seen.camera);

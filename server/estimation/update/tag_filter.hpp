@@ -176,7 +176,7 @@ class TagFilter final : public StartingFilter {
   std::optional<Eigen::Vector3d> exact_tag_W_;  ///< Without IMU: position of a near map tag.
   ClockHypothesis clocks_;                      ///< Of the present start.
   ClockHypothesis restart_clocks_;
-  double gate_;
+  GateLimits gate_;
   bool is_start_over_{false};
   MapKnowledge map_;                ///< For the present image.
   int relocalisation_attempts_{0};  ///< Images with a usable tag since the body was lost.

@@ -1,5 +1,6 @@
 #include "estimation/world/calibration_monitor.hpp"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
@@ -10,13 +11,23 @@ using Kind = FoundMismatch::Kind;
 
 // Tight priors are without effect but sufficient for a test: 2e-4 of the focal length would change
 // the heading along a loop by milliradians, 5e-5 of distortion costs 3 % of accuracy with sharp
-// corners. Open ones cover a guessed lens, a careless print and a cheap camera.
+// corners. Open ones cover a guessed lens, a careless print, a cheap camera, an IMU that was not
+// calibrated (imu_part: scales of 0.5 to 3 %, axes to 1 or 2 degrees), and a camera by eye.
 constexpr ParameterSigmas kAllSizes{4e-4, 0.05, 5e-4};
 constexpr ParameterSigmas kOneSize{4e-4, 0.1, 5e-4};
 constexpr ParameterSigmas kFocal{5e-5, 0.05, 1e-3};
 constexpr ParameterSigmas kCentre_px{0.1, 20.0, 0.5};
 constexpr ParameterSigmas kDistortion{1e-5, 0.1, 2e-3};
 constexpr ParameterSigmas kReadout_s{5e-5, 0.02, 3e-4};
+constexpr ParameterSigmas kAccelScale{2e-5, 0.03, 2e-3};
+constexpr ParameterSigmas kGyroTurn_rad{2e-5, 0.03, 2e-3};
+constexpr ParameterSigmas kGyroScale{2e-5, 0.03, 2e-3};
+constexpr double kOpenMount_m = 0.05;
+constexpr double kSettledMount_m = 1e-3;
+constexpr double kOpenMount_rad = 0.05;
+constexpr double kSettledMount_rad = 5e-4;
+// Open prior at least this multiple of a configured one.
+constexpr double kWider = 10;
 // Assumed error of a tag size measured with a ruler, 1-sigma.
 constexpr double kAssumedScale = 3e-3;
 // Tight prior of an assumed error, as a share of it: without effect, but gives the correlation.
@@ -24,11 +35,11 @@ constexpr double kHeldShare = 1e-3;
 
 constexpr double kOpen_sigma = 5.0;
 constexpr int kOpenImages = 20;
-// Smallest sigma of a newly opened parameter relative to its value: earlier images were gated, and
-// tags initialised, with the wrong value.
-constexpr double kUnsureShare = 0.5;
-constexpr double kClosed_sigma = 2.0;
-constexpr int kLeastOpenImages = 100;
+constexpr int kTestEvery = 5;  // images
+// Log evidence: two groups must explain this much more than one; a group that explains this much
+// less than the best one, a factor of 150, explains the data as well.
+constexpr double kNeedsBoth = 8.0;
+constexpr double kAsGood = 5.0;
 // Fewest tags of an image that may correct a lens without an IMU: the tilt of a single tag is
 // nonlinear and would change the lens.
 constexpr std::size_t kTagsToSeeALens = 3;
@@ -37,6 +48,8 @@ constexpr double kConfirmed = 5e-4;
 constexpr double kConfirmed_sigma = 3.0;
 // Sigmas of a confirmed camera relative to those for closing.
 constexpr double kConfirmedSettled = 5.0;
+// Score of a likely error: 90 % of right parameters are below.
+constexpr double kLikely_sigma = 2.0;
 
 bool is_of_lens(Kind kind) {
   return kind == Kind::kFocalLength || kind == Kind::kCentreU || kind == Kind::kCentreV ||
@@ -47,25 +60,30 @@ bool is_of_lens(Kind kind) {
 double configured_or(double configured_sigma, bool is_refined, double usual_sigma) {
   return configured_sigma > 0 ? configured_sigma : (is_refined ? usual_sigma : 0.0);
 }
+
+double square(double x) { return x * x; }
 }  // namespace
 
 void CalibrationMonitor::begin(FilterState& state) {
   all_.clear();
   for (int c = 0; c < state.cameras(); ++c) {
     add_lens(c);
-    if (rules_.doubts && cameras_[static_cast<std::size_t>(c)].readout_sigma_s == 0 &&
+    if (rules_.doubts && sensors_.cameras[static_cast<std::size_t>(c)].readout_sigma_s == 0 &&
         !state.clocks[static_cast<std::size_t>(c)].rows_apart)
       all_.push_back({Kind::kReadout, c, -1, layout::readout(c), kReadout_s});
   }
   if (rules_.doubts || rules_.assumes)
     all_.push_back({Kind::kAllPrints, -1, -1, layout::sizes(state.cameras()), kAllSizes});
   if (rules_.assumes) assume(all_.back(), kAssumedScale);
+  if (rules_.doubts) add_motion(state);
   for (const Parameter& parameter : all_)
-    state.clear_column(parameter.column,
-                       parameter.is_refined ? parameter.sigmas.open : parameter.sigmas.tight);
-  for (int k = 0; rules_.doubts && k < layout::kWatchedPrints; ++k) {
+    state.clear_column(parameter.at,
+                       parameter.is_refined ? parameter.sigmas.open : parameter.sigmas.closed);
+  // `estimate_extrinsics: false` means exact.
+  for (int c = 0; rules_.doubts && c < state.cameras(); ++c)
+    if (state.P()(layout::camera(c), layout::camera(c)) > 0) add_mount(c);
+  for (int k = 0; rules_.doubts && k < layout::kWatchedPrints; ++k)
     all_.push_back({Kind::kOnePrint, -1, k, layout::print(state.cameras(), k), kOneSize});
-  }
   state.parameter_tests.assign(all_.size(), {});
   for (std::size_t i = 0; i < all_.size(); ++i)
     state.parameter_tests[i].is_open = all_[i].is_refined;
@@ -73,11 +91,11 @@ void CalibrationMonitor::begin(FilterState& state) {
 
 void CalibrationMonitor::assume(Parameter& parameter, double sigma) {
   parameter.assumed_sigma = sigma;
-  parameter.sigmas.tight = kHeldShare * sigma;
+  parameter.sigmas.closed = kHeldShare * sigma;
 }
 
 void CalibrationMonitor::add_lens(int camera) {
-  const CameraMount& mount = cameras_[static_cast<std::size_t>(camera)];
+  const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(camera)];
   const double focal = configured_or(mount.focal_sigma, rules_.refines, kFocal.open);
   const double centre = configured_or(mount.centre_sigma_px, rules_.refines, kCentre_px.open);
   const double k1 = configured_or(mount.k1_sigma, rules_.refines, kDistortion.open);
@@ -93,6 +111,33 @@ void CalibrationMonitor::add_lens(int camera) {
   add({Kind::kCentreU, camera, -1, at, kCentre_px}, centre, kAssumedCentre_px);
   add({Kind::kCentreV, camera, -1, at + 1, kCentre_px}, centre, kAssumedCentre_px);
   add({Kind::kDistortion, camera, -1, layout::distortion(camera), kDistortion}, k1, 0);
+}
+
+void CalibrationMonitor::add_mount(int camera) {
+  const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(camera)];
+  const auto add = [&](Kind kind, double sigma, double open, double settled) {
+    const ParameterSigmas sigmas{sigma, std::max(open, kWider * sigma), std::max(settled, sigma)};
+    for (int axis = 0; sigma > 0 && axis < 3; ++axis)
+      all_.push_back({kind, camera, -1, axis, sigmas});
+  };
+  add(Kind::kMountPosition, mount.position_sigma_m, kOpenMount_m, kSettledMount_m);
+  add(Kind::kMountRotation, mount.rotation_sigma_rad, kOpenMount_rad, kSettledMount_rad);
+}
+
+void CalibrationMonitor::add_motion(const FilterState& state) {
+  const int cameras = state.cameras();
+  const auto add = [&](Kind kind, int at, const ParameterSigmas& sigmas) {
+    for (int axis = 0; axis < 3; ++axis) all_.push_back({kind, -1, -1, at + axis, sigmas});
+  };
+  add(Kind::kAccelScale, layout::accel_scale(cameras), kAccelScale);
+  add(Kind::kGyroTurn, layout::gyro_turn(cameras), kGyroTurn_rad);
+  add(Kind::kGyroScale, layout::gyro_scale(cameras), kGyroScale);
+}
+
+bool CalibrationMonitor::is_same_group(const Parameter& a, const Parameter& b) {
+  if (a.camera != b.camera || a.print != b.print) return false;
+  return a.kind == b.kind || (is_of_lens(a.kind) && is_of_lens(b.kind)) ||
+         (a.is_of_mount() && b.is_of_mount());
 }
 
 void CalibrationMonitor::watch_print(FilterState& state, int tag_id) const {
@@ -120,129 +165,157 @@ void CalibrationMonitor::watch_print(FilterState& state, int tag_id) const {
   if (room == all_.size()) return;
   state.parameter_tests[room] = {};
   state.sizes.watched[static_cast<std::size_t>(all_[room].print)] = {tag_id, 0.0};
-  state.clear_column(all_[room].column, kOneSize.tight);
+  state.clear_column(all_[room].at, kOneSize.closed);
 }
 
-double CalibrationMonitor::value(const FilterState& state, const Parameter& parameter) {
-  const auto camera = static_cast<std::size_t>(std::max(0, parameter.camera));
-  switch (parameter.kind) {
-    case Kind::kFocalLength:
-      return state.lenses[camera].focal;
-    case Kind::kCentreU:
-      return state.lenses[camera].centre_px.x();
-    case Kind::kCentreV:
-      return state.lenses[camera].centre_px.y();
-    case Kind::kDistortion:
-      return state.lenses[camera].k1;
-    case Kind::kReadout:
-      return state.clocks[camera].readout_s;
-    case Kind::kAllPrints:
-      return state.sizes.common;
-    default:
-      return state.sizes.watched[static_cast<std::size_t>(parameter.print)].scale;
+CalibrationMonitor::Likelihood CalibrationMonitor::likelihood(const FilterState& state,
+                                                              double dispersion) const {
+  Likelihood out;
+  for (std::size_t i = 0; i < all_.size(); ++i) {
+    const bool is_free = all_[i].print >= 0 && watched_tag(state, all_[i]) < 0;
+    if (!all_[i].is_refined && !is_free) out.rows.push_back(i);
   }
+  const auto k = static_cast<Eigen::Index>(out.rows.size());
+  Eigen::MatrixXd P(k, k);
+  Eigen::VectorXd offsets(k);
+  Eigen::VectorXd unit(k);
+  for (Eigen::Index a = 0; a < k; ++a) {
+    const std::size_t i = out.rows[static_cast<std::size_t>(a)];
+    const Eigen::VectorXd column = column_of(state, all_[i]);
+    for (Eigen::Index b = 0; b < k; ++b)
+      P(b, a) = variance_of(state, all_[out.rows[static_cast<std::size_t>(b)]], column);
+    offsets(a) = offset(state, all_[i]);
+    unit(a) = 1 / prior_sigma(state, i);
+  }
+  // In units of the priors, where P is nearly the identity.
+  const Eigen::MatrixXd scaled = unit.asDiagonal() * P * unit.asDiagonal();
+  const Eigen::LLT<Eigen::MatrixXd> llt(0.5 * (scaled + scaled.transpose()));
+  if (llt.info() != Eigen::Success) return {};
+  const Eigen::MatrixXd inverse = llt.solve(Eigen::MatrixXd::Identity(k, k));
+  out.information = unit.asDiagonal() * (inverse - Eigen::MatrixXd::Identity(k, k)) *
+                    unit.asDiagonal() / dispersion;
+  out.score = unit.cwiseProduct(llt.solve(unit.cwiseProduct(offsets))) / dispersion;
+  return out;
 }
 
-double CalibrationMonitor::score(const FilterState& state, const Parameter& parameter) {
-  if (parameter.print >= 0 && watched_tag(state, parameter) < 0) return 0;
-  const double information = information_of(state, parameter.column, parameter.sigmas.tight);
-  // Rounding.
-  if (information * parameter.sigmas.tight * parameter.sigmas.tight < 1e-6) return 0;
-  return value(state, parameter) /
-         (state.P()(parameter.column, parameter.column) * std::sqrt(information));
-}
-
-bool CalibrationMonitor::update_tests(FilterState& state, int camera, double dispersion) const {
-  std::size_t worst = all_.size();
-  double worst_score = 0;
+bool CalibrationMonitor::update_tests(FilterState& state, int camera, double dispersion) {
+  if (++images_since_test_ < kTestEvery) return false;
+  images_since_test_ = 0;
   const double scale = std::sqrt(std::max(1.0, dispersion));
+  bool opens = false;
   for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
-    const Parameter& parameter = all_[i];
     ParameterTest& test = state.parameter_tests[i];
-    if (parameter.is_refined) continue;
-    if (test.is_open) {
-      ++test.images_open;
-      const double sigma = std::sqrt(state.P()(parameter.column, parameter.column));
-      if (test.images_open > kLeastOpenImages && sigma < parameter.sigmas.settled &&
-          std::abs(value(state, parameter)) < kClosed_sigma * sigma) {
-        exchange_prior(state, camera, parameter.column, value(state, parameter),
-                       parameter.sigmas.open, parameter.sigmas.tight);
-        test = {};
-      }
-      continue;
-    }
-    const double beyond = std::abs(score(state, parameter)) / scale;
-    test.images_beyond = beyond > kOpen_sigma ? test.images_beyond + 1 : 0;
-    if (beyond > worst_score) {
-      worst = i;
-      worst_score = beyond;
-    }
+    if (test.is_open) continue;
+    test.score = score(state, all_[i]) / scale;
+    const bool is_beyond = std::abs(test.score) > kOpen_sigma;
+    test.images_beyond = is_beyond ? test.images_beyond + kTestEvery : 0;
+    opens |= test.images_beyond >= kOpenImages;
   }
-  // Only the parameter with the highest score: it raises those of others, sometimes earlier.
-  const bool opens = worst < all_.size() &&
-                     state.parameter_tests[worst].images_beyond >= kOpenImages &&
-                     state.time >= state.judged_until;
-  if (opens) open(state, camera, worst);
+  opens &= state.time >= state.judged_until;
+  if (opens) opens = set_open(state, camera, select(likelihood(state, scale * scale)));
   release_confirmed_prints(state);
   return opens;
 }
 
-void CalibrationMonitor::open(FilterState& state, int camera, std::size_t parameter) const {
-  const Parameter& wrong = all_[parameter];
+/// Log of the mean likelihood over the priors, relative to that at zero. @param opened  rows of the
+/// likelihood with wide priors
+double CalibrationMonitor::evidence(const Likelihood& of,
+                                    const std::vector<std::size_t>& opened) const {
+  const auto k = static_cast<Eigen::Index>(of.rows.size());
+  Eigen::VectorXd sigmas(k);
+  for (Eigen::Index a = 0; a < k; ++a)
+    sigmas(a) = all_[of.rows[static_cast<std::size_t>(a)]].sigmas.closed;
+  for (const std::size_t row : opened)
+    sigmas(static_cast<Eigen::Index>(row)) = all_[of.rows[row]].sigmas.open;
+  const Eigen::MatrixXd scaled = sigmas.asDiagonal() * of.information * sigmas.asDiagonal();
+  const Eigen::LLT<Eigen::MatrixXd> llt(scaled + Eigen::MatrixXd::Identity(k, k));
+  const Eigen::VectorXd root = llt.matrixL().solve(sigmas.cwiseProduct(of.score));
+  return 0.5 * root.squaredNorm() - llt.matrixLLT().diagonal().array().log().sum();
+}
+
+/// The parameters that explain the data best when they are open: rows of `all_`. Groups are added
+/// one by one; those that explain the data as well as one of them are added, too.
+std::vector<std::size_t> CalibrationMonitor::select(const Likelihood& of) const {
+  std::vector<std::vector<std::size_t>> groups;  // of rows of the likelihood
+  for (std::size_t a = 0; a < of.rows.size(); ++a) {
+    const auto same = std::ranges::find_if(groups, [&](const auto& group) {
+      return is_same_group(all_[of.rows[group.front()]], all_[of.rows[a]]);
+    });
+    same == groups.end() ? groups.push_back({a}) : same->push_back(a);
+  }
+  using Set = std::vector<bool>;
+  const auto rows_of = [&](const Set& set) {
+    std::vector<std::size_t> rows;
+    for (std::size_t g = 0; g < groups.size(); ++g)
+      if (set[g]) rows.insert(rows.end(), groups[g].begin(), groups[g].end());
+    return rows;
+  };
+  Set chosen(groups.size(), false);
+  double best = evidence(of, {});
+  for (double least = 0;; least = kNeedsBoth) {
+    Set next;
+    double most = best + least;
+    for (std::size_t g = 0; g < groups.size(); ++g) {
+      if (chosen[g]) continue;
+      Set with = chosen;
+      with[g] = true;
+      const double found = evidence(of, rows_of(with));
+      if (!(found > most)) continue;
+      most = found;
+      next = std::move(with);
+    }
+    if (next.empty()) break;
+    best = most;
+    chosen = std::move(next);
+  }
+  Set all = chosen;
+  for (std::size_t out = 0; out < groups.size(); ++out) {
+    for (std::size_t in = 0; in < groups.size() && chosen[out]; ++in) {
+      Set other = chosen;
+      other[out] = false;
+      other[in] = true;
+      if (!chosen[in] && evidence(of, rows_of(other)) > best - kAsGood) all[in] = true;
+    }
+  }
   std::vector<std::size_t> opened;
-  for (std::size_t i = 0; i < all_.size(); ++i) {
-    const Parameter& one = all_[i];
-    // A lens is calibrated as a whole: with one wrong parameter the others are uncertain, too.
-    const bool is_of_same_lens =
-        is_of_lens(wrong.kind) && is_of_lens(one.kind) && wrong.camera == one.camera;
-    if (state.parameter_tests[i].is_open || (i != parameter && !is_of_same_lens)) continue;
-    exchange_prior(state, camera, one.column, value(state, one), one.sigmas.tight, one.sigmas.open);
-    state.parameter_tests[i] = {.is_open = true};
-    opened.push_back(i);
+  for (const std::size_t row : rows_of(all)) opened.push_back(of.rows[row]);
+  return opened;
+}
+
+/// Opens these parameters and closes all others. @return whether one was opened
+bool CalibrationMonitor::set_open(FilterState& state, int camera,
+                                  const std::vector<std::size_t>& opened) const {
+  std::vector<std::size_t> newly;
+  for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
+    const bool is_open = std::ranges::find(opened, i) != opened.end();
+    if (all_[i].is_refined || is_open == state.parameter_tests[i].is_open || opened.empty())
+      continue;
+    const ParameterSigmas& sigmas = all_[i].sigmas;
+    exchange_prior(state, camera, all_[i], is_open ? sigmas.closed : sigmas.open,
+                   is_open ? sigmas.open : sigmas.closed);
+    state.parameter_tests[i] = {.is_open = is_open};
+    if (is_open) newly.push_back(i);
   }
-  std::vector<int> closed;
-  for (std::size_t i = 0; i < all_.size(); ++i)
-    if (!state.parameter_tests[i].is_open) closed.push_back(all_[i].column);
   for (const std::size_t i : opened)
-    widen(state, all_[i].column, kUnsureShare * std::abs(value(state, all_[i])), closed);
-  // Its error may have raised the scores of the others.
+    state.parameter_tests[i].opened_with = 1 + static_cast<int>(opened.front());
+  for (const std::size_t i : newly) widen(state, all_[i]);
+  // An error of one parameter may have raised the scores of the others.
   for (ParameterTest& other : state.parameter_tests) other.images_beyond = 0;
-}
-
-void CalibrationMonitor::open_found(FilterState& state, std::span<const WrongNumber> wrong) const {
-  for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
-    const Parameter& one = all_[i];
-    const auto is_this = [&](const WrongNumber& number) {
-      return number.kind == one.kind && number.camera == one.camera;
-    };
-    if (one.is_refined || std::ranges::none_of(wrong, is_this)) continue;
-    state.parameter_tests[i].is_open = true;
-    state.clear_column(one.column, one.sigmas.open);
-  }
-}
-
-std::vector<WrongNumber> CalibrationMonitor::found_wrong(const FilterState& state) const {
-  std::vector<WrongNumber> out;
-  for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
-    const Parameter& one = all_[i];
-    if (state.parameter_tests[i].is_open && !one.is_refined && one.camera >= 0)
-      out.push_back({one.kind, one.camera});
-  }
-  return out;
+  return !newly.empty();
 }
 
 void CalibrationMonitor::release_confirmed_prints(FilterState& state) const {
   for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
-    const Parameter& parameter = all_[i];
-    if (parameter.print < 0 || state.parameter_tests[i].is_open) continue;
-    auto& watched = state.sizes.watched[static_cast<std::size_t>(parameter.print)];
+    const Parameter& one = all_[i];
+    if (one.print < 0 || state.parameter_tests[i].is_open) continue;
+    auto& watched = state.sizes.watched[static_cast<std::size_t>(one.print)];
     if (watched.tag_id < 0) continue;
-    const double information = information_of(state, parameter.column, parameter.sigmas.tight);
-    if (information < 1 / (kConfirmed * kConfirmed) ||
-        std::abs(score(state, parameter)) > kConfirmed_sigma)
+    const double information =
+        1 / state.P()(one.at, one.at) - 1 / square(one.sigmas.closed);
+    if (information < 1 / square(kConfirmed) || std::abs(score(state, one)) > kConfirmed_sigma)
       continue;
     watched = {};
-    state.clear_column(parameter.column, 0);
+    state.clear_column(one.at, 0);
   }
 }
 
@@ -255,28 +328,26 @@ void CalibrationMonitor::hold_parameters(FilterState& state, std::size_t tags) c
 
 bool CalibrationMonitor::is_lens_open(const FilterState& state, int camera) const {
   for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
-    const Parameter& parameter = all_[i];
-    if (!is_of_lens(parameter.kind) || parameter.camera != camera ||
-        !state.parameter_tests[i].is_open)
+    const Parameter& one = all_[i];
+    if (!is_of_lens(one.kind) || one.camera != camera || !state.parameter_tests[i].is_open)
       continue;
-    if (!parameter.is_refined ||
-        parameter.sigmas.open >= kConfirmedSettled * parameter.sigmas.settled)
-      return true;
+    if (!one.is_refined || one.sigmas.open >= kConfirmedSettled * one.sigmas.settled) return true;
   }
   return false;
 }
 
 bool CalibrationMonitor::are_confirmed(const FilterState& state, int camera) const {
   for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
-    const Parameter& parameter = all_[i];
-    const bool is_another = parameter.camera >= 0 && parameter.camera != camera;
-    if (parameter.print >= 0 || is_another) continue;
-    const double least = kConfirmedSettled * parameter.sigmas.settled;
-    if (parameter.is_refined && parameter.sigmas.open < least) continue;  // calibrated
+    const Parameter& one = all_[i];
+    const bool is_tested = is_of_lens(one.kind) || one.kind == Kind::kReadout ||
+                           one.kind == Kind::kAllPrints;
+    if (!is_tested || (one.camera >= 0 && one.camera != camera)) continue;
+    const double least = kConfirmedSettled * one.sigmas.settled;
+    if (one.is_refined && one.sigmas.open < least) continue;  // calibrated
     if (state.parameter_tests[i].is_open) return false;
-    const double information = information_of(state, parameter.column, parameter.sigmas.tight);
+    const double information = 1 / state.P()(one.at, one.at) - 1 / square(one.sigmas.closed);
     if (!(information * least * least > 1)) return false;
-    if (std::abs(score(state, parameter)) > kLikely_sigma) return false;
+    if (std::abs(score(state, one)) > kLikely_sigma) return false;
   }
   return state.has_tested_parameters() && rules_.doubts;
 }
@@ -285,22 +356,22 @@ Matrix6d CalibrationMonitor::unmodelled_covariance(const FilterState& state) con
   Matrix6d out = Matrix6d::Zero();
   for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
     const Parameter& one = all_[i];
-    if (state.parameter_tests[i].is_open || !(std::abs(score(state, one)) > kLikely_sigma))
-      continue;
+    const ParameterTest& test = state.parameter_tests[i];
+    if (test.is_open || !(std::abs(test.score) > kLikely_sigma)) continue;
     // Motion of the body when the parameter is opened.
-    const auto p = state.P().col(one.column);
-    const double gained =
-        1 / (one.sigmas.open * one.sigmas.open) - 1 / (one.sigmas.tight * one.sigmas.tight);
-    const double S = 1 + gained * p(one.column);
+    const Eigen::VectorXd p = column_of(state, one);
+    const double gained = 1 / square(one.sigmas.open) - 1 / square(one.sigmas.closed);
+    const double S = 1 + gained * variance_of(state, one, p);
     if (!(S > 1e-9)) continue;
-    const Vector6d shift = -gained / S * value(state, one) * p.head<6>();
+    const Vector6d shift = -gained / S * offset(state, one) * p.head<6>();
     out += shift * shift.transpose();
   }
   for (const Parameter& parameter : all_) {
-    const double held = state.P()(parameter.column, parameter.column);
-    if (parameter.assumed_sigma == 0 || !(held > 0)) continue;
-    const double more = parameter.assumed_sigma * parameter.assumed_sigma - held;
-    const Vector6d along = state.P().col(parameter.column).head<6>() / held;
+    if (parameter.assumed_sigma == 0) continue;
+    const double held = state.P()(parameter.at, parameter.at);
+    if (!(held > 0)) continue;
+    const double more = square(parameter.assumed_sigma) - held;
+    const Vector6d along = state.P().col(parameter.at).head<6>() / held;
     out += std::max(0.0, more) * along * along.transpose();
   }
   return out;

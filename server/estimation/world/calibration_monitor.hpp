@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <chrono>
 #include <span>
 #include <utility>
@@ -7,27 +8,13 @@
 
 #include "base/pose.hpp"
 #include "base/time.hpp"
+#include "estimation/body_filter.hpp"
 #include "estimation/found_mismatch.hpp"
 #include "estimation/known_tag.hpp"
 #include "estimation/start/starting_filter.hpp"
 #include "estimation/world/filter_state.hpp"
 
 namespace fiducap::world {
-
-/// Information 1/σ² of the data about a column of the state whose prior is (0, `prior_sigma`²).
-[[nodiscard]] double information_of(const FilterState& state, int column, double prior_sigma);
-
-/// Replaces the zero-mean prior of one column: a measurement of zero with the difference of
-/// information. The marginal of held tags p(tags) stays and p(rest | tags) changes, so the body
-/// moves relative to them: an error of the whole map is common to column and body.
-/// @param camera  whose image corrected the state last
-/// @param value   of the column, as estimated
-void exchange_prior(FilterState& state, int camera, int column, double value, double from_sigma,
-                    double to_sigma);
-
-/// Increases the variance of a column and what is correlated with it. Held tags and closed columns
-/// keep theirs: above its prior a closed column would have negative information.
-void widen(FilterState& state, int column, double sigma, const std::vector<int>& closed);
 
 /// Suspends the tests for a while after a large change of the axes: until the filter has converged,
 /// nonlinearity resembles a wrong lens or tag size.
@@ -52,21 +39,25 @@ class PostRealignmentHoldoff final {
 
 /// Sigmas of a calibration parameter.
 struct ParameterSigmas {
-  double tight{};    ///< Prior while closed.
-  double open{};     ///< Prior while open.
+  double closed{};   ///< Prior of the configuration.
+  double open{};     ///< Prior when the configuration is wrong.
   double settled{};  ///< Below this it may be closed again.
 };
 
-/// Tests the configured parameters of lens, shutter and tag sizes, and estimates those that are
-/// significantly wrong.
+/// Tests the configured calibration (lens, shutter, mount, tag sizes, gravity, IMU), and estimates
+/// what is significantly wrong.
 ///
-/// Each parameter is in the state with a prior so tight that it has no effect while it is right.
-/// Its posterior gives the estimate without prior: information λ = 1/P − 1/σ², z = b̂ / (P √λ) (a
-/// score test; B. Friedland, IEEE Trans. Autom. Control 14, 1969, treats such a bias apart from the
-/// state). The parameter furthest above `kOpen_sigma` for some images is opened (a lens as a
-/// whole): a realistic prior replaces the tight one from the beginning, by a measurement of zero
-/// with negative information. A parameter found as configured is closed again. Sizes of single tags
-/// are watched a few at a time.
+/// Each parameter is in the state with the prior of the configuration, N(0, D). An exact one has a
+/// prior so tight that it has no effect. The posterior N(b̂, P) of the parameters gives the
+/// likelihood of the data: information Λ = P⁻¹ − D⁻¹ and score u = P⁻¹ b̂ (a score test;
+/// B. Friedland, IEEE Trans. Autom. Control 14, 1969, treats such biases apart from the state).
+///
+/// When a closed parameter is beyond `kOpen_sigma` for some images, the groups of parameters (a
+/// lens, a mount, …) with the largest evidence are opened: a wide prior replaces that of the
+/// configuration from the beginning, by a measurement with negative information. The evidence of
+/// priors D is ½ uᵀ (Λ + D⁻¹)⁻¹ u − ½ log |1 + D Λ| (D. MacKay, Neural Computation 4, 1992). Groups
+/// that explain the data about as well are opened together, and the data that follow decide. Sizes
+/// of single tags are watched a few at a time.
 ///
 /// A lens with configured sigmas, or to be refined, is open from the beginning with its own prior
 /// and never closed. Without an IMU nothing can be tested: lenses and tag sizes are held at their
@@ -79,22 +70,22 @@ class CalibrationMonitor final {
     bool assumes{false};  ///< Assumes errors instead of testing.
   };
 
-  /// @param cameras  their readout is only tested where it is configured as exact
-  CalibrationMonitor(const std::vector<CameraMount>& cameras, const Rules& rules)
-      : cameras_(cameras), rules_(rules) {}
+  /// @param sensors  kept by reference; a readout is only tested where it is configured as exact
+  CalibrationMonitor(const BodySensors& sensors, const Rules& rules)
+      : sensors_(sensors), rules_(rules) {}
 
   /// Initialises the parameters of a state that was just reset.
   void begin(FilterState& state);
   /// After begin(): opens parameters that another filter found wrong in the same start.
   void open_found(FilterState& state, std::span<const WrongNumber> wrong) const;
-  /// Lenses and readouts that were opened.
+  /// Parameters of cameras and IMU that were opened.
   [[nodiscard]] std::vector<WrongNumber> found_wrong(const FilterState& state) const;
   /// Watches the size of a new tag, if possible.
   void watch_print(FilterState& state, int tag_id) const;
   /// After an image of `camera` has corrected the state.
   /// @param dispersion  mean normalised innovation squared per degree of freedom
   /// @return whether a parameter was opened: its effect was taken for noise until now
-  bool update_tests(FilterState& state, int camera, double dispersion) const;
+  bool update_tests(FilterState& state, int camera, double dispersion);
   /// Test statistics of a parameter.
   struct TestStatistics {
     double score{};        ///< In sigmas of the data.
@@ -136,29 +127,65 @@ class CalibrationMonitor final {
     FoundMismatch::Kind kind{};
     int camera{-1};
     int print{-1};  ///< Index of the watched tag, for kOnePrint.
-    int column{};
+    int at{};       ///< Column of the state; axis 0 … 2 of a camera's position or attitude.
     ParameterSigmas sigmas;
     bool is_refined{false};  ///< Never closed.
     double assumed_sigma{};  ///< Assumed error that is not tested; 0: none.
+
+    [[nodiscard]] bool is_of_mount() const {
+      return kind == FoundMismatch::Kind::kMountPosition ||
+             kind == FoundMismatch::Kind::kMountRotation;
+    }
+  };
+  /// Likelihood of the tested parameters: ℓ(b) = uᵀ b − ½ bᵀ Λ b.
+  struct Likelihood {
+    std::vector<std::size_t> rows;  ///< In `all_`.
+    Eigen::MatrixXd information;
+    Eigen::VectorXd score;
   };
 
-  [[nodiscard]] static double score(const FilterState& state, const Parameter& parameter);
   [[nodiscard]] static double value(const FilterState& state, const Parameter& parameter);
+  [[nodiscard]] double value_of_mount(const FilterState& state, const Parameter& parameter) const;
+  [[nodiscard]] double offset(const FilterState& state, const Parameter& parameter) const {
+    return parameter.is_of_mount() ? value_of_mount(state, parameter) : value(state, parameter);
+  }
+  /// Covariance of the state with a parameter, P ℓ.
+  [[nodiscard]] static Eigen::VectorXd column_of(const FilterState& state,
+                                                 const Parameter& parameter);
+  /// Its variance, ℓᵀ P ℓ. @param column  of column_of()
+  [[nodiscard]] static double variance_of(const FilterState& state, const Parameter& parameter,
+                                          const Eigen::Ref<const Eigen::VectorXd>& column);
+  [[nodiscard]] double sigma_of(const FilterState& state, const Parameter& parameter) const;
+  [[nodiscard]] double prior_sigma(const FilterState& state, std::size_t row) const {
+    return state.parameter_tests[row].is_open ? all_[row].sigmas.open : all_[row].sigmas.closed;
+  }
+  [[nodiscard]] double score(const FilterState& state, const Parameter& parameter) const;
   static void assume(Parameter& parameter, double sigma);
   /// Id of the tag of a kOnePrint; -1: free.
   [[nodiscard]] static int watched_tag(const FilterState& state, const Parameter& parameter) {
     return state.sizes.watched[static_cast<std::size_t>(parameter.print)].tag_id;
   }
+  [[nodiscard]] static bool is_same_group(const Parameter& a, const Parameter& b);
   void add_lens(int camera);
-  void open(FilterState& state, int camera, std::size_t parameter) const;
+  void add_mount(int camera);
+  void add_motion(const FilterState& state);
+  void add_finding(const FilterState& state, std::size_t row, bool is_ambiguous,
+                   std::vector<FoundMismatch>& out) const;
+  [[nodiscard]] bool are_significant(const FilterState& state,
+                                     const std::vector<std::size_t>& rows) const;
+  [[nodiscard]] Likelihood likelihood(const FilterState& state, double dispersion) const;
+  [[nodiscard]] std::vector<std::size_t> select(const Likelihood& of) const;
+  [[nodiscard]] double evidence(const Likelihood& of, const std::vector<std::size_t>& rows) const;
+  void exchange_prior(FilterState& state, int camera, const Parameter& parameter, double from_sigma,
+                      double to_sigma) const;
+  void widen(FilterState& state, const Parameter& parameter) const;
+  bool set_open(FilterState& state, int camera, const std::vector<std::size_t>& opened) const;
   void release_confirmed_prints(FilterState& state) const;
 
-  /// Score of a likely error: 90 % of right parameters are below.
-  static constexpr double kLikely_sigma = 2.0;
-
-  const std::vector<CameraMount>& cameras_;
+  const BodySensors& sensors_;
   Rules rules_;
   std::vector<Parameter> all_;
+  int images_since_test_{0};
 };
 
 }  // namespace fiducap::world

@@ -3,10 +3,11 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "capture/lens/camera_model.hpp"
 
-// Exchange of priors. CalibrationMonitor: reports, and tests after an exchange with the map.
+// CalibrationMonitor: values and priors of its parameters, reports, and the map.
 namespace fiducap::world {
 
 namespace {
@@ -25,15 +26,15 @@ constexpr Duration kJudgementHolds = std::chrono::seconds(10);
 // Held tags may have only a common error.
 constexpr double kRelativeRounding = 1e-9;
 
-/// A column of the covariance in two parts.
+/// A covariance of the state with one number, in two parts.
 struct Column {
   Eigen::VectorXd given_held;  ///< Conditional on the held tags; theirs: zero.
   Eigen::VectorXd by_held;     ///< By the uncertainty of the held tags.
 };
 
-Column column_of(const FilterState& state, int column) {
+Column split(const FilterState& state, Eigen::VectorXd column) {
   const auto P = state.P();
-  Column out{P.col(column), Eigen::VectorXd::Zero(P.rows())};
+  Column out{std::move(column), Eigen::VectorXd::Zero(P.rows())};
   std::vector<int> held;
   for (const int at : state.held_tags())
     for (int i = 0; i < layout::kPoseSize; ++i) held.push_back(at + i);
@@ -45,7 +46,7 @@ Column column_of(const FilterState& state, int column) {
   Eigen::VectorXd given(count);
   for (Eigen::Index i = 0; i < count; ++i) {
     of_held.row(i) = with_held.row(held[i]);
-    given[i] = P(held[i], column);
+    given[i] = out.given_held(held[i]);
   }
   of_held.diagonal() *= 1 + kRelativeRounding;
   out.by_held = with_held * of_held.ldlt().solve(given);
@@ -53,52 +54,171 @@ Column column_of(const FilterState& state, int column) {
   out.given_held -= out.by_held;
   return out;
 }
-}  // namespace
 
-double information_of(const FilterState& state, int column, double prior_sigma) {
-  const double variance = state.P()(column, column);
-  return variance > 0 ? 1 / variance - 1 / (prior_sigma * prior_sigma) : 0.0;
+/// Derivative of one number of X_BV (position or rotation vector, B axes) by the world-side error
+/// of the camera relative to the body.
+Eigen::Matrix<double, 1, 6> mount_row(const FilterState& state, int camera, int row) {
+  const Matrix6d J = plain_from_world_error(state.X_BV[static_cast<std::size_t>(camera)].p) *
+                     adjoint(state.X_WB.inverse());
+  return J.row(row);
 }
 
-void exchange_prior(FilterState& state, int camera, int column, double value, double from_sigma,
-                    double to_sigma) {
+int row_of(Kind kind, int axis) { return (kind == Kind::kMountRotation ? 3 : 0) + axis; }
+
+/// A parameter with one number per axis.
+bool has_axes(Kind kind) {
+  return kind == Kind::kAccelScale || kind == Kind::kGyroTurn || kind == Kind::kGyroScale ||
+         kind == Kind::kMountPosition || kind == Kind::kMountRotation;
+}
+}  // namespace
+
+double CalibrationMonitor::value(const FilterState& state, const Parameter& one) {
+  const auto camera = static_cast<std::size_t>(std::max(0, one.camera));
+  switch (one.kind) {
+    case Kind::kFocalLength:
+      return state.lenses[camera].focal;
+    case Kind::kCentreU:
+      return state.lenses[camera].centre_px.x();
+    case Kind::kCentreV:
+      return state.lenses[camera].centre_px.y();
+    case Kind::kDistortion:
+      return state.lenses[camera].k1;
+    case Kind::kReadout:
+      return state.clocks[camera].readout_s;
+    case Kind::kAllPrints:
+      return state.sizes.common;
+    case Kind::kAccelScale:
+      return state.imu.accel_scale(one.at - layout::accel_scale(state.cameras()));
+    case Kind::kGyroTurn:
+      return state.imu.gyro_turn(one.at - layout::gyro_turn(state.cameras()));
+    case Kind::kGyroScale:
+      return state.imu.gyro_scale(one.at - layout::gyro_scale(state.cameras()));
+    default:
+      return state.sizes.watched[static_cast<std::size_t>(one.print)].scale;
+  }
+}
+
+double CalibrationMonitor::value_of_mount(const FilterState& state, const Parameter& one) const {
+  const auto camera = static_cast<std::size_t>(one.camera);
+  const Pose& configured = sensors_.cameras[camera].X_BV;
+  const Pose& now = state.X_BV[camera];
+  if (one.kind == Kind::kMountPosition) return now.p(one.at) - configured.p(one.at);
+  return log_so3(now.q * configured.q.conjugate())(one.at);
+}
+
+Eigen::VectorXd CalibrationMonitor::column_of(const FilterState& state, const Parameter& one) {
+  const auto P = state.P();
+  if (!one.is_of_mount()) return P.col(one.at);
+  const auto row = mount_row(state, one.camera, row_of(one.kind, one.at));
+  return (P.middleCols<6>(layout::camera(one.camera)) - P.leftCols<6>()) * row.transpose();
+}
+
+double CalibrationMonitor::variance_of(const FilterState& state, const Parameter& one,
+                                       const Eigen::Ref<const Eigen::VectorXd>& column) {
+  if (!one.is_of_mount()) return column(one.at);
+  return mount_row(state, one.camera, row_of(one.kind, one.at)) *
+         (column.segment<6>(layout::camera(one.camera)) - column.head<6>());
+}
+
+double CalibrationMonitor::sigma_of(const FilterState& state, const Parameter& one) const {
+  return std::sqrt(std::max(0.0, variance_of(state, one, column_of(state, one))));
+}
+
+/// Of the data alone, in the sigmas of data and prior together.
+double CalibrationMonitor::score(const FilterState& state, const Parameter& one) const {
+  if (one.print >= 0 && watched_tag(state, one) < 0) return 0;
+  const double variance = variance_of(state, one, column_of(state, one));
+  const double prior = one.sigmas.closed * one.sigmas.closed;
+  const double information = variance > 0 ? 1 / variance - 1 / prior : 0.0;
+  constexpr double kRounding = 1e-6;
+  if (!(information * prior > kRounding)) return 0;
+  return offset(state, one) / (variance * std::sqrt(information * (1 + information * prior)));
+}
+
+/// Replaces the zero-mean prior of a parameter: a measurement of zero with the difference of
+/// information. The marginal of held tags p(tags) stays and p(rest | tags) changes, so the body
+/// moves relative to them: an error of the whole map is common to parameter and body.
+/// @param camera  whose image corrected the state last
+void CalibrationMonitor::exchange_prior(FilterState& state, int camera, const Parameter& one,
+                                        double from_sigma, double to_sigma) const {
   const double gained = 1 / (to_sigma * to_sigma) - 1 / (from_sigma * from_sigma);
-  const Column of = column_of(state, column);
-  const double S = 1 + gained * of.given_held(column);
+  const Column of = split(state, column_of(state, one));
+  const double S = 1 + gained * variance_of(state, one, of.given_held);
   if (!(S > 1e-9)) return;
   const double factor = gained / S;
-  const double by_held = of.by_held(column);
+  const double by_held = variance_of(state, one, of.by_held);
   auto P = state.P();
   for (Eigen::Index k = 0; k < P.cols(); ++k) {
     const double own = factor * (1 - factor * by_held) * of.given_held(k) + factor * of.by_held(k);
     P.col(k) -= own * of.given_held + factor * of.given_held(k) * of.by_held;
   }
-  const Eigen::VectorXd correction = -factor * value * of.given_held;
+  const Eigen::VectorXd correction = -factor * offset(state, one) * of.given_held;
   state.add_error(correction);
   transport_covariance(state, correction, camera);
 }
 
-void widen(FilterState& state, int column, double sigma, const std::vector<int>& closed) {
-  auto P = state.P();
-  const double variance = P(column, column);
+/// Makes a newly opened parameter, and what is correlated with it, as uncertain as a share of its
+/// value. Held tags and closed parameters keep their variance: above its prior a closed one would
+/// have negative information.
+void CalibrationMonitor::widen(FilterState& state, const Parameter& one) const {
+  constexpr double kUnsureShare = 0.5;  // earlier images were gated with the wrong value
+  const Column of = split(state, column_of(state, one));
+  const double variance = variance_of(state, one, of.given_held);
+  const double sigma = kUnsureShare * std::abs(offset(state, one));
   if (!(variance > 0) || sigma * sigma <= variance) return;
-  const Column of = column_of(state, column);
-  if (!(of.given_held(column) > 0)) return;
-  Eigen::VectorXd along = of.given_held / of.given_held(column);
-  for (const int other : closed) along(other) = 0;
+  Eigen::VectorXd along = of.given_held / variance;
+  for (std::size_t i = 0; i < all_.size(); ++i) {
+    if (state.parameter_tests[i].is_open) continue;
+    const int camera = layout::camera(std::max(0, all_[i].camera));
+    if (all_[i].is_of_mount())
+      along.segment<6>(camera) = along.head<6>().eval();
+    else
+      along(all_[i].at) = 0;
+  }
+  auto P = state.P();
   P += (sigma * sigma - variance) * along * along.transpose();
 }
 
-void CalibrationMonitor::list(const FilterState& state, std::vector<FoundMismatch>& out) const {
+void CalibrationMonitor::open_found(FilterState& state, std::span<const WrongNumber> wrong) const {
   for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
-    const Parameter& parameter = all_[i];
-    if (!state.parameter_tests[i].is_open || parameter.is_refined) continue;
-    const double sigma = std::sqrt(state.P()(parameter.column, parameter.column));
-    const double found = value(state, parameter);
-    if (!(std::abs(found) > std::max(kReported_sigma * sigma, parameter.sigmas.settled))) continue;
-    const int tag_id = parameter.print < 0 ? -1 : watched_tag(state, parameter);
-    if (parameter.print >= 0 && tag_id < 0) continue;
-    out.push_back({parameter.kind, parameter.camera, tag_id, found, sigma, {}});
+    const Parameter& one = all_[i];
+    const auto is_this = [&](const WrongNumber& number) {
+      return number.kind == one.kind && number.camera == one.camera;
+    };
+    if (one.is_refined || std::ranges::none_of(wrong, is_this)) continue;
+    state.parameter_tests[i].is_open = true;
+    if (one.is_of_mount())
+      exchange_prior(state, one.camera, one, one.sigmas.closed, one.sigmas.open);
+    else
+      state.clear_column(one.at, one.sigmas.open);
+  }
+}
+
+std::vector<WrongNumber> CalibrationMonitor::found_wrong(const FilterState& state) const {
+  std::vector<WrongNumber> out;
+  for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
+    const Parameter& one = all_[i];
+    const bool is_size = one.kind == Kind::kAllPrints || one.kind == Kind::kOnePrint;
+    if (state.parameter_tests[i].is_open && !one.is_refined && !is_size)
+      out.push_back({one.kind, one.camera});
+  }
+  return out;
+}
+
+/// Findings of the parameters that were opened together. They are ambiguous when none of them is
+/// significant alone, but all of them together are.
+void CalibrationMonitor::list(const FilterState& state, std::vector<FoundMismatch>& out) const {
+  std::map<int, std::vector<std::size_t>> sets;
+  for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
+    const bool is_free = all_[i].print >= 0 && watched_tag(state, all_[i]) < 0;
+    if (state.parameter_tests[i].is_open && !all_[i].is_refined && !is_free)
+      sets[state.parameter_tests[i].opened_with].push_back(i);
+  }
+  for (const auto& [set, rows] : sets) {
+    const std::size_t before = out.size();
+    for (const std::size_t i : rows) add_finding(state, i, false, out);
+    if (out.size() > before || !are_significant(state, rows)) continue;
+    for (const std::size_t i : rows) add_finding(state, i, true, out);
   }
   for (int c = 0; c < state.cameras() && state.has_tested_parameters(); ++c) {
     const LensEstimate now = lens(state, c);
@@ -106,16 +226,72 @@ void CalibrationMonitor::list(const FilterState& state, std::vector<FoundMismatc
         now.centre_sigma_px.maxCoeff() > kRefinedCentre_px ||
         (now.focal_sigma == 0 && now.k1_sigma > kRefinedDistortion))
       continue;
-    out.push_back({Kind::kLens, c, -1, now.offset.focal, now.focal_sigma, now});
+    out.push_back({.kind = Kind::kLens,
+                   .camera = c,
+                   .value = now.offset.focal,
+                   .sigma = now.focal_sigma,
+                   .lens = now});
   }
+}
+
+bool CalibrationMonitor::are_significant(const FilterState& state,
+                                         const std::vector<std::size_t>& rows) const {
+  const auto k = static_cast<Eigen::Index>(rows.size());
+  if (k < 2) return false;
+  Eigen::MatrixXd P(k, k);
+  Eigen::VectorXd offsets(k);
+  for (Eigen::Index a = 0; a < k; ++a) {
+    const Parameter& one = all_[rows[static_cast<std::size_t>(a)]];
+    const Eigen::VectorXd column = column_of(state, one);
+    for (Eigen::Index b = 0; b < k; ++b)
+      P(b, a) = variance_of(state, all_[rows[static_cast<std::size_t>(b)]], column);
+    offsets(a) = offset(state, one);
+  }
+  const double square = offsets.dot(P.ldlt().solve(offsets));
+  return square > kReported_sigma * kReported_sigma + 2 * static_cast<double>(k - 1);
+}
+
+/// @param is_ambiguous  whatever its significance, as one of several
+void CalibrationMonitor::add_finding(const FilterState& state, std::size_t row, bool is_ambiguous,
+                                     std::vector<FoundMismatch>& out) const {
+  const Parameter& one = all_[row];
+  const double sigma = sigma_of(state, one);
+  const double found = offset(state, one);
+  const double least = std::max(kReported_sigma * sigma, one.sigmas.settled);
+  if (!is_ambiguous && !(std::abs(found) > least)) return;
+  const int tag_id = one.print < 0 ? -1 : watched_tag(state, one);
+  const auto same = std::ranges::find_if(out, [&](const FoundMismatch& other) {
+    return other.kind == one.kind && other.camera == one.camera && other.tag_id == tag_id;
+  });
+  if (same == out.end()) {
+    out.push_back({.kind = one.kind,
+                   .camera = one.camera,
+                   .tag_id = tag_id,
+                   .value = found,
+                   .sigma = sigma,
+                   .is_ambiguous = is_ambiguous});
+    if (!has_axes(one.kind)) return;
+    // All three axes.
+    const int first = one.is_of_mount() ? 0 : one.at - (one.at - layout::gravity(state.cameras()) - 1) % 3;
+    for (int axis = 0; axis < 3; ++axis) {
+      Parameter other = one;
+      other.at = first + axis;
+      out.back().axes(axis) = offset(state, other);
+      out.back().axes_sigma(axis) = sigma_of(state, other);
+    }
+    return;
+  }
+  if (std::abs(found) <= std::abs(same->value)) return;
+  same->value = found;
+  same->sigma = sigma;
 }
 
 /// Deviations within the sigmas of a calibration are not reported.
 bool CalibrationMonitor::is_as_calibrated(const FilterState& state, int camera) const {
-  if (!has_calibrated_lens(cameras_[static_cast<std::size_t>(camera)])) return false;
+  if (!has_calibrated_lens(sensors_.cameras[static_cast<std::size_t>(camera)])) return false;
   return std::ranges::all_of(all_, [&](const Parameter& parameter) {
     return !parameter.is_refined || parameter.camera != camera ||
-           std::abs(value(state, parameter)) < kReported_sigma * parameter.sigmas.open;
+           std::abs(offset(state, parameter)) < kReported_sigma * parameter.sigmas.open;
   });
 }
 
@@ -130,7 +306,7 @@ LensEstimate CalibrationMonitor::lens(const FilterState& state, int camera) cons
   for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
     const Parameter& parameter = all_[i];
     if (parameter.camera != camera || !state.parameter_tests[i].is_open) continue;
-    const double sigma = std::sqrt(state.P()(parameter.column, parameter.column));
+    const double sigma = std::sqrt(state.P()(parameter.at, parameter.at));
     if (parameter.kind == Kind::kFocalLength) out.focal_sigma = sigma;
     if (parameter.kind == Kind::kCentreU) out.centre_sigma_px.x() = sigma;
     if (parameter.kind == Kind::kCentreV) out.centre_sigma_px.y() = sigma;
@@ -138,7 +314,7 @@ LensEstimate CalibrationMonitor::lens(const FilterState& state, int camera) cons
   }
   if (!out.is_estimated()) return out;
   out.offset = state.lenses[static_cast<std::size_t>(camera)];
-  const CameraMount& mount = cameras_[static_cast<std::size_t>(camera)];
+  const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(camera)];
   if (mount.lens_error_px == 0) return out;
   // Systematic errors of the lens model bias its parameters and do not average out.
   const double radius_px = kTypicalRadius * mount.model.width;
@@ -158,8 +334,9 @@ std::vector<CalibrationMonitor::TestStatistics> CalibrationMonitor::test_statist
     const FilterState& state) const {
   std::vector<TestStatistics> out;
   for (const Parameter& one : all_) {
-    const double information = std::max(0.0, information_of(state, one.column, one.sigmas.tight));
-    out.push_back({score(state, one), information, state.P()(one.column, one.column)});
+    const double variance = variance_of(state, one, column_of(state, one));
+    const double prior = 1 / (one.sigmas.closed * one.sigmas.closed);
+    out.push_back({score(state, one), std::max(0.0, 1 / variance - prior), variance});
   }
   return out;
 }
@@ -171,13 +348,16 @@ void CalibrationMonitor::restore_test_statistics(FilterState& state,
   Eigen::VectorXd error = Eigen::VectorXd::Zero(state.size());
   for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
     const Parameter& one = all_[i];
-    if (one.is_refined || state.parameter_tests[i].is_open || !(before[i].variance > 0)) continue;
-    double& variance = P(one.column, one.column);
+    if (one.is_refined || one.is_of_mount() || state.parameter_tests[i].is_open ||
+        !(before[i].variance > 0))
+      continue;
+    double& variance = P(one.at, one.at);
     variance = std::max(variance, before[i].variance);
-    const double left = std::max(0.0, information_of(state, one.column, one.sigmas.tight));
+    const double left =
+        std::max(0.0, 1 / variance - 1 / (one.sigmas.closed * one.sigmas.closed));
     const double share = before[i].information > 0 ? left / before[i].information : 0.0;
     const double kept = before[i].score * std::sqrt(std::min(1.0, share));
-    error(one.column) = kept * variance * std::sqrt(left) - value(state, one);
+    error(one.at) = kept * variance * std::sqrt(left) - value(state, one);
   }
   state.add_error(error);
 }
@@ -198,10 +378,10 @@ bool CalibrationMonitor::follow_map(FilterState& state, const KnownMap& map, int
     const Parameter& one = all_[i];
     bool is_wrong = false;
     if (one.camera >= 0) {
-      is_wrong = is_wrong_lens(one);
-    } else if (one.print < 0) {
+      is_wrong = !one.is_of_mount() && is_wrong_lens(one);
+    } else if (one.kind == Kind::kAllPrints) {
       is_wrong = is_wrong_print(KnownMap::kAllPrints);
-    } else {
+    } else if (one.print >= 0) {
       const int tag_id = watched_tag(state, one);
       is_wrong = tag_id >= 0 && is_wrong_print(tag_id);
     }
@@ -209,7 +389,7 @@ bool CalibrationMonitor::follow_map(FilterState& state, const KnownMap& map, int
       continue;
     // Without its earlier information, which was relative to other tag poses.
     state.parameter_tests[i] = {.is_open = true};
-    state.clear_column(one.column, one.sigmas.open);
+    state.clear_column(one.at, one.sigmas.open);
     is_new = true;
   }
   if (!map.is_judged) return is_new;
@@ -223,11 +403,12 @@ void CalibrationMonitor::reset_tests(FilterState& state, double from_sigma) cons
   for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
     const Parameter& one = all_[i];
     const bool is_free = one.print >= 0 && watched_tag(state, one) < 0;
-    if (one.is_refined || one.assumed_sigma > 0 || is_free || state.parameter_tests[i].is_open ||
+    if (one.is_refined || one.is_of_mount() || one.assumed_sigma > 0 || is_free ||
+        state.parameter_tests[i].is_open ||
         std::abs(score(state, one)) < from_sigma)
       continue;
-    error(one.column) = -value(state, one);
-    state.clear_column(one.column, one.sigmas.tight);
+    error(one.at) = -value(state, one);
+    state.clear_column(one.at, one.sigmas.closed);
     state.parameter_tests[i] = {};
   }
   state.add_error(error);

@@ -33,6 +33,7 @@ UpdateReport CornerUpdate::apply(FilterState& state, int camera, const CameraMod
     if (iteration > 0) {
       // Iterated Kalman filter: innovation relative to the prior, H at the present point.
       measure_image(state, camera, model, tags, noise, image_);
+      update_.remove_outliers(image_);
       image_.take_off(state.error_to(prior_));
       update_.prepare(state.P(), image_);
     }

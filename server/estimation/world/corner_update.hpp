@@ -16,7 +16,7 @@ namespace fiducap::world {
 class CornerUpdate final {
  public:
   struct Options {
-    double gate{};      ///< Chi-square limit of the 8 numbers of one tag.
+    GateLimits gate;
     int iterations{1};  ///< More than 1: iterated EKF, for a mean far from the corners.
     const FilterState* start{nullptr};  ///< First linearisation point; nullptr: the prior mean.
     bool wants_score{false};            ///< Computes shared_score(), which costs another division.

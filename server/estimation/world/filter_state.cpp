@@ -126,6 +126,9 @@ void FilterState::add_error(const ErrorRef& error) {
   for (std::size_t k = 0; k < sizes.watched.size(); ++k)
     sizes.watched[k].scale += error(layout::print(cameras(), static_cast<int>(k)));
   gravity_offset_m_s2 += error(layout::gravity(cameras()));
+  imu.accel_scale += error.segment<3>(layout::accel_scale(cameras()));
+  imu.gyro_turn += error.segment<3>(layout::gyro_turn(cameras()));
+  imu.gyro_scale += error.segment<3>(layout::gyro_scale(cameras()));
   bias_f += error.segment<3>(layout::kBiasF);
   bias_w += error.segment<3>(layout::kBiasW);
   for (std::size_t i = 0; i < clones.size(); ++i)
@@ -158,6 +161,8 @@ Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
     error(layout::print(cameras(), static_cast<int>(k))) =
         other.sizes.watched[k].scale - sizes.watched[k].scale;
   error(layout::gravity(cameras())) = other.gravity_offset_m_s2 - gravity_offset_m_s2;
+  error.segment<9>(layout::accel_scale(cameras())) << other.imu.accel_scale - imu.accel_scale,
+      other.imu.gyro_turn - imu.gyro_turn, other.imu.gyro_scale - imu.gyro_scale;
   for (std::size_t i = 0; i < clones.size(); ++i)
     error.segment<6>(clone_at(i)) = world_error_between(clones[i].X_WV, other.clones[i].X_WV);
   for (std::size_t i = 0; i < tags.size(); ++i)
@@ -225,6 +230,7 @@ BodyEstimate body_in_workspace(const FilterState& state) {
   out.bias_f = state.bias_f;
   out.bias_w = state.bias_w;
   out.gravity_offset_m_s2 = state.gravity_offset_m_s2;
+  out.imu = state.imu;
   // J P Jᵀ, with J the identity plus the effect of rotation on position and velocity.
   out.covariance = state.P().topLeftCorner<layout::kBodySize, layout::kBodySize>();
   const auto turn = [&](int moved, const Eigen::Vector3d& arm) {

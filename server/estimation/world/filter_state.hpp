@@ -50,7 +50,8 @@ struct PrintSizes {
 struct ParameterTest {
   bool is_open{false};
   int images_beyond{0};  ///< Consecutive.
-  int images_open{0};
+  int opened_with{0};  ///< The same number for parameters that were opened together.
+  double score{};      ///< At the last test, in sigmas.
 };
 
 /// A tag in the state, fixed in W.
@@ -80,12 +81,13 @@ struct FilterMean {
   std::vector<LensOffset> lenses;   ///< One per camera.
   PrintSizes sizes;
   double gravity_offset_m_s2{};                ///< Gravity minus the configured value.
+  ImuErrors imu;
   std::vector<ParameterTest> parameter_tests;  ///< Per parameter; empty: none are tested.
   Instant judged_until{Instant::min()};        ///< Until then only the map opens parameters.
   std::vector<Clone> clones;                   ///< Fixed number, no order; none: no points.
   std::vector<WorldTag> tags;                  ///< Order of entry.
   /// Present motion from the last integration step; not estimated.
-  Eigen::Vector3d gyro_B{Eigen::Vector3d::Zero()};  ///< bias not removed
+  Eigen::Vector3d gyro_B{Eigen::Vector3d::Zero()};  ///< Scale and rotation corrected, bias not.
   Eigen::Vector3d a_WB{Eigen::Vector3d::Zero()};
 };
 

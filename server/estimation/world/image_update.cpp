@@ -13,7 +13,7 @@ ImageUpdate::ImageUpdate(const BodySensors& sensors, const EstimatorConfig& conf
     : sensors_(sensors),
       config_(config),
       // Without an IMU the parameters cannot be distinguished.
-      calibration_monitor_(sensors.cameras,
+      calibration_monitor_(sensors,
                            {.doubts = config.doubt_configuration && sensors.imu.has_value(),
                             .refines = config.refine_intrinsics,
                             .assumes = config.doubt_configuration && !sensors.imu}) {
@@ -37,7 +37,7 @@ void ImageUpdate::look_at(FilterState& state, const TagObservations& seen) {
 
 UpdateReport ImageUpdate::correct(FilterState& state, FilterState* linearisation,
                                   const TagObservations& seen, std::span<const TagToUse> tags,
-                                  double gate, int iterations, std::vector<bool>& accepted) {
+                                  const GateLimits& gate, int iterations, std::vector<bool>& accepted) {
   const auto camera = static_cast<std::size_t>(seen.camera);
   const bool watches = watches_noise();
   const bool teaches =

@@ -25,7 +25,7 @@ class ImageUpdate final {
   /// @param linearisation  first linearisation point; nullptr: the mean
   /// @param accepted       out: per tag
   UpdateReport correct(FilterState& state, FilterState* linearisation, const TagObservations& seen,
-                       std::span<const TagToUse> tags, double gate, int iterations,
+                       std::span<const TagToUse> tags, const GateLimits& gate, int iterations,
                        std::vector<bool>& accepted);
   /// Updates the tests of the configuration. Once per new image.
   void test(FilterState& state, const TagObservations& seen, const UpdateReport& report);
@@ -65,6 +65,9 @@ class ImageUpdate final {
   void list_mismatches(const FilterState& state, std::vector<FoundMismatch>& out) const {
     calibration_monitor_.list(state, out);
     noise_watch_.list(out);
+  }
+  [[nodiscard]] CornerNoise& noise(int camera) {
+    return corner_noise_[static_cast<std::size_t>(camera)];
   }
   [[nodiscard]] const CornerNoise& noise(int camera) const {
     return corner_noise_[static_cast<std::size_t>(camera)];

@@ -49,11 +49,23 @@ void propagate_by_odometry(FilterState& state, MotionSinceImage& motion, const I
   motion.Q.topLeftCorner<6, 6>() += dt * drift * drift.transpose();
 }
 
-/// M ← M + m Gᵀ with G the derivative of the body by gravity.
-void fall(const MotionSinceImage& motion, const Eigen::Ref<const Eigen::VectorXd>& m,
-          Eigen::Ref<BodyColumns> M) {
-  M.col(kPosition + 2) -= motion.fall_s2 * m;
-  M.col(kVelocity + 2) -= motion.fall_s * m;
+/// M ← F M + G, with the sparsity of F.
+void add_step(const StepJacobians& step, MotionParameterMatrix& M) {
+  const auto add = [&](int to, int by) {
+    M.middleRows<3>(to) += step.F.block<3, 3>(to, by).lazyProduct(M.middleRows<3>(by));
+  };
+  add(kPosition, kVelocity);
+  add(kPosition, kAttitude);
+  add(kVelocity, kAttitude);
+  M += step.by_parameters;
+}
+
+/// M ← M + C Gᵀ with G = by_parameters. @param C  columns of the parameters
+void add_parameters(const MotionSinceImage& motion, dense::ConstView C,
+                    Eigen::Ref<BodyColumns> M) {
+  for (const int to : {kPosition, kAttitude, kVelocity})
+    dense::add_product(C, kMotionSize, {&motion.by_parameters(to, 0), kBiasF},
+                       {M.col(to).data(), M.outerStride()}, M.rows(), dense::Width::kThree);
 }
 }  // namespace
 
@@ -76,11 +88,42 @@ void move_both_ways(const BodyMatrix& F, BodyMatrix& M) {
   move_columns(F, M);
 }
 
+namespace {
+/// Derivatives by the errors of the IMU, and their effect on those by the biases.
+/// @param w_B   corrected rate
+/// @param f_B   corrected force
+/// @param step  F by the biases of an IMU without other errors
+void add_parameter_jacobians(const ImuErrors& imu, const Eigen::Vector3d& w_B,
+                             const Eigen::Vector3d& f_B, double dt, StepJacobians& step) {
+  const auto accel = (1 + imu.accel_scale.array()).inverse().matrix().eval();
+  const Eigen::Matrix3d gyro = (1 + imu.gyro_scale.array()).inverse().matrix().asDiagonal() *
+                               exp_so3(-imu.gyro_turn).toRotationMatrix();
+  const auto gyro_scaled = w_B.cwiseQuotient((1 + imu.gyro_scale.array()).matrix()).eval();
+  const Eigen::Vector3d turned_w = w_B.cwiseProduct((1 + imu.gyro_scale.array()).matrix());
+  const Eigen::Vector3d unscale = -(1 + imu.gyro_scale.array()).inverse().matrix();
+  const Eigen::Matrix3d by_turn =
+      unscale.asDiagonal() * (skew(turned_w) * left_jacobian_so3(-imu.gyro_turn));
+  auto& G = step.by_parameters;
+  for (const int to : {kPosition, kAttitude, kVelocity}) {
+    auto by_bias_f = step.F.block<3, 3>(to, kBiasF);
+    auto by_bias_w = step.F.block<3, 3>(to, kBiasW);
+    G.block<3, 3>(to, 1) = by_bias_f * f_B.cwiseProduct(accel).asDiagonal();
+    G.block<3, 3>(to, 4) = by_bias_w * by_turn;
+    G.block<3, 3>(to, 7) = by_bias_w * gyro_scaled.asDiagonal();
+    by_bias_f *= accel.asDiagonal();
+    by_bias_w *= gyro;
+  }
+  G(kPosition + 2, 0) = -0.5 * dt * dt;
+  G(kVelocity + 2, 0) = -dt;
+}
+}  // namespace
+
 StepJacobians step_mean(FilterState& state, const InertialInput& input,
                         const Eigen::Vector3d& gravity_W, double dt) {
-  const Eigen::Vector3d w_B = input.w_B - state.bias_w;
-  const Eigen::Vector3d f_B =
-      input.has_accelerometer ? Eigen::Vector3d(input.f_B - state.bias_f) : Eigen::Vector3d::Zero();
+  const Eigen::Vector3d w_B = state.imu.rate(input.w_B - state.bias_w);
+  const Eigen::Vector3d f_B = input.has_accelerometer
+                                  ? state.imu.force(input.f_B - state.bias_f)
+                                  : Eigen::Vector3d(Eigen::Vector3d::Zero());
   const Eigen::Vector3d g_W =
       input.has_accelerometer
           ? Eigen::Vector3d(gravity_W - state.gravity_offset_m_s2 * Eigen::Vector3d::UnitZ())
@@ -90,7 +133,7 @@ StepJacobians step_mean(FilterState& state, const InertialInput& input,
   const Eigen::Vector3d a_W = R_half * f_B + g_W;
   const double dt2 = 0.5 * dt * dt;
 
-  state.gyro_B = input.w_B;
+  state.gyro_B = w_B + state.bias_w;
   state.a_WB = a_W;
   state.X_WB.p += dt * state.v_WB + dt2 * a_W;
   state.v_WB += dt * a_W;
@@ -110,6 +153,7 @@ StepJacobians step_mean(FilterState& state, const InertialInput& input,
   F.block<3, 3>(kPosition, kAttitude) = dt2 * g_tilt;
   F.block<3, 3>(kPosition, kBiasF) = -dt2 * R_half;
   F.block<3, 3>(kPosition, kBiasW) = dt2 * a_gyro + skew(state.X_WB.p) * turn;
+  add_parameter_jacobians(state.imu, w_B, f_B, dt, out);
   // White noise of the sensors enters like a change of their biases.
   out.G_w = F.middleCols<3>(kBiasW);
   out.G_w.middleRows<3>(kBiasW).setZero();
@@ -119,6 +163,7 @@ StepJacobians step_mean(FilterState& state, const InertialInput& input,
     // No sensor, no bias: only the white acceleration itself remains.
     F.middleCols<3>(kBiasF).setZero();
     F.block<3, 3>(kBiasF, kBiasF).setIdentity();
+    out.by_parameters.setZero();
   }
   return out;
 }
@@ -131,9 +176,7 @@ void propagate(FilterState& state, MotionSinceImage& motion, const InertialInput
   motion.seconds += dt;
   if (input.v_B) return propagate_by_odometry(state, motion, input, dt);
   const StepJacobians j = step_mean(state, input, gravity_W, dt);
-  const double more_s = input.has_accelerometer ? dt : 0.0;
-  motion.fall_s2 += motion.fall_s * dt + 0.5 * dt * more_s;
-  motion.fall_s += more_s;
+  add_step(j, motion.by_parameters);
   add_step(j.F, motion.Phi);
   move_both_ways(j.F, motion.Q);
   Eigen::Matrix<double, kBiasF, 6> white;
@@ -150,13 +193,14 @@ void apply(FilterState& state, MotionSinceImage& motion) {
   camera_errors_to_extrinsics(state);
   std::swap(state.X_WB, motion.X_WB_before);
   auto P = state.P();
-  const int gravity = layout::gravity(state.cameras());
+  const int first = layout::gravity(state.cameras());
   move_columns(motion.Phi, P.leftCols<kBodySize>());
-  fall(motion, P.col(gravity), P.leftCols<kBodySize>());
+  add_parameters(motion, {P.col(first).data(), P.outerStride()}, P.leftCols<kBodySize>());
   BodyMatrix body = P.topLeftCorner<kBodySize, kBodySize>().transpose();
-  const Eigen::Matrix<double, kBodySize, 1> by_gravity = P.row(gravity).head<kBodySize>();
+  const Eigen::Matrix<double, kBodySize, kMotionSize> with_parameters =
+      P.middleRows<kMotionSize>(first).leftCols<kBodySize>().transpose();
   move_columns(motion.Phi, body);
-  fall(motion, by_gravity, body);
+  add_parameters(motion, {with_parameters.data(), kBodySize}, body);
   P.topLeftCorner<kBodySize, kBodySize>() = body + motion.Q;
   for (Eigen::Index k = kBodySize; k < P.cols(); ++k)
     P.col(k).head<kBodySize>() = P.row(k).head<kBodySize>().transpose();

@@ -5,6 +5,8 @@
 
 namespace fiducap::world {
 
+using MotionParameterMatrix = Eigen::Matrix<double, layout::kBiasF, layout::kMotionSize>;
+
 /// Motion of the body between two images, accumulated over the integration steps. Tags are fixed in
 /// W, so a step costs the same for any number of tags, and the full covariance is propagated once
 /// per image.
@@ -14,9 +16,8 @@ struct MotionSinceImage {
   Pose X_WB_before;                        ///< At the last image.
   BodyMatrix Phi{BodyMatrix::Identity()};  ///< ∂ body now / ∂ body at the last image.
   BodyMatrix Q{BodyMatrix::Zero()};        ///< Covariance of the added noise.
-  /// −∂ z / ∂ gravity and −∂ (velocity along z) / ∂ gravity.
-  double fall_s2{0};
-  double fall_s{0};
+  /// ∂ (position, attitude, velocity) now / ∂ (gravity, errors of the IMU), as in `layout`.
+  MotionParameterMatrix by_parameters{MotionParameterMatrix::Zero()};
 
   void restart() { *this = MotionSinceImage{}; }
 };
@@ -27,6 +28,7 @@ struct StepJacobians {
   /// Of white noise of gyroscope and accelerometer, held over the step.
   Eigen::Matrix<double, layout::kBodySize, 3> G_w{};
   Eigen::Matrix<double, layout::kBodySize, 3> G_f{};
+  MotionParameterMatrix by_parameters{MotionParameterMatrix::Zero()};
 };
 
 using BodyColumns = Eigen::Matrix<double, Eigen::Dynamic, layout::kBodySize>;

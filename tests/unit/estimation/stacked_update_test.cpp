@@ -32,12 +32,13 @@ struct Outcome {
   Eigen::MatrixXd P;
 };
 
-Outcome update(const FilterState& state, const ImageMeasurement& image, std::span<const int> held) {
+Outcome update(const FilterState& state, ImageMeasurement image, std::span<const int> held) {
   Outcome out;
   out.P = state.P();
   StackedUpdate update;
   update.prepare(out.P, image);
-  update.gate(out.P, image, chi_square_quantile(8, 0.999), out.accepted);
+  update.gate(out.P, image, {chi_square_quantile(8, 0.999), chi_square_quantile(6, 0.999)},
+              out.accepted);
   out.judged.assign(update.judged().begin(), update.judged().end());
   out.nis = update.solve(out.P, image, held);
   out.degrees_of_freedom = update.degrees_of_freedom();
