@@ -36,6 +36,8 @@ constexpr double kHeldShare = 1e-3;
 constexpr double kOpen_sigma = 5.0;
 constexpr int kOpenImages = 20;
 constexpr int kTestEvery = 5;  // images
+// Prior probability that a group of parameters differs from the configuration by its wide prior.
+constexpr double kWrong = 0.01;
 // Log evidence: two groups must explain this much more than one; a group that explains this much
 // less than the best one, a factor of 150, explains the data as well.
 constexpr double kNeedsBoth = 8.0;
@@ -84,6 +86,7 @@ void CalibrationMonitor::begin(FilterState& state) {
     if (state.P()(layout::camera(c), layout::camera(c)) > 0) add_mount(c);
   for (int k = 0; rules_.doubts && k < layout::kWatchedPrints; ++k)
     all_.push_back({Kind::kOnePrint, -1, k, layout::print(state.cameras(), k), kOneSize});
+  list_doubts();
   state.parameter_tests.assign(all_.size(), {});
   for (std::size_t i = 0; i < all_.size(); ++i)
     state.parameter_tests[i].is_open = all_[i].is_refined;
@@ -140,6 +143,18 @@ bool CalibrationMonitor::is_same_group(const Parameter& a, const Parameter& b) {
          (a.is_of_mount() && b.is_of_mount());
 }
 
+void CalibrationMonitor::list_doubts() {
+  doubts_.clear();
+  for (std::size_t i = 0; i < all_.size(); ++i) {
+    if (all_[i].is_refined || all_[i].assumed_sigma > 0) continue;
+    const auto same = std::ranges::find_if(doubts_, [&](const Doubt& doubt) {
+      return is_same_group(all_[doubt.rows[0]], all_[i]);
+    });
+    Doubt& doubt = same == doubts_.end() ? doubts_.emplace_back() : *same;
+    doubt.rows[static_cast<std::size_t>(doubt.count++)] = i;
+  }
+}
+
 void CalibrationMonitor::watch_print(FilterState& state, int tag_id) const {
   if (!state.has_tested_parameters() || !rules_.doubts) return;
   // A free slot, or that of the tag unseen for longest without a likely error. (The error of a
@@ -173,28 +188,31 @@ CalibrationMonitor::Likelihood CalibrationMonitor::likelihood(const FilterState&
   Likelihood out;
   for (std::size_t i = 0; i < all_.size(); ++i) {
     const bool is_free = all_[i].print >= 0 && watched_tag(state, all_[i]) < 0;
-    if (!all_[i].is_refined && !is_free) out.rows.push_back(i);
+    if (!all_[i].is_refined && !is_free && out.count < kMostRows) out.rows[out.count++] = i;
   }
-  const auto k = static_cast<Eigen::Index>(out.rows.size());
-  Eigen::MatrixXd P(k, k);
-  Eigen::VectorXd offsets(k);
-  Eigen::VectorXd unit(k);
+  const auto k = static_cast<Eigen::Index>(out.count);
+  RowMatrix P(k, k);
+  RowVector offsets(k);
+  RowVector unit(k);
   for (Eigen::Index a = 0; a < k; ++a) {
     const std::size_t i = out.rows[static_cast<std::size_t>(a)];
-    const Eigen::VectorXd column = column_of(state, all_[i]);
-    for (Eigen::Index b = 0; b < k; ++b)
-      P(b, a) = variance_of(state, all_[out.rows[static_cast<std::size_t>(b)]], column);
+    for (Eigen::Index b = 0; b <= a; ++b)
+      P(a, b) = P(b, a) =
+          covariance(state, all_[i], all_[out.rows[static_cast<std::size_t>(b)]]);
     offsets(a) = offset(state, all_[i]);
     unit(a) = 1 / prior_sigma(state, i);
   }
   // In units of the priors, where P is nearly the identity.
-  const Eigen::MatrixXd scaled = unit.asDiagonal() * P * unit.asDiagonal();
-  const Eigen::LLT<Eigen::MatrixXd> llt(0.5 * (scaled + scaled.transpose()));
+  const Eigen::LLT<RowMatrix> llt(unit.asDiagonal() * P * unit.asDiagonal());
   if (llt.info() != Eigen::Success) return {};
-  const Eigen::MatrixXd inverse = llt.solve(Eigen::MatrixXd::Identity(k, k));
-  out.information = unit.asDiagonal() * (inverse - Eigen::MatrixXd::Identity(k, k)) *
-                    unit.asDiagonal() / dispersion;
-  out.score = unit.cwiseProduct(llt.solve(unit.cwiseProduct(offsets))) / dispersion;
+  RowMatrix inverse = RowMatrix::Identity(k, k);
+  llt.solveInPlace(inverse);
+  inverse.diagonal().array() -= 1;
+  out.information = unit.asDiagonal() * inverse * unit.asDiagonal();
+  out.information /= dispersion;
+  out.score = unit.cwiseProduct(offsets);
+  llt.solveInPlace(out.score);
+  out.score = (unit.cwiseProduct(out.score) / dispersion).eval();
   return out;
 }
 
@@ -211,74 +229,108 @@ bool CalibrationMonitor::update_tests(FilterState& state, int camera, double dis
     test.images_beyond = is_beyond ? test.images_beyond + kTestEvery : 0;
     opens |= test.images_beyond >= kOpenImages;
   }
+  const Likelihood of = likelihood(state, scale * scale);
   opens &= state.time >= state.judged_until;
-  if (opens) opens = set_open(state, camera, select(likelihood(state, scale * scale)));
+  if (opens) opens = set_open(state, camera, select(of));
+  average(state, of);
   release_confirmed_prints(state);
   return opens;
 }
 
-/// Log of the mean likelihood over the priors, relative to that at zero. @param opened  rows of the
-/// likelihood with wide priors
-double CalibrationMonitor::evidence(const Likelihood& of,
-                                    const std::vector<std::size_t>& opened) const {
-  const auto k = static_cast<Eigen::Index>(of.rows.size());
-  Eigen::VectorXd sigmas(k);
-  for (Eigen::Index a = 0; a < k; ++a)
-    sigmas(a) = all_[of.rows[static_cast<std::size_t>(a)]].sigmas.closed;
-  for (const std::size_t row : opened)
-    sigmas(static_cast<Eigen::Index>(row)) = all_[of.rows[row]].sigmas.open;
-  const Eigen::MatrixXd scaled = sigmas.asDiagonal() * of.information * sigmas.asDiagonal();
-  const Eigen::LLT<Eigen::MatrixXd> llt(scaled + Eigen::MatrixXd::Identity(k, k));
-  const Eigen::VectorXd root = llt.matrixL().solve(sigmas.cwiseProduct(of.score));
-  return 0.5 * root.squaredNorm() - llt.matrixLLT().diagonal().array().log().sum();
+/// Posterior N(m, C) of the parameters with priors N(0, D), by the likelihood alone.
+CalibrationMonitor::Posterior CalibrationMonitor::posterior(const Likelihood& of,
+                                                            const Opened& opened) const {
+  const auto k = static_cast<Eigen::Index>(of.count);
+  RowVector sigmas(k);
+  for (std::size_t a = 0; a < of.count; ++a) {
+    const ParameterSigmas& prior = all_[of.rows[a]].sigmas;
+    sigmas(static_cast<Eigen::Index>(a)) = opened.test(a) ? prior.open : prior.closed;
+  }
+  RowMatrix scaled = sigmas.asDiagonal() * of.information * sigmas.asDiagonal();
+  scaled.diagonal().array() += 1;
+  const Eigen::LLT<RowMatrix> llt(scaled);
+  Posterior out;
+  out.mean = sigmas.cwiseProduct(of.score);
+  llt.matrixL().solveInPlace(out.mean);
+  out.evidence = 0.5 * out.mean.squaredNorm() - llt.matrixLLT().diagonal().array().log().sum();
+  llt.matrixU().solveInPlace(out.mean);
+  out.mean = sigmas.cwiseProduct(out.mean).eval();
+  out.covariance = RowMatrix::Identity(k, k);
+  llt.solveInPlace(out.covariance);
+  out.covariance = (sigmas.asDiagonal() * out.covariance * sigmas.asDiagonal()).eval();
+  return out;
+}
+
+/// Bayesian model average over the closed groups: second moment of each group's error, with the
+/// probability that the group is wrong.
+void CalibrationMonitor::average(const FilterState& state, const Likelihood& of) {
+  for (Doubt& doubt : doubts_) doubt.moment.setZero();
+  if (of.count == 0) return;
+  Opened now;
+  for (std::size_t a = 0; a < of.count; ++a)
+    now.set(a, state.parameter_tests[of.rows[a]].is_open);
+  const double evidence = posterior(of, now).evidence;
+  for (Doubt& doubt : doubts_) {
+    Opened with = now;
+    std::array<Eigen::Index, kMostOfGroup> at{};
+    int count = 0;
+    for (std::size_t a = 0; a < of.count && count < doubt.count; ++a) {
+      if (of.rows[a] != doubt.rows[static_cast<std::size_t>(count)]) continue;
+      at[static_cast<std::size_t>(count++)] = static_cast<Eigen::Index>(a);
+      with.set(a);
+    }
+    if (count < doubt.count || with == now) continue;  // not tested, or open
+    const Posterior open = posterior(of, with);
+    const double odds = kWrong * std::exp(std::min(open.evidence - evidence, 50.0));
+    const double share = odds / (1 + odds);
+    for (int a = 0; a < count; ++a)
+      for (int b = 0; b < count; ++b) {
+        const Eigen::Index i = at[static_cast<std::size_t>(a)];
+        const Eigen::Index j = at[static_cast<std::size_t>(b)];
+        doubt.moment(a, b) =
+            share * (open.covariance(i, j) + (1 - share) * open.mean(i) * open.mean(j));
+      }
+  }
 }
 
 /// The parameters that explain the data best when they are open: rows of `all_`. Groups are added
 /// one by one; those that explain the data as well as one of them are added, too.
 std::vector<std::size_t> CalibrationMonitor::select(const Likelihood& of) const {
-  std::vector<std::vector<std::size_t>> groups;  // of rows of the likelihood
-  for (std::size_t a = 0; a < of.rows.size(); ++a) {
-    const auto same = std::ranges::find_if(groups, [&](const auto& group) {
-      return is_same_group(all_[of.rows[group.front()]], all_[of.rows[a]]);
+  std::vector<Opened> groups;
+  for (std::size_t a = 0; a < of.count; ++a) {
+    const auto same = std::ranges::find_if(groups, [&](const Opened& group) {
+      for (std::size_t b = 0; b < a; ++b)
+        if (group.test(b)) return is_same_group(all_[of.rows[b]], all_[of.rows[a]]);
+      return false;
     });
-    same == groups.end() ? groups.push_back({a}) : same->push_back(a);
+    (same == groups.end() ? groups.emplace_back() : *same).set(a);
   }
-  using Set = std::vector<bool>;
-  const auto rows_of = [&](const Set& set) {
-    std::vector<std::size_t> rows;
-    for (std::size_t g = 0; g < groups.size(); ++g)
-      if (set[g]) rows.insert(rows.end(), groups[g].begin(), groups[g].end());
-    return rows;
-  };
-  Set chosen(groups.size(), false);
-  double best = evidence(of, {});
+  Opened chosen;
+  double best = posterior(of, chosen).evidence;
   for (double least = 0;; least = kNeedsBoth) {
-    Set next;
+    Opened next;
     double most = best + least;
-    for (std::size_t g = 0; g < groups.size(); ++g) {
-      if (chosen[g]) continue;
-      Set with = chosen;
-      with[g] = true;
-      const double found = evidence(of, rows_of(with));
+    for (const Opened& group : groups) {
+      if ((chosen & group).any()) continue;
+      const double found = posterior(of, chosen | group).evidence;
       if (!(found > most)) continue;
       most = found;
-      next = std::move(with);
+      next = chosen | group;
     }
-    if (next.empty()) break;
+    if (next.none()) break;
     best = most;
-    chosen = std::move(next);
+    chosen = next;
   }
-  Set all = chosen;
-  for (std::size_t out = 0; out < groups.size(); ++out) {
-    for (std::size_t in = 0; in < groups.size() && chosen[out]; ++in) {
-      Set other = chosen;
-      other[out] = false;
-      other[in] = true;
-      if (!chosen[in] && evidence(of, rows_of(other)) > best - kAsGood) all[in] = true;
+  Opened all = chosen;
+  for (const Opened& out : groups) {
+    for (const Opened& in : groups) {
+      if ((chosen & out).none() || (chosen & in).any()) continue;
+      if (posterior(of, (chosen & ~out) | in).evidence > best - kAsGood) all |= in;
     }
   }
   std::vector<std::size_t> opened;
-  for (const std::size_t row : rows_of(all)) opened.push_back(of.rows[row]);
+  for (std::size_t a = 0; a < of.count; ++a)
+    if (all.test(a)) opened.push_back(of.rows[a]);
   return opened;
 }
 
@@ -354,17 +406,16 @@ bool CalibrationMonitor::are_confirmed(const FilterState& state, int camera) con
 
 Matrix6d CalibrationMonitor::unmodelled_covariance(const FilterState& state) const {
   Matrix6d out = Matrix6d::Zero();
-  for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
-    const Parameter& one = all_[i];
-    const ParameterTest& test = state.parameter_tests[i];
-    if (test.is_open || !(std::abs(test.score) > kLikely_sigma)) continue;
-    // Motion of the body when the parameter is opened.
-    const Eigen::VectorXd p = column_of(state, one);
-    const double gained = 1 / square(one.sigmas.open) - 1 / square(one.sigmas.closed);
-    const double S = 1 + gained * variance_of(state, one, p);
-    if (!(S > 1e-9)) continue;
-    const Vector6d shift = -gained / S * offset(state, one) * p.head<6>();
-    out += shift * shift.transpose();
+  for (const Doubt& doubt : doubts_) {
+    if (doubt.moment.isZero(0)) continue;
+    // Derivative of the body by the parameters: P_xb / P_bb while their priors are tight.
+    Eigen::Matrix<double, 6, kMostOfGroup> U = Eigen::Matrix<double, 6, kMostOfGroup>::Zero();
+    for (int a = 0; a < doubt.count; ++a) {
+      const Parameter& one = all_[doubt.rows[static_cast<std::size_t>(a)]];
+      const double variance = covariance(state, one, one);
+      if (variance > 0) U.col(a) = body_column(state, one) / variance;
+    }
+    out += U * doubt.moment * U.transpose();
   }
   for (const Parameter& parameter : all_) {
     if (parameter.assumed_sigma == 0) continue;

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <bitset>
 #include <chrono>
 #include <span>
 #include <utility>
@@ -137,11 +139,30 @@ class CalibrationMonitor final {
              kind == FoundMismatch::Kind::kMountRotation;
     }
   };
+  static constexpr int kMostRows = 64;
+  static constexpr int kMostOfGroup = 6;
+  using RowMatrix =
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostRows, kMostRows>;
+  using RowVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostRows, 1>;
+  using Opened = std::bitset<kMostRows>;
   /// Likelihood of the tested parameters: ℓ(b) = uᵀ b − ½ bᵀ Λ b.
   struct Likelihood {
-    std::vector<std::size_t> rows;  ///< In `all_`.
-    Eigen::MatrixXd information;
-    Eigen::VectorXd score;
+    std::array<std::size_t, kMostRows> rows{};  ///< In `all_`.
+    std::size_t count{0};
+    RowMatrix information;
+    RowVector score;
+  };
+  struct Posterior {
+    RowVector mean;
+    RowMatrix covariance;
+    double evidence{};  ///< Log of the mean likelihood over the prior, relative to that at zero.
+  };
+  /// A closed group: its error is zero, or that of an opened group with some probability.
+  struct Doubt {
+    std::array<std::size_t, kMostOfGroup> rows{};  ///< In `all_`.
+    int count{0};
+    Eigen::Matrix<double, kMostOfGroup, kMostOfGroup> moment =
+        Eigen::Matrix<double, kMostOfGroup, kMostOfGroup>::Zero();
   };
 
   [[nodiscard]] static double value(const FilterState& state, const Parameter& parameter);
@@ -153,6 +174,10 @@ class CalibrationMonitor final {
   [[nodiscard]] static Eigen::VectorXd column_of(const FilterState& state,
                                                  const Parameter& parameter);
   /// Its variance, ℓᵀ P ℓ. @param column  of column_of()
+  [[nodiscard]] static double covariance(const FilterState& state, const Parameter& a,
+                                         const Parameter& b);
+  /// Covariance of the body's pose with a parameter.
+  [[nodiscard]] static Vector6d body_column(const FilterState& state, const Parameter& parameter);
   [[nodiscard]] static double variance_of(const FilterState& state, const Parameter& parameter,
                                           const Eigen::Ref<const Eigen::VectorXd>& column);
   [[nodiscard]] double sigma_of(const FilterState& state, const Parameter& parameter) const;
@@ -175,7 +200,9 @@ class CalibrationMonitor final {
                                      const std::vector<std::size_t>& rows) const;
   [[nodiscard]] Likelihood likelihood(const FilterState& state, double dispersion) const;
   [[nodiscard]] std::vector<std::size_t> select(const Likelihood& of) const;
-  [[nodiscard]] double evidence(const Likelihood& of, const std::vector<std::size_t>& rows) const;
+  [[nodiscard]] Posterior posterior(const Likelihood& of, const Opened& opened) const;
+  void average(const FilterState& state, const Likelihood& of);
+  void list_doubts();
   void exchange_prior(FilterState& state, int camera, const Parameter& parameter, double from_sigma,
                       double to_sigma) const;
   void widen(FilterState& state, const Parameter& parameter) const;
@@ -185,6 +212,7 @@ class CalibrationMonitor final {
   const BodySensors& sensors_;
   Rules rules_;
   std::vector<Parameter> all_;
+  std::vector<Doubt> doubts_;
   int images_since_test_{0};
 };
 

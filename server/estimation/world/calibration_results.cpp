@@ -120,14 +120,37 @@ double CalibrationMonitor::variance_of(const FilterState& state, const Parameter
          (column.segment<6>(layout::camera(one.camera)) - column.head<6>());
 }
 
+double CalibrationMonitor::covariance(const FilterState& state, const Parameter& a,
+                                      const Parameter& b) {
+  const auto P = state.P();
+  if (!a.is_of_mount() && !b.is_of_mount()) return P(a.at, b.at);
+  if (!a.is_of_mount()) return covariance(state, b, a);
+  const auto row = mount_row(state, a.camera, row_of(a.kind, a.at));
+  const int at = layout::camera(a.camera);
+  if (!b.is_of_mount())
+    return row * (P.block<6, 1>(at, b.at) - P.block<6, 1>(0, b.at));
+  const auto other = mount_row(state, b.camera, row_of(b.kind, b.at));
+  const int there = layout::camera(b.camera);
+  const Matrix6d apart = P.block<6, 6>(at, there) - P.block<6, 6>(0, there) -
+                         P.block<6, 6>(at, 0) + P.block<6, 6>(0, 0);
+  return row * apart * other.transpose();
+}
+
+Vector6d CalibrationMonitor::body_column(const FilterState& state, const Parameter& one) {
+  const auto P = state.P();
+  if (!one.is_of_mount()) return P.block<6, 1>(0, one.at);
+  const auto row = mount_row(state, one.camera, row_of(one.kind, one.at));
+  return (P.block<6, 6>(0, layout::camera(one.camera)) - P.block<6, 6>(0, 0)) * row.transpose();
+}
+
 double CalibrationMonitor::sigma_of(const FilterState& state, const Parameter& one) const {
-  return std::sqrt(std::max(0.0, variance_of(state, one, column_of(state, one))));
+  return std::sqrt(std::max(0.0, covariance(state, one, one)));
 }
 
 /// Of the data alone, in the sigmas of data and prior together.
 double CalibrationMonitor::score(const FilterState& state, const Parameter& one) const {
   if (one.print >= 0 && watched_tag(state, one) < 0) return 0;
-  const double variance = variance_of(state, one, column_of(state, one));
+  const double variance = covariance(state, one, one);
   const double prior = one.sigmas.closed * one.sigmas.closed;
   const double information = variance > 0 ? 1 / variance - 1 / prior : 0.0;
   constexpr double kRounding = 1e-6;
@@ -242,9 +265,8 @@ bool CalibrationMonitor::are_significant(const FilterState& state,
   Eigen::VectorXd offsets(k);
   for (Eigen::Index a = 0; a < k; ++a) {
     const Parameter& one = all_[rows[static_cast<std::size_t>(a)]];
-    const Eigen::VectorXd column = column_of(state, one);
     for (Eigen::Index b = 0; b < k; ++b)
-      P(b, a) = variance_of(state, all_[rows[static_cast<std::size_t>(b)]], column);
+      P(b, a) = covariance(state, one, all_[rows[static_cast<std::size_t>(b)]]);
     offsets(a) = offset(state, one);
   }
   const double square = offsets.dot(P.ldlt().solve(offsets));
@@ -334,7 +356,7 @@ std::vector<CalibrationMonitor::TestStatistics> CalibrationMonitor::test_statist
     const FilterState& state) const {
   std::vector<TestStatistics> out;
   for (const Parameter& one : all_) {
-    const double variance = variance_of(state, one, column_of(state, one));
+    const double variance = covariance(state, one, one);
     const double prior = 1 / (one.sigmas.closed * one.sigmas.closed);
     out.push_back({score(state, one), std::max(0.0, 1 / variance - prior), variance});
   }

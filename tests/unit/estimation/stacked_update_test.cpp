@@ -135,6 +135,18 @@ TEST_P(TurnedTag, SixNumbersMatchEight) {
   expect_same(six, update(state_, whole(), {}));
 }
 
+TEST_P(TurnedTag, AnOutlyingCornerIsNotUsed) {
+  seen_[4].corners_px = seen_[1].corners_px;
+  const Outcome good = update(state_, turned(), {});
+  seen_[2].corners_px[1] += Eigen::Vector2d(0, 40);
+  const Outcome six = update(state_, turned(), {});
+  EXPECT_TRUE(six.accepted[2]);
+  EXPECT_EQ(six.judged[2].outlier, 1);
+  EXPECT_EQ(six.degrees_of_freedom, good.degrees_of_freedom - 2);
+  EXPECT_LT((six.correction - good.correction).norm(), 0.2 * good.correction.norm());
+  expect_same(six, update(state_, whole(), {}));
+}
+
 TEST_P(TurnedTag, MatchesWithUnevenNoise) {
   const Outcome even = update(state_, turned(), {});
   smear();

@@ -128,6 +128,18 @@ Verdict after(int images, SingleTagRelocalisation single, const std::vector<int>
   return verdict;
 }
 
+TEST(SingleTagRelocalisation, ThePoseIsUnsureByWhatAMovedTagWouldExplain) {
+  const auto sigma_m = [](const SingleTagRelocalisation& single) {
+    return std::sqrt(single.mixture()(0, 0));
+  };
+  EXPECT_LT(sigma_m(relocalised(0.0)), 0.2 * kSigma_m) << "as expected by the IMU";
+  EXPECT_GT(sigma_m(relocalised(0.3)), 0.3 / 4) << "three sigmas away: rather moved";
+  EXPECT_GT(sigma_m(relocalised(1.0, false)), 0.1) << "nothing is known";
+  SingleTagRelocalisation single = relocalised(0.3);
+  single.forget();
+  EXPECT_TRUE(single.mixture().isZero(0));
+}
+
 TEST(SingleTagRelocalisation, IsDecidedByTheImuAndTheNumberOfOtherTags) {
   struct Case {
     const char* what;

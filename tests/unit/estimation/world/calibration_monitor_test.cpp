@@ -328,6 +328,42 @@ TEST_F(CalibrationMonitorTest, OpensALensAsAWholeAndTheParameterWithTheHighestSc
   EXPECT_LT(sigma(size_), 1e-3);
 }
 
+TEST_F(CalibrationMonitorTest, TwoCausesThatExplainTheDataEquallyAreOpenedAndAmbiguous) {
+  const int accel = layout::accel_scale(1) + 2;
+  auto P = state_.P();
+  Eigen::VectorXd h = Eigen::VectorXd::Zero(state_.size());
+  h(size_) = h(accel) = 1e-3;  // the data depend on their sum alone
+  const double S = h.dot(P * h) + 1e-12;
+  const Eigen::VectorXd K = P * h / S;
+  P -= (K * K.transpose() * S).eval();
+  state_.add_error(K * 2e-5);
+  test_parameters();
+  const auto named = found(monitor_);
+  ASSERT_GE(named.size(), 2u);
+  std::vector<Kind> kinds;
+  for (const FoundMismatch& one : named) {
+    EXPECT_TRUE(one.is_ambiguous);
+    kinds.push_back(one.kind);
+  }
+  EXPECT_THAT(kinds, testing::IsSupersetOf({Kind::kAllPrints, Kind::kAccelScale}));
+}
+
+TEST_F(CalibrationMonitorTest, AMountToldExactIsTested) {
+  mounts_[0].position_sigma_m = 1e-4;
+  mounts_[0].rotation_sigma_rad = 1e-4;
+  state_.reset({mounts_[0].X_BV});
+  auto own = state_.P().block<6, 6>(layout::camera(0), layout::camera(0));
+  own.diagonal().setConstant(1e-8);
+  CalibrationMonitor monitor(sensors_, {});
+  monitor.begin(state_);
+  own *= 0.5;  // by images, which have moved it
+  state_.X_BV[0].p.x() += 2e-3;
+  for (int i = 0; i < 25; ++i) monitor.update_tests(state_, 0, 1.0);
+  const auto named = found(monitor);
+  ASSERT_THAT(named, ElementsAre(Field(&FoundMismatch::kind, Kind::kMountPosition)));
+  EXPECT_NEAR(named[0].axes.x(), 4e-3, 2e-4) << "without the prior";
+}
+
 TEST_F(CalibrationMonitorTest, AnExchangeWithTheMapDoesNotRaiseAScore) {
   measure(1e-3, 3e-7, 1e-6);
   const auto before = monitor_.test_statistics(state_);

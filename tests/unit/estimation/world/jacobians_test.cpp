@@ -38,6 +38,25 @@ TEST_P(WorldStepJacobian, MatchesDifferences) {
   }
 }
 
+TEST_P(WorldStepJacobian, MatchesDifferencesByGravityAndErrorsOfTheImu) {
+  const InertialInput input = example_input(GetParam());
+  FilterState start = example_state();
+  start.imu = {{0.01, -0.02, 0.015}, {0.02, -0.01, 0.03}, {-0.01, 0.02, 0.005}};
+  for (const double dt : {1e-6, 0.005, 0.05}) {
+    FilterState mean = start;
+    const StepJacobians jacobians = step_mean(mean, input, kGravity, dt);
+    const auto f = [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+      Eigen::VectorXd error = Eigen::VectorXd::Zero(mean.size());
+      error.segment<kMotionSize>(gravity(mean.cameras())) = d;
+      FilterState state = with_error(start, error);
+      step_mean(state, input, kGravity, dt);
+      return mean.error_to(state).head<kBiasF>();
+    };
+    // Of the gyroscope to first order in w dt, as above.
+    expect_jacobian(jacobians.by_parameters, f, dt < 0.01 ? 1e-6 : 2e-4);
+  }
+}
+
 TEST_P(WorldStepJacobian, MapsAShiftOfTheRoomOntoItself) {
   FilterState state = example_state();
   const StepJacobians jacobians = step_mean(state, example_input(GetParam()), kGravity, 0.02);
