@@ -25,7 +25,7 @@ inline constexpr int kBiasW = 12;  ///< gyro bias, rad/s, B axes (without IMU: m
 
 /// Deterministic errors of the IMU beyond its biases: f_measured = (1 + accel_scale) f + bias and
 /// w_measured = exp(gyro_turn) (1 + gyro_scale) w + bias, scales per axis.
-struct ImuErrors {
+struct ImuIntrinsics {
   Eigen::Vector3d accel_scale{Eigen::Vector3d::Zero()};
   Eigen::Vector3d gyro_turn{Eigen::Vector3d::Zero()};  ///< Against the accelerometer, rad.
   Eigen::Vector3d gyro_scale{Eigen::Vector3d::Zero()};
@@ -50,7 +50,7 @@ struct BodyEstimate {
   Eigen::Vector3d a_WB{Eigen::Vector3d::Zero()};
   Eigen::Vector3d bias_f{Eigen::Vector3d::Zero()};
   Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
-  ImuErrors imu{};
+  ImuIntrinsics imu{};
   Matrix15d covariance{Matrix15d::Zero()};
   double gravity_offset_m_s2{};  ///< Gravity minus BodySensors::gravity_m_s2.
   bool anchored{};               ///< W is the workspace. False: axes of this filter's own.

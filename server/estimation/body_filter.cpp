@@ -5,7 +5,7 @@
 
 #include "base/expected.hpp"
 #include "estimation/rcars/rcars_filter.hpp"
-#include "estimation/world/world_filter.hpp"
+#include "estimation/update/world_filter.hpp"
 
 namespace fiducap {
 

@@ -24,21 +24,21 @@ struct LensEstimate {
 /// A difference between configuration and images, as estimated by a filter, which applies it.
 struct FoundMismatch {
   enum class Kind {
-    kFocalLength,  ///< `value`: relative; 0.01: the focal length is 1 % longer.
-    kCentreU,      ///< Principal point, px to the right.
-    kCentreV,      ///< Principal point, px down.
-    kDistortion,   ///< `value`: difference of the first distortion coefficient.
-    kLens,         ///< `lens` was estimated as a parameter. `value`: its relative focal length.
-    kReadout,      ///< Rolling shutter, first row to last, s; configured: 0.
-    kAllPrints,    ///< All tags are larger, relative.
-    kOnePrint,     ///< One tag is larger, relative, beyond kAllPrints.
-    kImuNoise,     ///< Factor of the IMU's configured noise densities.
-    kGyroRange,    ///< Saturated rate, rad/s.
-    kAccelRange,   ///< Saturated specific force, m/s².
-    kStampJitter,  ///< Independent error of each image's stamp, 1-sigma, s.
-    kAccelScale,   ///< `axes`: the accelerometer reads this much more, relative.
-    kGyroTurn,     ///< `axes`: rotation of the gyroscope against the accelerometer, rad.
-    kGyroScale,    ///< `axes`: the gyroscope reads this much more, relative.
+    kFocalLength,    ///< `value`: relative; 0.01: the focal length is 1 % longer.
+    kCentreU,        ///< Principal point, px to the right.
+    kCentreV,        ///< Principal point, px down.
+    kDistortion,     ///< `value`: difference of the first distortion coefficient.
+    kLens,           ///< `lens` was estimated as a parameter. `value`: its relative focal length.
+    kReadout,        ///< Rolling shutter, first row to last, s; configured: 0.
+    kAllPrints,      ///< All tags are larger, relative.
+    kOnePrint,       ///< One tag is larger, relative, beyond kAllPrints.
+    kImuNoise,       ///< Factor of the IMU's configured noise densities.
+    kGyroRange,      ///< Saturated rate, rad/s.
+    kAccelRange,     ///< Saturated specific force, m/s².
+    kStampJitter,    ///< Independent error of each image's stamp, 1-sigma, s.
+    kAccelScale,     ///< `axes`: the accelerometer reads this much more, relative.
+    kGyroTurn,       ///< `axes`: rotation of the gyroscope against the accelerometer, rad.
+    kGyroScale,      ///< `axes`: the gyroscope reads this much more, relative.
     kMountPosition,  ///< `axes`: position of the camera on the body beyond the configured one, m.
     kMountRotation,  ///< `axes`: its rotation vector, B axes, rad.
   } kind{};

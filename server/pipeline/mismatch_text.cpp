@@ -102,8 +102,8 @@ std::string motion_text(const FoundMismatch& found) {
     return fmt::format("the accelerometer seems to read too much by {}{}",
                        axes_text(found, kInPercent, "%"), kAdvice);
   if (found.kind == Kind::kGyroScale)
-    return fmt::format("the gyro seems to read too much by {}{}",
-                       axes_text(found, kInPercent, "%"), kAdvice);
+    return fmt::format("the gyro seems to read too much by {}{}", axes_text(found, kInPercent, "%"),
+                       kAdvice);
   return fmt::format("the gyro's axes seem turned against the accelerometer's by {}{}",
                      axes_text(found, kDegreesPerRadian, "°"), kAdvice);
 }

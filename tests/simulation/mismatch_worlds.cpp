@@ -216,13 +216,11 @@ const std::map<std::string, std::vector<Cause>>& right_causes() {
         {"one print 2 %", {Kind::kOnePrint}},
         {"focal 1 % and prints 2 %", kLens},
     };
-    for (const char* name :
-         {"accel scale 0.5 %", "accel scale 2 %", "accel z scale 1 %"})
+    for (const char* name : {"accel scale 0.5 %", "accel scale 2 %", "accel z scale 1 %"})
       right[name] = {Kind::kAccelScale};
     right["gyro scale 1 %"] = {Kind::kGyroScale};
     right["gyro turned 1 deg"] = {Kind::kGyroTurn};
-    for (const char* name :
-         {"mount 0.5 deg exact", "mount 2 deg exact", "mount exact and 20 ms"})
+    for (const char* name : {"mount 0.5 deg exact", "mount 2 deg exact", "mount exact and 20 ms"})
       right[name] = {Kind::kMountPosition, Kind::kMountRotation};
     right["focal 1 % and prints 2 %"].emplace_back(Kind::kAllPrints);
     for (const char* name : {"focal 1 %", "centre 5 px", "both lens", "barrel"})

@@ -24,6 +24,8 @@ constexpr double kLeast_px = 0.004;
 constexpr double kMost = 20.0;
 // Probability of a smaller chi-square of the views of a new tag by the assumed noise.
 constexpr double kNoisyViews = 0.999;
+// Larger errors of them are not noise.
+constexpr double kMostByViews = 5.0;
 // A movement of this size makes the detector's error on the pixel grid independent.
 constexpr double kMoved_px = 1.0;
 // Largest noise factor of repeated sightings: they still show that the body did not move.
@@ -109,8 +111,9 @@ void CornerNoise::learn_from_views(const TagObservation& seen, double cost,
   const double noise_px = std::max(of(seen), start_px_);
   const double variance = noise_px * noise_px * cost / degrees_of_freedom;
   const double rest = variance - seen.corner_sigma_px * seen.corner_sigma_px;
-  if (rest > unexplained_px_ * unexplained_px_)
-    unexplained_px_ = std::min(std::sqrt(rest), kMost * start_px_);
+  const double most = kMostByViews * start_px_;
+  if (rest > unexplained_px_ * unexplained_px_ && rest < most * most)
+    unexplained_px_ = std::sqrt(rest);
 }
 
 double CornerNoise::growth(const TagObservation& seen) const {

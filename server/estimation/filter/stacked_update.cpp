@@ -109,8 +109,8 @@ StackedUpdate::Judged StackedUpdate::judge_three_corners(ConstCovariance P,
     TagMeasurement other = m;
     remove_corner(corner, other);
     const bool parameters = image.parameters.are_there();
-    Judged judged = m.relative ? judge(P, image, other, turn(other, parameters))
-                               : judge(P, image, other);
+    Judged judged =
+        m.relative ? judge(P, image, other, turn(other, parameters)) : judge(P, image, other);
     judged.outlier = corner;
     if (judged.distance < best.distance) best = judged;
   }
@@ -140,7 +140,8 @@ void StackedUpdate::gate(ConstCovariance P, ImageMeasurement& image, const GateL
     if (!(judged_[i].distance < limits.of_tag)) {  // rejects NaN as well
       const Judged without = judge_three_corners(P, image, m);
       if (!(without.distance < limits.of_three_corners)) continue;
-      judged_[i] = without;
+      judged_[i].distance = without.distance;
+      judged_[i].outlier = without.outlier;
       remove_corner(without.outlier, m);
       if (m.relative) turned_[i] = turn(m, image.parameters.are_there());
     }

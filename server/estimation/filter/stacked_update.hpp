@@ -10,7 +10,7 @@ namespace fiducap {
 
 /// Largest squared Mahalanobis distance of a tag that is used.
 struct GateLimits {
-  double of_tag{};           ///< Chi-square of 8.
+  double of_tag{};            ///< Chi-square of 8.
   double of_three_corners{};  ///< Chi-square of 6.
 };
 

@@ -89,7 +89,7 @@ struct MotionSegment {
   std::vector<Instance> instances;    ///< From begin (images only in a chain's first one) to end.
   std::vector<CameraBelief> cameras;  ///< All of the body's.
   double gravity_offset_m_s2{};       ///< Gravity minus the configured value.
-  ImuErrors imu{};                    ///< As estimated by the filter; constant.
+  ImuIntrinsics imu{};                ///< As estimated by the filter; constant.
   std::vector<KnownTag> tags;         ///< Tags seen, by the filter or the map.
   std::vector<double> scales;         ///< Relative size offset of each tag; empty: none.
 

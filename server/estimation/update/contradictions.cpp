@@ -122,13 +122,14 @@ void SingleTagRelocalisation::begin(int tag_id, const std::optional<BodyPlace>& 
     return;
   }
   moved_W_ = p_WB_now - before->p_WB;
-  const Eigen::Matrix3d S = before->covariance + kByOneTag_m * kByOneTag_m * Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d S =
+      before->covariance + kByOneTag_m * kByOneTag_m * Eigen::Matrix3d::Identity();
   const Eigen::Matrix3d S_moved = S + moved2 * Eigen::Matrix3d::Identity();
   const double in_place = (1 - kMovedWhileUnseen) * density(moved_W_, S);
   const double moved = kMovedWhileUnseen * density(moved_W_, S_moved);
   if (!(in_place + moved > 0)) return;
   const double share = moved / (in_place + moved);
-  mixture_ = share * (S + (1 - share) * moved_W_ * moved_W_.transpose());
+  mixture_ = share * (S + moved_W_ * moved_W_.transpose());
 }
 
 SingleTagRelocalisation::Verdict SingleTagRelocalisation::contradict(

@@ -34,8 +34,8 @@ class PoseFinder final {
   [[nodiscard]] bool is_turn_lost() const { return is_turn_lost_; }
   [[nodiscard]] bool knows_attitude() const { return !has_imu_ || attitude_.ready(); }
   /// nullopt: without IMU.
-  [[nodiscard]] std::optional<Eigen::Quaterniond> level_attitude(
-      const world::FilterState& state, Instant at) const;
+  [[nodiscard]] std::optional<Eigen::Quaterniond> level_attitude(const world::FilterState& state,
+                                                                 Instant at) const;
   /// While lost: the last pose, rotated by the gyroscope.
   [[nodiscard]] Pose turned(const world::FilterState& state, Instant at) const;
   /// In fixed axes, for comparing views. @param turn_sigma_rad  of a body that is tracked without

@@ -73,7 +73,7 @@ void TagFilter::look_for_jump(const TagObservations& seen, UpdateReport& report)
     return jump_search_.forget_images();
   }
   jump_search_.note_image(seen.camera, seen.exposed_at - seen.clock_shift,
-                                     image_update_.sighted(state_, seen.camera, tags_.usable));
+                          image_update_.sighted(state_, seen.camera, tags_.usable));
   if (contradicting < kContradictionsToReopenClock) return;
   if (image_update_.place(state_).sigma_m() > kPlaceForJumpSearch_m) return;
   const auto found = jump_search_.find(seen.camera, seen.clock_shift);
@@ -110,8 +110,7 @@ void TagFilter::handle_outliers(const TagObservations& seen, UpdateReport& repor
   // The start search handles contradictions of a young filter; the clock of an old one has jumped.
   if (is_start_over_ && contradictions_.contradicting_images() == kContradictionsToReopenClock) {
     const auto camera = static_cast<std::size_t>(seen.camera);
-    open_clock(state_, sensors_, config_, seen.camera,
-               sensors_.cameras[camera].time_shift_sigma_s);
+    open_clock(state_, sensors_, config_, seen.camera, sensors_.cameras[camera].time_shift_sigma_s);
     contradictions_.reset_tag_scores();
     memory_.forget_all();
   }
@@ -121,7 +120,8 @@ void TagFilter::handle_outliers(const TagObservations& seen, UpdateReport& repor
   // The body's place is better known than by a tag that may have been moved.
   const double gap_s = contradictions_.seconds_without_fit(seen.exposed_at);
   const bool is_place_kept = is_following() && contradictions_.has_ever_fit() &&
-                             gap_s < kPlaceKept_s && image_update_.place(state_).sigma_m() < kPlaceKept_m;
+                             gap_s < kPlaceKept_s &&
+                             image_update_.place(state_).sigma_m() < kPlaceKept_m;
   const auto unconfirmed =
       std::ranges::count_if(unconfirmed_removals_, &RemovedTag::was_proven) +
       std::ranges::count_if(tags_.usable, [&](const TagToUse& tag) { return is_proven(tag); });
@@ -230,8 +230,7 @@ bool TagFilter::is_proven(const TagToUse& tag) const {
 }
 
 /// Monitors a single tag that determined the place after a gap: it may have been moved meanwhile.
-void TagFilter::check_single_tag_relocalisation(const TagObservations& seen,
-                                                   UpdateReport& report) {
+void TagFilter::check_single_tag_relocalisation(const TagObservations& seen, UpdateReport& report) {
   if (!has_imu()) return;
   const bool is_alone = tags_.usable.size() == 1 && tags_.accepted.front();
   report.relocalised_by_one_tag = is_alone && place_before_.sigma_m() > kPlaceUnknown_m;

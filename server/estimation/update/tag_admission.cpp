@@ -18,8 +18,8 @@ constexpr int kViewsToBelieve = 3;
 
 /// Whether a sighting may show a tag at this position in camera axes, known to `sigma_m`: two tags
 /// never overlap.
-bool is_seen_at(const TagObservation& seen, const Eigen::Vector3d& p_VT,
-                                     double sigma_m, const CameraModel& camera) {
+bool is_seen_at(const TagObservation& seen, const Eigen::Vector3d& p_VT, double sigma_m,
+                const CameraModel& camera) {
   constexpr double kLeast_px = 10.0;
   constexpr double kSigmas = 3.0;
   if (!(p_VT.z() > 0)) return false;
@@ -35,7 +35,7 @@ bool is_seen_at(const TagObservation& seen, const Eigen::Vector3d& p_VT,
 }  // namespace
 
 std::optional<TagVerdict> TagFilter::judge(const TagObservations& seen, const TagToUse& tag,
-                                              const ViewLimits& limits) {
+                                           const ViewLimits& limits) {
   const double noise_px = image_update_.noise(seen.camera).of(*tag.seen);
   const auto verdict =
       candidates_.judge(seen.camera, seen.exposed_at, *tag.seen, model_of(seen.camera), noise_px,
@@ -76,7 +76,7 @@ void TagFilter::initialise_new_tags(const TagObservations& seen, UpdateReport& r
 /// Whether the first image of the tag shows it at its present position. False for a misread id,
 /// which must not define where the tag joins.
 bool TagFilter::is_where_first_seen(const TagObservations& seen, const TagToUse& tag,
-                                       const TagVerdict& verdict) {
+                                    const TagVerdict& verdict) {
   const int tag_id = tag.seen->tag_id;
   const auto first = memory_.first_sight(tag_id);
   if (!first || tag.known != nullptr || !is_following()) return true;
@@ -87,12 +87,12 @@ bool TagFilter::is_where_first_seen(const TagObservations& seen, const TagToUse&
                                 (state_.X_WV(seen.camera) * verdict.X_VT))
                                    .p;
   const double sigma_m =  // of the body's motion since then
-      std::sqrt(state_.P().diagonal().segment<3>(layout::kVelocity).sum()) * to_seconds(seen.exposed_at - then.exposed_at);
+      std::sqrt(state_.P().diagonal().segment<3>(layout::kVelocity).sum()) *
+      to_seconds(seen.exposed_at - then.exposed_at);
   return is_seen_at(*found, p_VT, sigma_m, model_of(then.camera));
 }
 
-bool TagFilter::admit_late(const TagToUse& tag, const TagVerdict& verdict,
-                              UpdateReport& report) {
+bool TagFilter::admit_late(const TagToUse& tag, const TagVerdict& verdict, UpdateReport& report) {
   const int tag_id = tag.seen->tag_id;
   const auto first = memory_.first_sight(tag_id);
   if (!first || !verdict.q_WT || tag.known != nullptr ||
@@ -149,7 +149,7 @@ void TagFilter::join(const TagObservations& seen, const TagObservation& tag, con
 }
 
 bool TagFilter::admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT,
-                         UpdateReport& report) {
+                      UpdateReport& report) {
   if (mode_ == FilterMode::kLost && !admit_while_lost(seen, tag, X_VT)) return false;
   if (mode_ == FilterMode::kStarting) start_motion(seen.exposed_at);
   if (tag.known != nullptr) {
@@ -173,7 +173,7 @@ bool TagFilter::admit(const TagObservations& seen, const TagToUse& tag, const Po
 }
 
 bool TagFilter::admit_while_lost(const TagObservations& seen, const TagToUse& tag,
-                                    const Pose& X_VT) {
+                                 const Pose& X_VT) {
   // Only its pose in the workspace links this tag to the earlier ones.
   const auto prior = priors_.find(tag.seen->tag_id);
   if (prior != priors_.end() && anchor_.is_anchored()) {
@@ -187,7 +187,7 @@ bool TagFilter::admit_while_lost(const TagObservations& seen, const TagToUse& ta
 }
 
 void TagFilter::admit_known(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT,
-                               UpdateReport& report) {
+                            UpdateReport& report) {
   if (!anchor_.is_anchored()) memory_.forget_all();
   shift_axes(anchor_.by_sighting(state_, seen.camera, X_VT, tag.known->X_WT), report);
   hold_one(state_, *tag.known, map_.whole, seen.exposed_at);

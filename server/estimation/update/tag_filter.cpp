@@ -26,6 +26,9 @@ constexpr int kCornerStepIterations = 2;
 // Fewer image points than this cannot confirm each other (edges, partly visible tags).
 constexpr std::size_t kFewestPoints = 10;
 constexpr double kUnknownTurn_rad = 0.4;  // of the attitude, 1-sigma
+// Probability of the fit of three corners, by which a tag is used without the fourth: lower than
+// the gate's, as a tag at another place may fit three corners by chance.
+constexpr double kThreeCornersFit = 0.9;
 
 bool is_attitude_unknown(const FilterState& state) {
   return state.P().diagonal().segment<3>(layout::kAttitude).maxCoeff() >
@@ -55,7 +58,7 @@ void ImageTags::find_again(const FilterState& state) {
 }
 
 TagFilter::TagFilter(BodySensors sensors, const WorkspaceGauge& gauge,
-                        const EstimatorConfig& config, ClockHypothesis clocks)
+                     const EstimatorConfig& config, ClockHypothesis clocks)
     : sensors_(std::move(sensors)),
       config_(config),
       propagator_(sensors_, config_),
@@ -65,7 +68,7 @@ TagFilter::TagFilter(BodySensors sensors, const WorkspaceGauge& gauge,
       candidates_(config),
       restart_clocks_(std::move(clocks)),
       gate_{chi_square_quantile(8, config.gate_probability),
-            chi_square_quantile(6, config.gate_probability)} {
+            chi_square_quantile(6, kThreeCornersFit)} {
   FIDUCAP_ASSERT(!sensors_.cameras.empty());
   if (config_.landmarks && has_imu()) window_.emplace(sensors_.cameras.size(), LandmarkRules{});
   restart();
@@ -181,8 +184,7 @@ UpdateReport TagFilter::process(const TagObservations& seen, std::span<const Kno
     initialise_new_tags(seen, report);
   look_for_jump(seen, report);
   handle_outliers(seen, report);
-  if (is_following())
-    shift_axes(anchor_.by_definition(state_, map_.may_define_workspace), report);
+  if (is_following()) shift_axes(anchor_.by_definition(state_, map_.may_define_workspace), report);
   if (ambiguous_offset_W_)
     report.ambiguous_place =
         UpdateReport::AmbiguousPlace{ambiguous_tag_, ambiguous_offset_W_->norm()};
@@ -191,7 +193,7 @@ UpdateReport TagFilter::process(const TagObservations& seen, std::span<const Kno
 }
 
 void TagFilter::predict(const TagObservations& seen, std::span<const KnownTag> known,
-                           UpdateReport& report) {
+                        UpdateReport& report) {
   image_update_.look_at(state_, seen);
   if (is_following()) {
     if (const auto shift = anchor_.by_own_tags(state_, known, map_.whole == nullptr)) {
@@ -248,9 +250,8 @@ int TagFilter::move_to(const TagObservations& seen) {
 }
 
 UpdateReport TagFilter::correct(const TagObservations& seen, int iterations) {
-  const UpdateReport done =
-      image_update_.correct(state_, propagator_.linearisation(), seen, tags_.usable, gate_,
-                            iterations, tags_.accepted);
+  const UpdateReport done = image_update_.correct(state_, propagator_.linearisation(), seen,
+                                                  tags_.usable, gate_, iterations, tags_.accepted);
   for (std::size_t i = 0; i < tags_.usable.size(); ++i) {
     if (tags_.usable[i].local < 0 || !tags_.accepted[i]) continue;
     TagRecord& tag = state_.tags[static_cast<std::size_t>(tags_.usable[i].local)];
@@ -342,8 +343,7 @@ void TagFilter::add_bend_of_prints(BodyEstimate& body) const {
   std::optional<Eigen::Vector3d> nearest = exact_tag_W_;
   for (std::size_t i = 0; i < state_.tags.size() && body.anchored; ++i) {
     const int tag_id = state_.tags[i].tag_id;
-    if (is_own(i) && anchor_.defined_by() != tag_id && !priors_.contains(tag_id))
-      continue;
+    if (is_own(i) && anchor_.defined_by() != tag_id && !priors_.contains(tag_id)) continue;
     const Eigen::Vector3d p_WT = tag_in_workspace(state_, i).X_WT.p;
     if (!nearest || (p_WB - p_WT).norm() < (p_WB - *nearest).norm()) nearest = p_WT;
   }

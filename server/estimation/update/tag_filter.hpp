@@ -6,17 +6,16 @@
 #include <utility>
 #include <vector>
 
+#include "estimation/start/jump_search.hpp"
 #include "estimation/start/starting_filter.hpp"
 #include "estimation/update/contradictions.hpp"
-#include "estimation/update/jump_search.hpp"
 #include "estimation/update/pose_finder.hpp"
-#include "estimation/update/workspace_anchor.hpp"
 #include "estimation/world/image_memory.hpp"
 #include "estimation/world/image_update.hpp"
-#include "estimation/world/initial_state.hpp"
 #include "estimation/world/landmarks.hpp"
-#include "estimation/world/propagator.hpp"
+#include "estimation/world/propagation.hpp"
 #include "estimation/world/tag_entry.hpp"
+#include "estimation/world/workspace_axes.hpp"
 
 namespace fiducap {
 

@@ -97,9 +97,9 @@ bool TagFilter::move_by_corners(const TagObservations& seen) {
   const double turning = config_.motion_angular_rad_s2_rtHz * dt * std::sqrt(dt) + 0.1 * dt + 0.01;
   const Eigen::Vector3d v_B = state_.X_WB.q.conjugate() * state_.v_WB;
   const Pose expected = state_.X_WB * Pose{exp_so3(-state_.bias_w * dt), v_B * dt};
-  const auto found = find_place(image_update_.sighted(state_, seen.camera, tags_.usable),
-                                {expected, wander, turning}, config_.corner_noise_px,
-                                kOtherBranch_rad);
+  const auto found =
+      find_place(image_update_.sighted(state_, seen.camera, tags_.usable),
+                 {expected, wander, turning}, config_.corner_noise_px, kOtherBranch_rad);
   const double corner_px = image_update_.noise(seen.camera).unexplained_px();
   if (!found || found->evidence < kEvidenceToFollow * pose_finder_.excess(*found, corner_px))
     return false;

@@ -1,8 +1,9 @@
 #include "estimation/world/calibration_monitor.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+
+#include "estimation/world/state_prior.hpp"
 
 namespace fiducap::world {
 
@@ -26,8 +27,9 @@ constexpr double kOpenMount_m = 0.05;
 constexpr double kSettledMount_m = 1e-3;
 constexpr double kOpenMount_rad = 0.05;
 constexpr double kSettledMount_rad = 5e-4;
-// Open prior at least this multiple of a configured one.
-constexpr double kWider = 10;
+// Sigmas of a mount that is given as exact. Larger ones are honest: the mount is estimated anyway.
+constexpr double kExactMount_m = 1e-3;
+constexpr double kExactMount_rad = 2e-3;
 // Assumed error of a tag size measured with a ruler, 1-sigma.
 constexpr double kAssumedScale = 3e-3;
 // Tight prior of an assumed error, as a share of it: without effect, but gives the correlation.
@@ -36,12 +38,6 @@ constexpr double kHeldShare = 1e-3;
 constexpr double kOpen_sigma = 5.0;
 constexpr int kOpenImages = 20;
 constexpr int kTestEvery = 5;  // images
-// Prior probability that a group of parameters differs from the configuration by its wide prior.
-constexpr double kWrong = 0.01;
-// Log evidence: two groups must explain this much more than one; a group that explains this much
-// less than the best one, a factor of 150, explains the data as well.
-constexpr double kNeedsBoth = 8.0;
-constexpr double kAsGood = 5.0;
 // Fewest tags of an image that may correct a lens without an IMU: the tilt of a single tag is
 // nonlinear and would change the lens.
 constexpr std::size_t kTagsToSeeALens = 3;
@@ -50,8 +46,6 @@ constexpr double kConfirmed = 5e-4;
 constexpr double kConfirmed_sigma = 3.0;
 // Sigmas of a confirmed camera relative to those for closing.
 constexpr double kConfirmedSettled = 5.0;
-// Score of a likely error: 90 % of right parameters are below.
-constexpr double kLikely_sigma = 2.0;
 
 bool is_of_lens(Kind kind) {
   return kind == Kind::kFocalLength || kind == Kind::kCentreU || kind == Kind::kCentreV ||
@@ -118,10 +112,11 @@ void CalibrationMonitor::add_lens(int camera) {
 
 void CalibrationMonitor::add_mount(int camera) {
   const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(camera)];
+  const bool is_exact =
+      mount.position_sigma_m <= kExactMount_m && mount.rotation_sigma_rad <= kExactMount_rad;
   const auto add = [&](Kind kind, double sigma, double open, double settled) {
-    const ParameterSigmas sigmas{sigma, std::max(open, kWider * sigma), std::max(settled, sigma)};
-    for (int axis = 0; sigma > 0 && axis < 3; ++axis)
-      all_.push_back({kind, camera, -1, axis, sigmas});
+    for (int axis = 0; is_exact && sigma > 0 && axis < 3; ++axis)
+      all_.push_back({kind, camera, -1, axis, {sigma, open, settled}});
   };
   add(Kind::kMountPosition, mount.position_sigma_m, kOpenMount_m, kSettledMount_m);
   add(Kind::kMountRotation, mount.rotation_sigma_rad, kOpenMount_rad, kSettledMount_rad);
@@ -147,9 +142,8 @@ void CalibrationMonitor::list_doubts() {
   doubts_.clear();
   for (std::size_t i = 0; i < all_.size(); ++i) {
     if (all_[i].is_refined || all_[i].assumed_sigma > 0) continue;
-    const auto same = std::ranges::find_if(doubts_, [&](const Doubt& doubt) {
-      return is_same_group(all_[doubt.rows[0]], all_[i]);
-    });
+    const auto same = std::ranges::find_if(
+        doubts_, [&](const Doubt& doubt) { return is_same_group(all_[doubt.rows[0]], all_[i]); });
     Doubt& doubt = same == doubts_.end() ? doubts_.emplace_back() : *same;
     doubt.rows[static_cast<std::size_t>(doubt.count++)] = i;
   }
@@ -183,39 +177,6 @@ void CalibrationMonitor::watch_print(FilterState& state, int tag_id) const {
   state.clear_column(all_[room].at, kOneSize.closed);
 }
 
-CalibrationMonitor::Likelihood CalibrationMonitor::likelihood(const FilterState& state,
-                                                              double dispersion) const {
-  Likelihood out;
-  for (std::size_t i = 0; i < all_.size(); ++i) {
-    const bool is_free = all_[i].print >= 0 && watched_tag(state, all_[i]) < 0;
-    if (!all_[i].is_refined && !is_free && out.count < kMostRows) out.rows[out.count++] = i;
-  }
-  const auto k = static_cast<Eigen::Index>(out.count);
-  RowMatrix P(k, k);
-  RowVector offsets(k);
-  RowVector unit(k);
-  for (Eigen::Index a = 0; a < k; ++a) {
-    const std::size_t i = out.rows[static_cast<std::size_t>(a)];
-    for (Eigen::Index b = 0; b <= a; ++b)
-      P(a, b) = P(b, a) =
-          covariance(state, all_[i], all_[out.rows[static_cast<std::size_t>(b)]]);
-    offsets(a) = offset(state, all_[i]);
-    unit(a) = 1 / prior_sigma(state, i);
-  }
-  // In units of the priors, where P is nearly the identity.
-  const Eigen::LLT<RowMatrix> llt(unit.asDiagonal() * P * unit.asDiagonal());
-  if (llt.info() != Eigen::Success) return {};
-  RowMatrix inverse = RowMatrix::Identity(k, k);
-  llt.solveInPlace(inverse);
-  inverse.diagonal().array() -= 1;
-  out.information = unit.asDiagonal() * inverse * unit.asDiagonal();
-  out.information /= dispersion;
-  out.score = unit.cwiseProduct(offsets);
-  llt.solveInPlace(out.score);
-  out.score = (unit.cwiseProduct(out.score) / dispersion).eval();
-  return out;
-}
-
 bool CalibrationMonitor::update_tests(FilterState& state, int camera, double dispersion) {
   if (++images_since_test_ < kTestEvery) return false;
   images_since_test_ = 0;
@@ -237,103 +198,6 @@ bool CalibrationMonitor::update_tests(FilterState& state, int camera, double dis
   return opens;
 }
 
-/// Posterior N(m, C) of the parameters with priors N(0, D), by the likelihood alone.
-CalibrationMonitor::Posterior CalibrationMonitor::posterior(const Likelihood& of,
-                                                            const Opened& opened) const {
-  const auto k = static_cast<Eigen::Index>(of.count);
-  RowVector sigmas(k);
-  for (std::size_t a = 0; a < of.count; ++a) {
-    const ParameterSigmas& prior = all_[of.rows[a]].sigmas;
-    sigmas(static_cast<Eigen::Index>(a)) = opened.test(a) ? prior.open : prior.closed;
-  }
-  RowMatrix scaled = sigmas.asDiagonal() * of.information * sigmas.asDiagonal();
-  scaled.diagonal().array() += 1;
-  const Eigen::LLT<RowMatrix> llt(scaled);
-  Posterior out;
-  out.mean = sigmas.cwiseProduct(of.score);
-  llt.matrixL().solveInPlace(out.mean);
-  out.evidence = 0.5 * out.mean.squaredNorm() - llt.matrixLLT().diagonal().array().log().sum();
-  llt.matrixU().solveInPlace(out.mean);
-  out.mean = sigmas.cwiseProduct(out.mean).eval();
-  out.covariance = RowMatrix::Identity(k, k);
-  llt.solveInPlace(out.covariance);
-  out.covariance = (sigmas.asDiagonal() * out.covariance * sigmas.asDiagonal()).eval();
-  return out;
-}
-
-/// Bayesian model average over the closed groups: second moment of each group's error, with the
-/// probability that the group is wrong.
-void CalibrationMonitor::average(const FilterState& state, const Likelihood& of) {
-  for (Doubt& doubt : doubts_) doubt.moment.setZero();
-  if (of.count == 0) return;
-  Opened now;
-  for (std::size_t a = 0; a < of.count; ++a)
-    now.set(a, state.parameter_tests[of.rows[a]].is_open);
-  const double evidence = posterior(of, now).evidence;
-  for (Doubt& doubt : doubts_) {
-    Opened with = now;
-    std::array<Eigen::Index, kMostOfGroup> at{};
-    int count = 0;
-    for (std::size_t a = 0; a < of.count && count < doubt.count; ++a) {
-      if (of.rows[a] != doubt.rows[static_cast<std::size_t>(count)]) continue;
-      at[static_cast<std::size_t>(count++)] = static_cast<Eigen::Index>(a);
-      with.set(a);
-    }
-    if (count < doubt.count || with == now) continue;  // not tested, or open
-    const Posterior open = posterior(of, with);
-    const double odds = kWrong * std::exp(std::min(open.evidence - evidence, 50.0));
-    const double share = odds / (1 + odds);
-    for (int a = 0; a < count; ++a)
-      for (int b = 0; b < count; ++b) {
-        const Eigen::Index i = at[static_cast<std::size_t>(a)];
-        const Eigen::Index j = at[static_cast<std::size_t>(b)];
-        doubt.moment(a, b) =
-            share * (open.covariance(i, j) + (1 - share) * open.mean(i) * open.mean(j));
-      }
-  }
-}
-
-/// The parameters that explain the data best when they are open: rows of `all_`. Groups are added
-/// one by one; those that explain the data as well as one of them are added, too.
-std::vector<std::size_t> CalibrationMonitor::select(const Likelihood& of) const {
-  std::vector<Opened> groups;
-  for (std::size_t a = 0; a < of.count; ++a) {
-    const auto same = std::ranges::find_if(groups, [&](const Opened& group) {
-      for (std::size_t b = 0; b < a; ++b)
-        if (group.test(b)) return is_same_group(all_[of.rows[b]], all_[of.rows[a]]);
-      return false;
-    });
-    (same == groups.end() ? groups.emplace_back() : *same).set(a);
-  }
-  Opened chosen;
-  double best = posterior(of, chosen).evidence;
-  for (double least = 0;; least = kNeedsBoth) {
-    Opened next;
-    double most = best + least;
-    for (const Opened& group : groups) {
-      if ((chosen & group).any()) continue;
-      const double found = posterior(of, chosen | group).evidence;
-      if (!(found > most)) continue;
-      most = found;
-      next = chosen | group;
-    }
-    if (next.none()) break;
-    best = most;
-    chosen = next;
-  }
-  Opened all = chosen;
-  for (const Opened& out : groups) {
-    for (const Opened& in : groups) {
-      if ((chosen & out).none() || (chosen & in).any()) continue;
-      if (posterior(of, (chosen & ~out) | in).evidence > best - kAsGood) all |= in;
-    }
-  }
-  std::vector<std::size_t> opened;
-  for (std::size_t a = 0; a < of.count; ++a)
-    if (all.test(a)) opened.push_back(of.rows[a]);
-  return opened;
-}
-
 /// Opens these parameters and closes all others. @return whether one was opened
 bool CalibrationMonitor::set_open(FilterState& state, int camera,
                                   const std::vector<std::size_t>& opened) const {
@@ -343,14 +207,14 @@ bool CalibrationMonitor::set_open(FilterState& state, int camera,
     if (all_[i].is_refined || is_open == state.parameter_tests[i].is_open || opened.empty())
       continue;
     const ParameterSigmas& sigmas = all_[i].sigmas;
-    exchange_prior(state, camera, all_[i], is_open ? sigmas.closed : sigmas.open,
-                   is_open ? sigmas.open : sigmas.closed);
+    exchange_prior(state, camera, derivative(state, all_[i]), offset(state, all_[i]),
+                   is_open ? sigmas.closed : sigmas.open, is_open ? sigmas.open : sigmas.closed);
     state.parameter_tests[i] = {.is_open = is_open};
     if (is_open) newly.push_back(i);
   }
   for (const std::size_t i : opened)
     state.parameter_tests[i].opened_with = 1 + static_cast<int>(opened.front());
-  for (const std::size_t i : newly) widen(state, all_[i]);
+  widen_opened(state, newly);
   // An error of one parameter may have raised the scores of the others.
   for (ParameterTest& other : state.parameter_tests) other.images_beyond = 0;
   return !newly.empty();
@@ -362,8 +226,7 @@ void CalibrationMonitor::release_confirmed_prints(FilterState& state) const {
     if (one.print < 0 || state.parameter_tests[i].is_open) continue;
     auto& watched = state.sizes.watched[static_cast<std::size_t>(one.print)];
     if (watched.tag_id < 0) continue;
-    const double information =
-        1 / state.P()(one.at, one.at) - 1 / square(one.sigmas.closed);
+    const double information = 1 / state.P()(one.at, one.at) - 1 / square(one.sigmas.closed);
     if (information < 1 / square(kConfirmed) || std::abs(score(state, one)) > kConfirmed_sigma)
       continue;
     watched = {};
@@ -391,8 +254,8 @@ bool CalibrationMonitor::is_lens_open(const FilterState& state, int camera) cons
 bool CalibrationMonitor::are_confirmed(const FilterState& state, int camera) const {
   for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
     const Parameter& one = all_[i];
-    const bool is_tested = is_of_lens(one.kind) || one.kind == Kind::kReadout ||
-                           one.kind == Kind::kAllPrints;
+    const bool is_tested =
+        is_of_lens(one.kind) || one.kind == Kind::kReadout || one.kind == Kind::kAllPrints;
     if (!is_tested || (one.camera >= 0 && one.camera != camera)) continue;
     const double least = kConfirmedSettled * one.sigmas.settled;
     if (one.is_refined && one.sigmas.open < least) continue;  // calibrated

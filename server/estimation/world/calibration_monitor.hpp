@@ -3,13 +3,9 @@
 #include <Eigen/Core>
 #include <array>
 #include <bitset>
-#include <chrono>
 #include <span>
-#include <utility>
 #include <vector>
 
-#include "base/pose.hpp"
-#include "base/time.hpp"
 #include "estimation/body_filter.hpp"
 #include "estimation/found_mismatch.hpp"
 #include "estimation/known_tag.hpp"
@@ -17,27 +13,6 @@
 #include "estimation/world/filter_state.hpp"
 
 namespace fiducap::world {
-
-/// Suspends the tests for a while after a large change of the axes: until the filter has converged,
-/// nonlinearity resembles a wrong lens or tag size.
-class PostRealignmentHoldoff final {
- public:
-  /// @param X_new_old  motion of a body that is at X_WB now
-  void note(const Pose& X_new_old, const Pose& X_WB, Instant now) {
-    const double moved_m = (X_WB.p - (X_new_old.inverse() * X_WB).p).norm();
-    const bool is_far = moved_m > kFar_m || log_so3(X_new_old.q).norm() > kFar_rad;
-    if (std::exchange(is_first_, false) || is_far) until_ = now + kLasts;
-  }
-  [[nodiscard]] bool active(Instant now) const { return now < until_; }
-
- private:
-  static constexpr Duration kLasts = std::chrono::seconds(2);
-  static constexpr double kFar_m = 0.1;
-  static constexpr double kFar_rad = 0.02;
-
-  bool is_first_{true};
-  Instant until_{Instant::min()};
-};
 
 /// Sigmas of a calibration parameter.
 struct ParameterSigmas {
@@ -139,10 +114,11 @@ class CalibrationMonitor final {
              kind == FoundMismatch::Kind::kMountRotation;
     }
   };
+  /// Score of a likely error: 90 % of right parameters are below.
+  static constexpr double kLikely_sigma = 2.0;
   static constexpr int kMostRows = 64;
   static constexpr int kMostOfGroup = 6;
-  using RowMatrix =
-      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostRows, kMostRows>;
+  using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostRows, kMostRows>;
   using RowVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostRows, 1>;
   using Opened = std::bitset<kMostRows>;
   /// Likelihood of the tested parameters: ℓ(b) = uᵀ b − ½ bᵀ Λ b.
@@ -170,16 +146,13 @@ class CalibrationMonitor final {
   [[nodiscard]] double offset(const FilterState& state, const Parameter& parameter) const {
     return parameter.is_of_mount() ? value_of_mount(state, parameter) : value(state, parameter);
   }
-  /// Covariance of the state with a parameter, P ℓ.
-  [[nodiscard]] static Eigen::VectorXd column_of(const FilterState& state,
-                                                 const Parameter& parameter);
-  /// Its variance, ℓᵀ P ℓ. @param column  of column_of()
+  /// ∂ parameter / ∂ state.
+  [[nodiscard]] static Eigen::VectorXd derivative(const FilterState& state,
+                                                  const Parameter& parameter);
   [[nodiscard]] static double covariance(const FilterState& state, const Parameter& a,
                                          const Parameter& b);
   /// Covariance of the body's pose with a parameter.
   [[nodiscard]] static Vector6d body_column(const FilterState& state, const Parameter& parameter);
-  [[nodiscard]] static double variance_of(const FilterState& state, const Parameter& parameter,
-                                          const Eigen::Ref<const Eigen::VectorXd>& column);
   [[nodiscard]] double sigma_of(const FilterState& state, const Parameter& parameter) const;
   [[nodiscard]] double prior_sigma(const FilterState& state, std::size_t row) const {
     return state.parameter_tests[row].is_open ? all_[row].sigmas.open : all_[row].sigmas.closed;
@@ -203,9 +176,7 @@ class CalibrationMonitor final {
   [[nodiscard]] Posterior posterior(const Likelihood& of, const Opened& opened) const;
   void average(const FilterState& state, const Likelihood& of);
   void list_doubts();
-  void exchange_prior(FilterState& state, int camera, const Parameter& parameter, double from_sigma,
-                      double to_sigma) const;
-  void widen(FilterState& state, const Parameter& parameter) const;
+  void widen_opened(FilterState& state, const std::vector<std::size_t>& opened) const;
   bool set_open(FilterState& state, int camera, const std::vector<std::size_t>& opened) const;
   void release_confirmed_prints(FilterState& state) const;
 

@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <vector>
 
 #include "capture/lens/camera_model.hpp"
+#include "estimation/world/state_prior.hpp"
 
 // CalibrationMonitor: values and priors of its parameters, reports, and the map.
 namespace fiducap::world {
@@ -23,37 +25,6 @@ constexpr double kRefinedDistortion = 0.02;  // refined alone
 constexpr double kTypicalRadius = 0.25;
 // Validity of a judgement by the map: longest delay of a graph of some thousand segments.
 constexpr Duration kJudgementHolds = std::chrono::seconds(10);
-// Held tags may have only a common error.
-constexpr double kRelativeRounding = 1e-9;
-
-/// A covariance of the state with one number, in two parts.
-struct Column {
-  Eigen::VectorXd given_held;  ///< Conditional on the held tags; theirs: zero.
-  Eigen::VectorXd by_held;     ///< By the uncertainty of the held tags.
-};
-
-Column split(const FilterState& state, Eigen::VectorXd column) {
-  const auto P = state.P();
-  Column out{std::move(column), Eigen::VectorXd::Zero(P.rows())};
-  std::vector<int> held;
-  for (const int at : state.held_tags())
-    for (int i = 0; i < layout::kPoseSize; ++i) held.push_back(at + i);
-  if (held.empty()) return out;
-  const auto count = static_cast<Eigen::Index>(held.size());
-  Eigen::MatrixXd with_held(P.rows(), count);
-  for (Eigen::Index i = 0; i < count; ++i) with_held.col(i) = P.col(held[i]);
-  Eigen::MatrixXd of_held(count, count);
-  Eigen::VectorXd given(count);
-  for (Eigen::Index i = 0; i < count; ++i) {
-    of_held.row(i) = with_held.row(held[i]);
-    given[i] = out.given_held(held[i]);
-  }
-  of_held.diagonal() *= 1 + kRelativeRounding;
-  out.by_held = with_held * of_held.ldlt().solve(given);
-  for (Eigen::Index i = 0; i < count; ++i) out.by_held[held[i]] = given[i];
-  out.given_held -= out.by_held;
-  return out;
-}
 
 /// Derivative of one number of X_BV (position or rotation vector, B axes) by the world-side error
 /// of the camera relative to the body.
@@ -106,18 +77,16 @@ double CalibrationMonitor::value_of_mount(const FilterState& state, const Parame
   return log_so3(now.q * configured.q.conjugate())(one.at);
 }
 
-Eigen::VectorXd CalibrationMonitor::column_of(const FilterState& state, const Parameter& one) {
-  const auto P = state.P();
-  if (!one.is_of_mount()) return P.col(one.at);
+Eigen::VectorXd CalibrationMonitor::derivative(const FilterState& state, const Parameter& one) {
+  Eigen::VectorXd l = Eigen::VectorXd::Zero(state.size());
+  if (!one.is_of_mount()) {
+    l(one.at) = 1;
+    return l;
+  }
   const auto row = mount_row(state, one.camera, row_of(one.kind, one.at));
-  return (P.middleCols<6>(layout::camera(one.camera)) - P.leftCols<6>()) * row.transpose();
-}
-
-double CalibrationMonitor::variance_of(const FilterState& state, const Parameter& one,
-                                       const Eigen::Ref<const Eigen::VectorXd>& column) {
-  if (!one.is_of_mount()) return column(one.at);
-  return mount_row(state, one.camera, row_of(one.kind, one.at)) *
-         (column.segment<6>(layout::camera(one.camera)) - column.head<6>());
+  l.segment<6>(layout::camera(one.camera)) = row.transpose();
+  l.head<6>() = -row.transpose();
+  return l;
 }
 
 double CalibrationMonitor::covariance(const FilterState& state, const Parameter& a,
@@ -127,12 +96,11 @@ double CalibrationMonitor::covariance(const FilterState& state, const Parameter&
   if (!a.is_of_mount()) return covariance(state, b, a);
   const auto row = mount_row(state, a.camera, row_of(a.kind, a.at));
   const int at = layout::camera(a.camera);
-  if (!b.is_of_mount())
-    return row * (P.block<6, 1>(at, b.at) - P.block<6, 1>(0, b.at));
+  if (!b.is_of_mount()) return row * (P.block<6, 1>(at, b.at) - P.block<6, 1>(0, b.at));
   const auto other = mount_row(state, b.camera, row_of(b.kind, b.at));
   const int there = layout::camera(b.camera);
-  const Matrix6d apart = P.block<6, 6>(at, there) - P.block<6, 6>(0, there) -
-                         P.block<6, 6>(at, 0) + P.block<6, 6>(0, 0);
+  const Matrix6d apart = P.block<6, 6>(at, there) - P.block<6, 6>(0, there) - P.block<6, 6>(at, 0) +
+                         P.block<6, 6>(0, 0);
   return row * apart * other.transpose();
 }
 
@@ -158,48 +126,22 @@ double CalibrationMonitor::score(const FilterState& state, const Parameter& one)
   return offset(state, one) / (variance * std::sqrt(information * (1 + information * prior)));
 }
 
-/// Replaces the zero-mean prior of a parameter: a measurement of zero with the difference of
-/// information. The marginal of held tags p(tags) stays and p(rest | tags) changes, so the body
-/// moves relative to them: an error of the whole map is common to parameter and body.
-/// @param camera  whose image corrected the state last
-void CalibrationMonitor::exchange_prior(FilterState& state, int camera, const Parameter& one,
-                                        double from_sigma, double to_sigma) const {
-  const double gained = 1 / (to_sigma * to_sigma) - 1 / (from_sigma * from_sigma);
-  const Column of = split(state, column_of(state, one));
-  const double S = 1 + gained * variance_of(state, one, of.given_held);
-  if (!(S > 1e-9)) return;
-  const double factor = gained / S;
-  const double by_held = variance_of(state, one, of.by_held);
-  auto P = state.P();
-  for (Eigen::Index k = 0; k < P.cols(); ++k) {
-    const double own = factor * (1 - factor * by_held) * of.given_held(k) + factor * of.by_held(k);
-    P.col(k) -= own * of.given_held + factor * of.given_held(k) * of.by_held;
-  }
-  const Eigen::VectorXd correction = -factor * offset(state, one) * of.given_held;
-  state.add_error(correction);
-  transport_covariance(state, correction, camera);
-}
-
-/// Makes a newly opened parameter, and what is correlated with it, as uncertain as a share of its
-/// value. Held tags and closed parameters keep their variance: above its prior a closed one would
-/// have negative information.
-void CalibrationMonitor::widen(FilterState& state, const Parameter& one) const {
-  constexpr double kUnsureShare = 0.5;  // earlier images were gated with the wrong value
-  const Column of = split(state, column_of(state, one));
-  const double variance = variance_of(state, one, of.given_held);
-  const double sigma = kUnsureShare * std::abs(offset(state, one));
-  if (!(variance > 0) || sigma * sigma <= variance) return;
-  Eigen::VectorXd along = of.given_held / variance;
+/// Makes newly opened parameters as uncertain as a share of their values: earlier images were gated
+/// with the wrong ones.
+void CalibrationMonitor::widen_opened(FilterState& state,
+                                      const std::vector<std::size_t>& opened) const {
+  constexpr double kUnsureShare = 0.5;
+  Closed closed;
   for (std::size_t i = 0; i < all_.size(); ++i) {
     if (state.parameter_tests[i].is_open) continue;
-    const int camera = layout::camera(std::max(0, all_[i].camera));
     if (all_[i].is_of_mount())
-      along.segment<6>(camera) = along.head<6>().eval();
+      closed.mounts.push_back(all_[i].camera);
     else
-      along(all_[i].at) = 0;
+      closed.columns.push_back(all_[i].at);
   }
-  auto P = state.P();
-  P += (sigma * sigma - variance) * along * along.transpose();
+  for (const std::size_t i : opened)
+    widen(state, derivative(state, all_[i]), kUnsureShare * std::abs(offset(state, all_[i])),
+          closed);
 }
 
 void CalibrationMonitor::open_found(FilterState& state, std::span<const WrongNumber> wrong) const {
@@ -211,7 +153,8 @@ void CalibrationMonitor::open_found(FilterState& state, std::span<const WrongNum
     if (one.is_refined || std::ranges::none_of(wrong, is_this)) continue;
     state.parameter_tests[i].is_open = true;
     if (one.is_of_mount())
-      exchange_prior(state, one.camera, one, one.sigmas.closed, one.sigmas.open);
+      exchange_prior(state, one.camera, derivative(state, one), offset(state, one),
+                     one.sigmas.closed, one.sigmas.open);
     else
       state.clear_column(one.at, one.sigmas.open);
   }
@@ -294,7 +237,8 @@ void CalibrationMonitor::add_finding(const FilterState& state, std::size_t row, 
                    .is_ambiguous = is_ambiguous});
     if (!has_axes(one.kind)) return;
     // All three axes.
-    const int first = one.is_of_mount() ? 0 : one.at - (one.at - layout::gravity(state.cameras()) - 1) % 3;
+    const int first =
+        one.is_of_mount() ? 0 : one.at - (one.at - layout::gravity(state.cameras()) - 1) % 3;
     for (int axis = 0; axis < 3; ++axis) {
       Parameter other = one;
       other.at = first + axis;
@@ -375,11 +319,11 @@ void CalibrationMonitor::restore_test_statistics(FilterState& state,
       continue;
     double& variance = P(one.at, one.at);
     variance = std::max(variance, before[i].variance);
-    const double left =
-        std::max(0.0, 1 / variance - 1 / (one.sigmas.closed * one.sigmas.closed));
+    const double left = std::max(0.0, 1 / variance - 1 / (one.sigmas.closed * one.sigmas.closed));
     const double share = before[i].information > 0 ? left / before[i].information : 0.0;
     const double kept = before[i].score * std::sqrt(std::min(1.0, share));
-    error(one.at) = kept * variance * std::sqrt(left) - value(state, one);
+    const double scale = std::sqrt(left * (1 + left * one.sigmas.closed * one.sigmas.closed));
+    error(one.at) = kept * variance * scale - value(state, one);
   }
   state.add_error(error);
 }
@@ -426,8 +370,7 @@ void CalibrationMonitor::reset_tests(FilterState& state, double from_sigma) cons
     const Parameter& one = all_[i];
     const bool is_free = one.print >= 0 && watched_tag(state, one) < 0;
     if (one.is_refined || one.is_of_mount() || one.assumed_sigma > 0 || is_free ||
-        state.parameter_tests[i].is_open ||
-        std::abs(score(state, one)) < from_sigma)
+        state.parameter_tests[i].is_open || std::abs(score(state, one)) < from_sigma)
       continue;
     error(one.at) = -value(state, one);
     state.clear_column(one.at, one.sigmas.closed);

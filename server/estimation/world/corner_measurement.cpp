@@ -166,8 +166,9 @@ TagMeasurement measure(const FilterState& state, int camera, const CameraModel& 
   m.tag_id = tag.seen->tag_id;
   const double beyond_px = beyond_model_px(state, camera, model, *tag.seen);
   m.noise_px = std::hypot(noise.of(*tag.seen), beyond_px);
-  m.R = noise.is_uneven(*tag.seen) ? noise.covariance(*tag.seen, beyond_px)
-                                   : Matrix8d(Matrix8d::Identity() * m.noise_px * m.noise_px);
+  m.even = !noise.is_uneven(*tag.seen);
+  m.R = !m.even ? noise.covariance(*tag.seen, beyond_px)
+                : Matrix8d(Matrix8d::Identity() * m.noise_px * m.noise_px);
   const CameraClock& clock = state.clocks[static_cast<std::size_t>(camera)];
   const auto compare_at = [&](double row, Eigen::Index first, Eigen::Index rows) {
     const CameraAt at = camera_at(state, camera, clock.seconds_to(row));

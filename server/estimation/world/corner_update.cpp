@@ -1,4 +1,4 @@
-#include "estimation/world/corner_update.hpp"
+#include "estimation/world/image_update.hpp"
 
 #include <cmath>
 

@@ -41,7 +41,7 @@ inline constexpr int kWatchedPrints = 5;
 [[nodiscard]] constexpr int sizes(int cameras) { return kBodySize + kCameraSize * cameras; }
 [[nodiscard]] constexpr int print(int cameras, int watched) { return sizes(cameras) + 1 + watched; }
 /// Parameters of the motion, in sequence: gravity minus the configured value, m/s²; the errors of
-/// the IMU (ImuErrors): accelerometer scale, rotation and scale of the gyroscope, three each.
+/// the IMU (ImuIntrinsics): accelerometer scale, rotation and scale of the gyroscope, three each.
 inline constexpr int kMotionSize = 10;
 [[nodiscard]] constexpr int gravity(int cameras) { return sizes(cameras) + 1 + kWatchedPrints; }
 [[nodiscard]] constexpr int accel_scale(int cameras) { return gravity(cameras) + 1; }

@@ -50,8 +50,8 @@ struct PrintSizes {
 struct ParameterTest {
   bool is_open{false};
   int images_beyond{0};  ///< Consecutive.
-  int opened_with{0};  ///< The same number for parameters that were opened together.
-  double score{};      ///< At the last test, in sigmas.
+  int opened_with{0};    ///< The same number for parameters that were opened together.
+  double score{};        ///< At the last test, in sigmas.
 };
 
 /// A tag in the state, fixed in W.
@@ -80,8 +80,8 @@ struct FilterMean {
   std::vector<CameraClock> clocks;  ///< One per camera.
   std::vector<LensOffset> lenses;   ///< One per camera.
   PrintSizes sizes;
-  double gravity_offset_m_s2{};                ///< Gravity minus the configured value.
-  ImuErrors imu;
+  double gravity_offset_m_s2{};  ///< Gravity minus the configured value.
+  ImuIntrinsics imu;
   std::vector<ParameterTest> parameter_tests;  ///< Per parameter; empty: none are tested.
   Instant judged_until{Instant::min()};        ///< Until then only the map opens parameters.
   std::vector<Clone> clones;                   ///< Fixed number, no order; none: no points.

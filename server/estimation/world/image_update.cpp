@@ -37,7 +37,8 @@ void ImageUpdate::look_at(FilterState& state, const TagObservations& seen) {
 
 UpdateReport ImageUpdate::correct(FilterState& state, FilterState* linearisation,
                                   const TagObservations& seen, std::span<const TagToUse> tags,
-                                  const GateLimits& gate, int iterations, std::vector<bool>& accepted) {
+                                  const GateLimits& gate, int iterations,
+                                  std::vector<bool>& accepted) {
   const auto camera = static_cast<std::size_t>(seen.camera);
   const bool watches = watches_noise();
   const bool teaches =
@@ -47,13 +48,10 @@ UpdateReport ImageUpdate::correct(FilterState& state, FilterState* linearisation
   for (FilterState* held : {&state, linearisation})
     if (!sensors_.imu && held != nullptr) calibration_monitor_.hold_parameters(*held, tags.size());
   corner_noise_[camera].fall_quickly(calibration_monitor_.are_confirmed(state, seen.camera));
-  const UpdateReport report =
-      corner_update_.apply(state, seen.camera, sensors_.cameras[camera].model, tags,
-                           {.gate = gate,
-                            .iterations = iterations,
-                            .start = linearisation,
-                            .wants_score = watches},
-                           corner_noise_[camera], accepted);
+  const UpdateReport report = corner_update_.apply(
+      state, seen.camera, sensors_.cameras[camera].model, tags,
+      {.gate = gate, .iterations = iterations, .start = linearisation, .wants_score = watches},
+      corner_noise_[camera], accepted);
   state.release_blocks();
   if (linearisation != nullptr) linearisation->release_blocks();
   learn_noise(state, report, on_time, teaches);
@@ -135,8 +133,7 @@ std::vector<SightedTag> ImageUpdate::sighted(const FilterState& state, int camer
   const auto k = static_cast<std::size_t>(camera);
   std::vector<SightedTag> out;
   for (const TagToUse& tag : tags)
-    out.push_back(
-        {tag.seen, &lenses_[k], state.X_BV[k], place_of(state, tag), state.lenses[k].k1});
+    out.push_back({tag.seen, &lenses_[k], state.X_BV[k], place_of(state, tag), state.lenses[k].k1});
   return out;
 }
 

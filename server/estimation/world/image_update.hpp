@@ -1,16 +1,77 @@
 #pragma once
 
+#include <chrono>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
+#include "base/pose.hpp"
+#include "base/time.hpp"
+#include "estimation/body_estimate.hpp"
+#include "estimation/filter/corner_noise.hpp"
+#include "estimation/filter/stacked_update.hpp"
 #include "estimation/start/place_search.hpp"
 #include "estimation/start/starting_filter.hpp"
 #include "estimation/world/calibration_monitor.hpp"
-#include "estimation/world/corner_update.hpp"
+#include "estimation/world/filter_state.hpp"
 #include "estimation/world/noise_watch.hpp"
 
 namespace fiducap::world {
+
+/// Suspends the tests for a while after a large change of the axes: until the filter has converged,
+/// nonlinearity resembles a wrong lens or tag size.
+class PostRealignmentHoldoff final {
+ public:
+  /// @param X_new_old  motion of a body that is at X_WB now
+  void note(const Pose& X_new_old, const Pose& X_WB, Instant now) {
+    const double moved_m = (X_WB.p - (X_new_old.inverse() * X_WB).p).norm();
+    const bool is_far = moved_m > kFar_m || log_so3(X_new_old.q).norm() > kFar_rad;
+    if (std::exchange(is_first_, false) || is_far) until_ = now + kLasts;
+  }
+  [[nodiscard]] bool active(Instant now) const { return now < until_; }
+
+ private:
+  static constexpr Duration kLasts = std::chrono::seconds(2);
+  static constexpr double kFar_m = 0.1;
+  static constexpr double kFar_rad = 0.02;
+
+  bool is_first_{true};
+  Instant until_{Instant::min()};
+};
+
+/// The update of RCARS II-D4 with all tags of one image jointly, optionally iterated. Keeps its
+/// memory between images.
+class CornerUpdate final {
+ public:
+  struct Options {
+    GateLimits gate;
+    int iterations{1};  ///< More than 1: iterated EKF, for a mean far from the corners.
+    const FilterState* start{nullptr};  ///< First linearisation point; nullptr: the prior mean.
+    bool wants_score{false};            ///< Computes shared_score(), which costs another division.
+  };
+
+  /// @param noise     of this camera's corners; learns from every tag
+  /// @param accepted  out: per entry of `tags`, whether it was used
+  UpdateReport apply(FilterState& state, int camera, const CameraModel& model,
+                     std::span<const TagToUse> tags, const Options& options, CornerNoise& noise,
+                     std::vector<bool>& accepted);
+
+  /// Score of the camera's pose by the accepted tags of the last image, by all of them when at
+  /// least half were rejected; nullopt: none, or not wanted.
+  [[nodiscard]] const std::optional<StackedUpdate::SharedScore>& shared_score() const {
+    return score_;
+  }
+
+ private:
+  void score_all(const FilterState& state);
+
+  FilterState prior_;  ///< mean only
+  ImageMeasurement image_;
+  StackedUpdate update_;
+  std::vector<std::size_t> gated_;
+  std::optional<StackedUpdate::SharedScore> score_;
+};
 
 /// Corrects a state by the corners of one image, and learns noise and calibration from it.
 class ImageUpdate final {

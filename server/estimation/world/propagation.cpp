@@ -1,8 +1,10 @@
 #include "estimation/world/propagation.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "estimation/filter/dense_kernels.hpp"
+#include "estimation/filter/filter_rules.hpp"
 
 namespace fiducap::world {
 
@@ -61,8 +63,7 @@ void add_step(const StepJacobians& step, MotionParameterMatrix& M) {
 }
 
 /// M ← M + C Gᵀ with G = by_parameters. @param C  columns of the parameters
-void add_parameters(const MotionSinceImage& motion, dense::ConstView C,
-                    Eigen::Ref<BodyColumns> M) {
+void add_parameters(const MotionSinceImage& motion, dense::ConstView C, Eigen::Ref<BodyColumns> M) {
   for (const int to : {kPosition, kAttitude, kVelocity})
     dense::add_product(C, kMotionSize, {&motion.by_parameters(to, 0), kBiasF},
                        {M.col(to).data(), M.outerStride()}, M.rows(), dense::Width::kThree);
@@ -93,7 +94,7 @@ namespace {
 /// @param w_B   corrected rate
 /// @param f_B   corrected force
 /// @param step  F by the biases of an IMU without other errors
-void add_parameter_jacobians(const ImuErrors& imu, const Eigen::Vector3d& w_B,
+void add_parameter_jacobians(const ImuIntrinsics& imu, const Eigen::Vector3d& w_B,
                              const Eigen::Vector3d& f_B, double dt, StepJacobians& step) {
   const auto accel = (1 + imu.accel_scale.array()).inverse().matrix().eval();
   const Eigen::Matrix3d gyro = (1 + imu.gyro_scale.array()).inverse().matrix().asDiagonal() *
@@ -121,9 +122,8 @@ void add_parameter_jacobians(const ImuErrors& imu, const Eigen::Vector3d& w_B,
 StepJacobians step_mean(FilterState& state, const InertialInput& input,
                         const Eigen::Vector3d& gravity_W, double dt) {
   const Eigen::Vector3d w_B = state.imu.rate(input.w_B - state.bias_w);
-  const Eigen::Vector3d f_B = input.has_accelerometer
-                                  ? state.imu.force(input.f_B - state.bias_f)
-                                  : Eigen::Vector3d(Eigen::Vector3d::Zero());
+  const Eigen::Vector3d f_B = input.has_accelerometer ? state.imu.force(input.f_B - state.bias_f)
+                                                      : Eigen::Vector3d(Eigen::Vector3d::Zero());
   const Eigen::Vector3d g_W =
       input.has_accelerometer
           ? Eigen::Vector3d(gravity_W - state.gravity_offset_m_s2 * Eigen::Vector3d::UnitZ())
@@ -210,6 +210,56 @@ void apply(FilterState& state, MotionSinceImage& motion) {
   }
   extrinsics_to_camera_errors(state);
   motion.restart();
+}
+
+using namespace layout;        // NOLINT: block names
+using namespace filter_rules;  // NOLINT: short names
+
+Propagator::Propagator(const BodySensors& sensors, const EstimatorConfig& config)
+    : sensors_(sensors),
+      config_(config),
+      gravity_W_(0, 0, -sensors.gravity_m_s2),
+      imu_(sensors.imu.value_or(ImuNoise{}), config.max_imu_gap_s, config.motion_accel_m_s2_rtHz) {}
+
+void Propagator::integrate(FilterState& state, Instant to, double variance, JumpSearch& path) {
+  if (!sensors_.imu)
+    return step_to(state, to, motion_without_imu(config_), kStepWithoutImu_s, variance, path);
+  while (state.time < to) {
+    const Instant end = imu_.end_of_interval(state.time, to);
+    step_to(state, end, imu_.input_between(state.time, end), kStepWithImu_s, variance, path);
+  }
+}
+
+void Propagator::step_to(FilterState& state, Instant to, InertialInput input, double longest_s,
+                         double variance, JumpSearch& path) {
+  input.scale_noise(std::sqrt(variance));
+  while (state.time < to) {
+    const Instant end = std::min(to, state.time + from_seconds(longest_s));
+    propagate(state, motion_, input, gravity_W_, to_seconds(end - state.time));
+    state.time = end;
+    if (sensors_.imu) path.note_motion(end, state.X_WB);
+  }
+}
+
+void Propagator::aim(FilterState& state, const Pose& X_B0B, double dt) {
+  before_ = state;
+  aimed_off_.setZero();
+  const Eigen::Vector3d v_found = state.X_WB.q * X_B0B.p / dt;
+  const Eigen::Vector3d bias_found = -log_so3(X_B0B.q) / dt;
+  aimed_off_.segment<3>(kVelocity) = state.v_WB - v_found;
+  aimed_off_.segment<3>(kBiasW) = state.bias_w - bias_found;
+  state.v_WB = v_found;
+  state.bias_w = bias_found;
+}
+
+void Propagator::finish_aimed(FilterState& state) {
+  Eigen::VectorXd moved = Eigen::VectorXd::Zero(state.size());
+  moved.head<kBodySize>() = motion_.Phi * aimed_off_;
+  for (int c = 0; c < state.cameras(); ++c)
+    moved.segment<6>(layout::camera(c)) = moved.segment<6>(kPosition);
+  apply(state, motion_);
+  linearisation_ = state;
+  state.add_error(moved);
 }
 
 }  // namespace fiducap::world

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "base/pose.hpp"
-#include "estimation/update/workspace_anchor.hpp"
+#include "estimation/world/workspace_axes.hpp"
 #include "example_room.hpp"
 
 namespace fiducap {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "base/pose.hpp"
-#include "estimation/update/jump_search.hpp"
+#include "estimation/start/jump_search.hpp"
 #include "example_tags.hpp"
 
 namespace fiducap {

@@ -1,14 +1,12 @@
 // Configured parameters are tested, estimated when the data contradict them, fixed when they do
 // not.
-#include "estimation/world/calibration_monitor.hpp"
-
 #include <gmock/gmock.h>
 
 #include <chrono>
 #include <cmath>
 
-#include "base/pose.hpp"
 #include "support/jacobian_check.hpp"
+#include "world/calibration_fixture.hpp"
 
 namespace fiducap::world {
 namespace {
@@ -18,71 +16,6 @@ using testing::ElementsAre;
 using testing::Field;
 using testing::IsEmpty;
 using Kind = FoundMismatch::Kind;
-
-constexpr std::size_t kSizeOfAll = 5;  // after four numbers of the lens and the readout
-
-/// A body with one camera and one tag, all doubted.
-class CalibrationMonitorTest : public testing::Test {
- protected:
-  CalibrationMonitorTest() {
-    state_.reset({Pose{exp_so3({0.1, -1.5, 0.2}), {0.05, -0.02, 0.03}}});
-    state_.P().diagonal().head<layout::kBodySize>().setConstant(1e-12);
-    monitor_.begin(state_);
-  }
-
-  double& variance(int column) { return state_.P()(column, column); }
-  double sigma(int column) { return std::sqrt(variance(column)); }
-
-  /// Kalman update with the measurement `y` = `h` x of standard deviation `sigma`, of the common
-  /// size and the body's position.
-  void measure(double on_size, double y, double sigma) {
-    auto P = state_.P();
-    Eigen::VectorXd h = Eigen::VectorXd::Zero(state_.size());
-    h(size_) = on_size;
-    h(layout::kPosition) = 1;
-    const double innovation = y - on_size * state_.sizes.common - place_;
-    const double S = h.dot(P * h) + sigma * sigma;
-    const Eigen::VectorXd K = P * h / S;
-    P -= (K * K.transpose() * S).eval();
-    state_.sizes.common += K(size_) * innovation;
-    place_ += K(layout::kPosition) * innovation;
-  }
-  /// All prints are 2 % larger.
-  void measure_larger_prints() {
-    place_ = 0;
-    measure(1e-3, 2e-5, 1e-6);
-  }
-  /// Tests the parameters with as many images, by default with enough for a decision.
-  void test_parameters(int images = 25, double dispersion = 1.0) {
-    for (int i = 0; i < images; ++i) monitor_.update_tests(state_, 0, dispersion);
-  }
-  std::vector<FoundMismatch> found(const CalibrationMonitor& monitor) {
-    std::vector<FoundMismatch> out;
-    monitor.list(state_, out);
-    return out;
-  }
-  CalibrationMonitor begin_again(const CalibrationMonitor::Rules& options) {
-    CalibrationMonitor monitor(sensors_, options);
-    state_.reset({Pose{}});
-    monitor.begin(state_);
-    return monitor;
-  }
-  void configure_lens(double focal, double centre_px, double k1) {
-    mounts_[0].focal_sigma = focal;
-    mounts_[0].centre_sigma_px = centre_px;
-    mounts_[0].k1_sigma = k1;
-  }
-  static auto is_closed() { return Field(&ParameterTest::is_open, false); }
-
-  static constexpr int kFocal = layout::focal(0);
-  static constexpr int kReadout = layout::readout(0);
-  BodySensors sensors_{.cameras = std::vector<CameraMount>(1)};
-  std::vector<CameraMount>& mounts_ = sensors_.cameras;
-  CalibrationMonitor monitor_{sensors_, {}};
-  FilterState state_;
-  const int size_ = layout::sizes(1);
-  double place_{0};
-};
 
 TEST_F(CalibrationMonitorTest, OpensWhatAnotherFilterFoundWrongButTagSizes) {
   const FilterState fresh = state_;
@@ -213,12 +146,12 @@ TEST_F(CalibrationMonitorTest, TheCovarianceIncludesWhatOpeningAParameterChanges
   variance(layout::kPosition) = 1e-6;
   measure(1.0, 0.02, 1e-3);
   test_parameters(5);
-  const double pull = std::sqrt(monitor_.unmodelled_covariance(state_)(0, 0));
-  EXPECT_GT(pull, 1e-5);
+  const double doubt = std::sqrt(monitor_.unmodelled_covariance(state_)(0, 0));
   const double before_m = state_.X_WB.p.x();
   test_parameters();
-  EXPECT_NEAR(std::abs(state_.X_WB.p.x() - before_m), pull, 1e-3 * pull);
-  EXPECT_TRUE(monitor_.unmodelled_covariance(state_).isZero(0)) << "it is corrected now";
+  const double moved_m = std::abs(state_.X_WB.p.x() - before_m);
+  EXPECT_GT(doubt, moved_m) << "it is nearly certain";
+  EXPECT_LT(doubt, 1.5 * moved_m);
 }
 
 TEST_F(CalibrationMonitorTest, AssumedErrorsAreHeldAndInTheCovariance) {
@@ -255,16 +188,6 @@ TEST_F(CalibrationMonitorTest, OneImageAndALargeDispersionOpenNothing) {
   measure(1e-3, 1.2e-5, 1e-6);
   test_parameters(25, 9.0);
   EXPECT_THAT(state_.parameter_tests, Each(is_closed()));
-}
-
-TEST_F(CalibrationMonitorTest, ClosesAParameterThatIsAsConfigured) {
-  measure_larger_prints();
-  test_parameters();
-  ASSERT_GT(sigma(size_), 5e-4);
-  for (int i = 0; i < 2000; ++i) measure(1.0, 0.0, 1e-3);
-  test_parameters(200);
-  EXPECT_THAT(state_.parameter_tests, Each(is_closed()));
-  EXPECT_LT(sigma(size_), 4e-4) << "the tight prior holds again";
 }
 
 TEST_F(CalibrationMonitorTest, WatchesEachNewTagUpToItsLimit) {
@@ -324,113 +247,8 @@ TEST_F(CalibrationMonitorTest, OpensALensAsAWholeAndTheParameterWithTheHighestSc
   state_.clocks[0].readout_s = 2e-3;
   EXPECT_THAT(state_.parameter_tests, Each(is_closed()));
   test_parameters(5);
-  EXPECT_GT(sigma(kReadout), 1e-3) << "has the larger evidence by now";
-  EXPECT_LT(sigma(size_), 1e-3);
-}
-
-TEST_F(CalibrationMonitorTest, TwoCausesThatExplainTheDataEquallyAreOpenedAndAmbiguous) {
-  const int accel = layout::accel_scale(1) + 2;
-  auto P = state_.P();
-  Eigen::VectorXd h = Eigen::VectorXd::Zero(state_.size());
-  h(size_) = h(accel) = 1e-3;  // the data depend on their sum alone
-  const double S = h.dot(P * h) + 1e-12;
-  const Eigen::VectorXd K = P * h / S;
-  P -= (K * K.transpose() * S).eval();
-  state_.add_error(K * 2e-5);
-  test_parameters();
-  const auto named = found(monitor_);
-  ASSERT_GE(named.size(), 2u);
-  std::vector<Kind> kinds;
-  for (const FoundMismatch& one : named) {
-    EXPECT_TRUE(one.is_ambiguous);
-    kinds.push_back(one.kind);
-  }
-  EXPECT_THAT(kinds, testing::IsSupersetOf({Kind::kAllPrints, Kind::kAccelScale}));
-}
-
-TEST_F(CalibrationMonitorTest, AMountToldExactIsTested) {
-  mounts_[0].position_sigma_m = 1e-4;
-  mounts_[0].rotation_sigma_rad = 1e-4;
-  state_.reset({mounts_[0].X_BV});
-  auto own = state_.P().block<6, 6>(layout::camera(0), layout::camera(0));
-  own.diagonal().setConstant(1e-8);
-  CalibrationMonitor monitor(sensors_, {});
-  monitor.begin(state_);
-  own *= 0.5;  // by images, which have moved it
-  state_.X_BV[0].p.x() += 2e-3;
-  for (int i = 0; i < 25; ++i) monitor.update_tests(state_, 0, 1.0);
-  const auto named = found(monitor);
-  ASSERT_THAT(named, ElementsAre(Field(&FoundMismatch::kind, Kind::kMountPosition)));
-  EXPECT_NEAR(named[0].axes.x(), 4e-3, 2e-4) << "without the prior";
-}
-
-TEST_F(CalibrationMonitorTest, AnExchangeWithTheMapDoesNotRaiseAScore) {
-  measure(1e-3, 3e-7, 1e-6);
-  const auto before = monitor_.test_statistics(state_);
-  const double size = state_.sizes.common;
-  // Adopting a map changes the value and loses its information.
-  state_.sizes.common += 4e-4;
-  state_.clear_column(size_, 4e-4);
-  monitor_.restore_test_statistics(state_, before);
-  EXPECT_NEAR(state_.sizes.common, 0, 1e-6) << "lost statistics are no evidence";
-  test_parameters();
-  EXPECT_LT(std::abs(state_.sizes.common), 1e-5 + std::abs(size)) << "it is not opened";
-}
-
-TEST_F(CalibrationMonitorTest, AnExchangeWithTheMapDoesNotResetATest) {
-  measure_larger_prints();
-  const auto before = monitor_.test_statistics(state_);
-  const double size = state_.sizes.common;
-  // The map reports no error with certainty.
-  state_.sizes.common = 0;
-  state_.clear_column(size_, 1e-6);
-  monitor_.restore_test_statistics(state_, before);
-  EXPECT_NEAR(state_.sizes.common, size, 1e-3 * size);
-  EXPECT_NEAR(variance(size_) / before[kSizeOfAll].variance, 1, 1e-3);
-}
-
-TEST_F(CalibrationMonitorTest, AResetKeepsOpenParameters) {
-  measure_larger_prints();
-  FilterState closed = state_;
-  monitor_.reset_tests(closed);
-  EXPECT_NEAR(closed.sizes.common, 0, 1e-15);
-  EXPECT_NEAR(std::sqrt(closed.P()(size_, size_)), 4e-4, 1e-12);
-  test_parameters();
-  const double opened = state_.sizes.common;
-  ASSERT_GT(opened, 0.01);
-  monitor_.reset_tests(state_);
-  EXPECT_EQ(state_.sizes.common, opened);
-}
-
-TEST_F(CalibrationMonitorTest, AJudgedMapResetsTheTestsAndDecidesAloneForTenSeconds) {
-  KnownMap map;
-  monitor_.follow_map(state_, map, 1);
-  measure_larger_prints();
-  FilterState unjudged = state_;
-  monitor_.follow_map(unjudged, map, 1);
-  EXPECT_EQ(unjudged.sizes.common, state_.sizes.common) << "the map was not tested";
-  map.is_judged = true;
-  EXPECT_FALSE(monitor_.follow_map(state_, map, 1));
-  EXPECT_NEAR(state_.sizes.common, 0, 1e-15);
-  EXPECT_LT(variance(kFocal), 2.6e-9) << "keeps the information of its images";
-  measure_larger_prints();
-  test_parameters();
-  EXPECT_THAT(state_.parameter_tests, Each(is_closed()));
-  EXPECT_GT(monitor_.unmodelled_covariance(state_).trace(), 0) << "but may be wrong";
-  state_.time += std::chrono::seconds(11);
-  test_parameters();
-  EXPECT_TRUE(state_.parameter_tests[kSizeOfAll].is_open) << "by its own images";
-}
-
-TEST_F(CalibrationMonitorTest, OpensTheParametersThatAJudgedMapNames) {
-  KnownMap map;
-  map.is_judged = true;
-  map.wrong_prints = {KnownMap::kAllPrints};
-  map.wrong_lenses = {{2, 0, Kind::kFocalLength}};  // another body's
-  EXPECT_TRUE(monitor_.follow_map(state_, map, 1));
-  EXPECT_TRUE(state_.parameter_tests[kSizeOfAll].is_open);
-  EXPECT_FALSE(monitor_.lens(state_, 0).is_estimated());
-  EXPECT_FALSE(monitor_.follow_map(state_, map, 1)) << "it is open by now";
+  EXPECT_GT(sigma(kReadout), 1e-3) << "each of them explains other data";
+  EXPECT_GT(sigma(size_), 1e-3);
 }
 
 }  // namespace

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "base/pose.hpp"
-#include "estimation/world/calibration_monitor.hpp"
+#include "estimation/world/state_prior.hpp"
 #include "support/jacobian_check.hpp"
 #include "world/example_state.hpp"
 
@@ -218,6 +218,10 @@ class PriorExchange : public testing::Test {
                 propagated(rest_.transpose(), now_given + propagated(by_before * A, of_held));
   }
 
+  [[nodiscard]] Eigen::VectorXd unit() const {
+    return Eigen::VectorXd::Unit(state_.size(), column_);
+  }
+
   FilterState state_;
   Eigen::MatrixXd held_;  ///< Selects the held tags' numbers.
   Eigen::MatrixXd rest_;  ///< Selects all others.
@@ -231,7 +235,7 @@ TEST_F(PriorExchange, ChangesTheStatesCorrelatedWithHeldTagsButNotTheTags) {
   for (const double to_sigma : {30 * sigma_, 0.2 * sigma_}) {
     const FilterState before = state_;
     replace_prior(to_sigma, kTiny);
-    exchange_prior(state_, 0, column_, kTiny, sigma_, to_sigma);
+    exchange_prior(state_, 0, unit(), kTiny, sigma_, to_sigma);
     const Eigen::MatrixXd P = state_.P();
     EXPECT_LT((P - expected_).norm(), 1e-5 * expected_.norm());
     EXPECT_NEAR(state_.lenses[0].focal - before.lenses[0].focal, moved_(column_), 1e-12);
@@ -260,14 +264,14 @@ TEST_F(PriorExchange, DoesNotMoveTheBodyAlongWithAnErrorOfTheWholeMap) {
   P(column_, layout::kPosition) += 5e-7;
   const Eigen::Vector3d p = state_.X_WB.p;
   const double among_tags = 5e-7 / 1e-6 * kTiny;  // with the column, when that is free
-  exchange_prior(state_, 0, column_, kTiny, 1.1e-3, 1.0);
+  exchange_prior(state_, 0, unit(), kTiny, 1.1e-3, 1.0);
   const double expected_m = among_tags * (1 / (1 - 1e-6 / (1.1e-3 * 1.1e-3)) - 1);
   EXPECT_NEAR((state_.X_WB.p - p).x(), expected_m, 0.1 * expected_m);
 }
 
 TEST_F(PriorExchange, WideningDoesNotChangeHeldTagsAndClosedParameters) {
   const Eigen::MatrixXd before = state_.P();
-  widen(state_, column_, 2 * sigma_, {layout::readout(0)});
+  widen(state_, unit(), 2 * sigma_, {{layout::readout(0)}, {}});
   const Eigen::MatrixXd more = state_.P() - before;
   EXPECT_NEAR(state_.P()(column_, column_), 4 * sigma_ * sigma_, 1e-9);
   EXPECT_EQ((held_ * more).norm(), 0);

@@ -1,4 +1,4 @@
-#include "estimation/update/jump_search.hpp"
+#include "estimation/start/jump_search.hpp"
 
 #include <cmath>
 #include <limits>

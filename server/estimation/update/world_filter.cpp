@@ -1,4 +1,4 @@
-#include "estimation/world/world_filter.hpp"
+#include "estimation/update/world_filter.hpp"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "estimation/update/workspace_anchor.hpp"
+#include "estimation/world/workspace_axes.hpp"
 
 #include <algorithm>
 #include <functional>
@@ -7,7 +7,6 @@
 #include "estimation/filter/chi_square.hpp"
 #include "estimation/filter/matrix6.hpp"
 #include "estimation/world/tag_entry.hpp"
-#include "estimation/world/workspace_axes.hpp"
 
 namespace fiducap {
 
@@ -36,8 +35,7 @@ std::size_t index_of(const world::FilterState& state, int tag_id) {
 /// compared with the map by the joint covariance.
 /// @param links  most seen first; replaced by those that agree, the selected one first
 /// @return whether one was found
-bool find_agreeing_links(const world::FilterState& state, bool level,
-                         std::vector<MapLink>& links) {
+bool find_agreeing_links(const world::FilterState& state, bool level, std::vector<MapLink>& links) {
   static const double kGate = chi_square_quantile(6, 0.9999);
   std::vector<MapLink> best;
   for (std::size_t i = 0; i < std::min(links.size(), kMostTried); ++i) {
@@ -72,8 +70,7 @@ std::optional<Pose> WorkspaceAnchor::by_sighting(world::FilterState& state, int 
 }
 
 std::optional<Pose> WorkspaceAnchor::by_own_tags(world::FilterState& state,
-                                                 std::span<const KnownTag> known,
-                                                 bool gives_tags) {
+                                                 std::span<const KnownTag> known, bool gives_tags) {
   if (is_anchored_) return std::nullopt;
   std::vector<MapLink> links;
   for (const KnownTag& tag : known) {

@@ -1,0 +1,147 @@
+// CalibrationMonitor: likelihood of the parameters, and which of them explain the data.
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "estimation/world/calibration_monitor.hpp"
+
+namespace fiducap::world {
+
+namespace {
+// Log evidence that a first group must add, and each further one. A group that explains the data
+// less well than the best one by a factor of 20 at most, explains them as well.
+constexpr double kNeedsOne = 5.0;
+constexpr double kNeedsBoth = 8.0;
+constexpr double kAsGood = 3.0;
+// Prior probability that a group of parameters differs from the configuration by its wide prior.
+constexpr double kWrong = 0.01;
+}  // namespace
+
+CalibrationMonitor::Likelihood CalibrationMonitor::likelihood(const FilterState& state,
+                                                              double dispersion) const {
+  Likelihood out;
+  for (std::size_t i = 0; i < all_.size(); ++i) {
+    const bool is_free = all_[i].print >= 0 && watched_tag(state, all_[i]) < 0;
+    if (!all_[i].is_refined && !is_free && out.count < kMostRows) out.rows[out.count++] = i;
+  }
+  const auto k = static_cast<Eigen::Index>(out.count);
+  RowMatrix P(k, k);
+  RowVector offsets(k);
+  RowVector unit(k);
+  for (Eigen::Index a = 0; a < k; ++a) {
+    const std::size_t i = out.rows[static_cast<std::size_t>(a)];
+    for (Eigen::Index b = 0; b <= a; ++b)
+      P(a, b) = P(b, a) = covariance(state, all_[i], all_[out.rows[static_cast<std::size_t>(b)]]);
+    offsets(a) = offset(state, all_[i]);
+    unit(a) = 1 / prior_sigma(state, i);
+  }
+  // In units of the priors, where P is nearly the identity.
+  const Eigen::LLT<RowMatrix> llt(unit.asDiagonal() * P * unit.asDiagonal());
+  if (llt.info() != Eigen::Success) return {};
+  RowMatrix inverse = RowMatrix::Identity(k, k);
+  llt.solveInPlace(inverse);
+  inverse.diagonal().array() -= 1;
+  out.information = unit.asDiagonal() * inverse * unit.asDiagonal();
+  out.information /= dispersion;
+  out.score = unit.cwiseProduct(offsets);
+  llt.solveInPlace(out.score);
+  out.score = (unit.cwiseProduct(out.score) / dispersion).eval();
+  return out;
+}
+
+/// Posterior N(m, C) of the parameters with priors N(0, D), by the likelihood alone.
+CalibrationMonitor::Posterior CalibrationMonitor::posterior(const Likelihood& of,
+                                                            const Opened& opened) const {
+  const auto k = static_cast<Eigen::Index>(of.count);
+  RowVector sigmas(k);
+  for (std::size_t a = 0; a < of.count; ++a) {
+    const ParameterSigmas& prior = all_[of.rows[a]].sigmas;
+    sigmas(static_cast<Eigen::Index>(a)) = opened.test(a) ? prior.open : prior.closed;
+  }
+  RowMatrix scaled = sigmas.asDiagonal() * of.information * sigmas.asDiagonal();
+  scaled.diagonal().array() += 1;
+  const Eigen::LLT<RowMatrix> llt(scaled);
+  Posterior out;
+  out.mean = sigmas.cwiseProduct(of.score);
+  llt.matrixL().solveInPlace(out.mean);
+  out.evidence = 0.5 * out.mean.squaredNorm() - llt.matrixLLT().diagonal().array().log().sum();
+  llt.matrixU().solveInPlace(out.mean);
+  out.mean = sigmas.cwiseProduct(out.mean).eval();
+  out.covariance = RowMatrix::Identity(k, k);
+  llt.solveInPlace(out.covariance);
+  out.covariance = (sigmas.asDiagonal() * out.covariance * sigmas.asDiagonal()).eval();
+  return out;
+}
+
+/// Bayesian model average over the closed groups: second moment of each group's error, with the
+/// probability that the group is wrong.
+void CalibrationMonitor::average(const FilterState& state, const Likelihood& of) {
+  for (Doubt& doubt : doubts_) doubt.moment.setZero();
+  if (of.count == 0) return;
+  Opened now;
+  for (std::size_t a = 0; a < of.count; ++a) now.set(a, state.parameter_tests[of.rows[a]].is_open);
+  const double evidence = posterior(of, now).evidence;
+  for (Doubt& doubt : doubts_) {
+    Opened with = now;
+    std::array<Eigen::Index, kMostOfGroup> at{};
+    int count = 0;
+    for (std::size_t a = 0; a < of.count && count < doubt.count; ++a) {
+      if (of.rows[a] != doubt.rows[static_cast<std::size_t>(count)]) continue;
+      at[static_cast<std::size_t>(count++)] = static_cast<Eigen::Index>(a);
+      with.set(a);
+    }
+    if (count < doubt.count || with == now) continue;  // not tested, or open
+    const Posterior open = posterior(of, with);
+    const double odds = kWrong * std::exp(std::min(open.evidence - evidence, 50.0));
+    const double share = odds / (1 + odds);
+    for (int a = 0; a < count; ++a)
+      for (int b = 0; b < count; ++b) {
+        const Eigen::Index i = at[static_cast<std::size_t>(a)];
+        const Eigen::Index j = at[static_cast<std::size_t>(b)];
+        doubt.moment(a, b) = share * (open.covariance(i, j) + open.mean(i) * open.mean(j));
+      }
+  }
+}
+
+/// The parameters that explain the data best when they are open: rows of `all_`. Groups are added
+/// one by one; those that explain the data as well as one of them are added, too.
+std::vector<std::size_t> CalibrationMonitor::select(const Likelihood& of) const {
+  std::vector<Opened> groups;
+  for (std::size_t a = 0; a < of.count; ++a) {
+    const auto same = std::ranges::find_if(groups, [&](const Opened& group) {
+      for (std::size_t b = 0; b < a; ++b)
+        if (group.test(b)) return is_same_group(all_[of.rows[b]], all_[of.rows[a]]);
+      return false;
+    });
+    (same == groups.end() ? groups.emplace_back() : *same).set(a);
+  }
+  Opened chosen;
+  double best = posterior(of, chosen).evidence;
+  for (double least = kNeedsOne;; least = kNeedsBoth) {
+    Opened next;
+    double most = best + least;
+    for (const Opened& group : groups) {
+      if ((chosen & group).any()) continue;
+      const double found = posterior(of, chosen | group).evidence;
+      if (!(found > most)) continue;
+      most = found;
+      next = chosen | group;
+    }
+    if (next.none()) break;
+    best = most;
+    chosen = next;
+  }
+  Opened all = chosen;
+  for (const Opened& out : groups) {
+    for (const Opened& in : groups) {
+      if ((chosen & out).none() || (chosen & in).any()) continue;
+      if (posterior(of, (chosen & ~out) | in).evidence > best - kAsGood) all |= in;
+    }
+  }
+  std::vector<std::size_t> opened;
+  for (std::size_t a = 0; a < of.count; ++a)
+    if (all.test(a)) opened.push_back(of.rows[a]);
+  return opened;
+}
+
+}  // namespace fiducap::world
