@@ -12,6 +12,9 @@ namespace fiducap {
 namespace {
 constexpr int kRows = 8;
 constexpr int kTurnedRows = 6;
+// Share of the corner noise in the innovation of a tag whose corners are predicted to 3 sigmas of
+// it.
+constexpr double kPredicted = 0.1;
 
 constexpr Eigen::Index rows_of(const TagMeasurement& m) { return m.relative ? kTurnedRows : kRows; }
 
@@ -138,6 +141,8 @@ void StackedUpdate::gate(ConstCovariance P, ImageMeasurement& image, const GateL
     if (!m.in_front) continue;
     judged_[i] = m.relative ? judge(P, image, m, turned_[i]) : judge(P, image, m);
     if (!(judged_[i].distance < limits.of_tag)) {  // rejects NaN as well
+      // With an uncertain prediction three corners fit any pose.
+      if (!(judged_[i].noise_share > kPredicted)) continue;
       const Judged without = judge_three_corners(P, image, m);
       if (!(without.distance < limits.of_three_corners)) continue;
       judged_[i].distance = without.distance;

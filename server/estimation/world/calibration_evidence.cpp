@@ -9,12 +9,14 @@ namespace fiducap::world {
 
 namespace {
 // Log evidence that a first group must add, and each further one. A group that explains the data
-// less well than the best one by a factor of 20 at most, explains them as well.
+// less well than the best one by a factor of 150 at most, and better than none by a factor of 7,
+// explains them as well.
 constexpr double kNeedsOne = 5.0;
 constexpr double kNeedsBoth = 8.0;
-constexpr double kAsGood = 3.0;
+constexpr double kAsGood = 5.0;
+constexpr double kBetterThanNone = 2.0;
 // Prior probability that a group of parameters differs from the configuration by its wide prior.
-constexpr double kWrong = 0.01;
+constexpr double kWrong = 0.001;
 }  // namespace
 
 CalibrationMonitor::Likelihood CalibrationMonitor::likelihood(const FilterState& state,
@@ -73,6 +75,14 @@ CalibrationMonitor::Posterior CalibrationMonitor::posterior(const Likelihood& of
   return out;
 }
 
+/// The map has tested the parameter with the images of all bodies.
+bool CalibrationMonitor::is_judged(const FilterState& state, const Parameter& parameter) const {
+  using Kind = FoundMismatch::Kind;
+  const bool is_of_imu = parameter.kind == Kind::kAccelScale || parameter.kind == Kind::kGyroTurn ||
+                         parameter.kind == Kind::kGyroScale;
+  return state.time < state.judged_until && !is_of_imu && !parameter.is_of_mount();
+}
+
 /// Bayesian model average over the closed groups: second moment of each group's error, with the
 /// probability that the group is wrong.
 void CalibrationMonitor::average(const FilterState& state, const Likelihood& of) {
@@ -91,6 +101,7 @@ void CalibrationMonitor::average(const FilterState& state, const Likelihood& of)
       with.set(a);
     }
     if (count < doubt.count || with == now) continue;  // not tested, or open
+    if (is_judged(state, all_[doubt.rows[0]])) continue;
     const Posterior open = posterior(of, with);
     const double odds = kWrong * std::exp(std::min(open.evidence - evidence, 50.0));
     const double share = odds / (1 + odds);
@@ -105,9 +116,15 @@ void CalibrationMonitor::average(const FilterState& state, const Likelihood& of)
 
 /// The parameters that explain the data best when they are open: rows of `all_`. Groups are added
 /// one by one; those that explain the data as well as one of them are added, too.
-std::vector<std::size_t> CalibrationMonitor::select(const Likelihood& of) const {
+std::vector<std::size_t> CalibrationMonitor::select(const FilterState& state,
+                                                    const Likelihood& of) const {
   std::vector<Opened> groups;
+  Opened chosen;
   for (std::size_t a = 0; a < of.count; ++a) {
+    if (is_judged(state, all_[of.rows[a]])) {
+      chosen.set(a, state.parameter_tests[of.rows[a]].is_open);
+      continue;
+    }
     const auto same = std::ranges::find_if(groups, [&](const Opened& group) {
       for (std::size_t b = 0; b < a; ++b)
         if (group.test(b)) return is_same_group(all_[of.rows[b]], all_[of.rows[a]]);
@@ -115,8 +132,8 @@ std::vector<std::size_t> CalibrationMonitor::select(const Likelihood& of) const 
     });
     (same == groups.end() ? groups.emplace_back() : *same).set(a);
   }
-  Opened chosen;
   double best = posterior(of, chosen).evidence;
+  const double none = best;
   for (double least = kNeedsOne;; least = kNeedsBoth) {
     Opened next;
     double most = best + least;
@@ -135,7 +152,9 @@ std::vector<std::size_t> CalibrationMonitor::select(const Likelihood& of) const 
   for (const Opened& out : groups) {
     for (const Opened& in : groups) {
       if ((chosen & out).none() || (chosen & in).any()) continue;
-      if (posterior(of, (chosen & ~out) | in).evidence > best - kAsGood) all |= in;
+      const double without = std::max(none, posterior(of, chosen & ~out).evidence);
+      const double instead = posterior(of, (chosen & ~out) | in).evidence;
+      if (instead > best - kAsGood && instead > without + kBetterThanNone) all |= in;
     }
   }
   std::vector<std::size_t> opened;

@@ -191,8 +191,7 @@ bool CalibrationMonitor::update_tests(FilterState& state, int camera, double dis
     opens |= test.images_beyond >= kOpenImages;
   }
   const Likelihood of = likelihood(state, scale * scale);
-  opens &= state.time >= state.judged_until;
-  if (opens) opens = set_open(state, camera, select(of));
+  if (opens) opens = set_open(state, camera, select(state, of));
   average(state, of);
   release_confirmed_prints(state);
   return opens;

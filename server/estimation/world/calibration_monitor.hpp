@@ -172,7 +172,9 @@ class CalibrationMonitor final {
   [[nodiscard]] bool are_significant(const FilterState& state,
                                      const std::vector<std::size_t>& rows) const;
   [[nodiscard]] Likelihood likelihood(const FilterState& state, double dispersion) const;
-  [[nodiscard]] std::vector<std::size_t> select(const Likelihood& of) const;
+  [[nodiscard]] bool is_judged(const FilterState& state, const Parameter& parameter) const;
+  [[nodiscard]] std::vector<std::size_t> select(const FilterState& state,
+                                                const Likelihood& of) const;
   [[nodiscard]] Posterior posterior(const Likelihood& of, const Opened& opened) const;
   void average(const FilterState& state, const Likelihood& of);
   void list_doubts();

@@ -104,7 +104,6 @@ TEST_F(CalibrationMonitorTest, AJudgedMapResetsTheTestsAndDecidesAloneForTenSeco
   measure_larger_prints();
   test_parameters();
   EXPECT_THAT(state_.parameter_tests, Each(is_closed()));
-  EXPECT_GT(monitor_.unmodelled_covariance(state_).trace(), 0) << "but may be wrong";
   state_.time += std::chrono::seconds(11);
   test_parameters();
   EXPECT_TRUE(state_.parameter_tests[kSizeOfAll].is_open) << "by its own images";
