@@ -44,7 +44,7 @@ constexpr std::size_t kTagsToSeeALens = 3;
 // Sigma and score of a confirmed tag size, which is not watched any more.
 constexpr double kConfirmed = 5e-4;
 constexpr double kConfirmed_sigma = 3.0;
-// Sigmas of a confirmed camera relative to those for closing.
+// Sigmas of a confirmed camera relative to those of a report.
 constexpr double kConfirmedSettled = 5.0;
 
 bool is_of_lens(Kind kind) {

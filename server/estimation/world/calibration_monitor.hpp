@@ -18,11 +18,11 @@ namespace fiducap::world {
 struct ParameterSigmas {
   double closed{};   ///< Prior of the configuration.
   double open{};     ///< Prior when the configuration is wrong.
-  double settled{};  ///< Below this it may be closed again.
+  double settled{};  ///< Known well enough to be reported.
 };
 
-/// Tests the configured calibration (lens, shutter, mount, tag sizes, gravity, IMU), and estimates
-/// what is significantly wrong.
+/// Tests the configured calibration (lens, shutter, mount, tag sizes, IMU), and estimates what is
+/// significantly wrong.
 ///
 /// Each parameter is in the state with the prior of the configuration, N(0, D). An exact one has a
 /// prior so tight that it has no effect. The posterior N(b̂, P) of the parameters gives the
@@ -74,7 +74,8 @@ class CalibrationMonitor final {
   /// it must neither improve nor change their tests.
   void restore_test_statistics(FilterState& state, std::span<const TestStatistics> before) const;
   /// Opens the parameters that are open in the map (KnownMap::wrong_prints, …). A judged map resets
-  /// the other tests and is the only one to open parameters for ten seconds.
+  /// the other tests of lenses, readouts and tag sizes, and is the only one to open these for ten
+  /// seconds.
   /// @return whether a parameter was opened
   bool follow_map(FilterState& state, const KnownMap& map, int body_id) const;
   /// Resets the tests of closed parameters with at least this score.
@@ -86,7 +87,7 @@ class CalibrationMonitor final {
   /// Appends the opened parameters that are known well enough to be reported.
   void list(const FilterState& state, std::vector<FoundMismatch>& out) const;
   /// Covariance missing in that of the body (world-side error): of assumed errors, and of closed
-  /// parameters with a likely error.
+  /// parameters, by the probability that each is wrong.
   [[nodiscard]] Matrix6d unmodelled_covariance(const FilterState& state) const;
   /// Whether images may correct a camera's lens.
   [[nodiscard]] bool is_refined(int camera) const;
