@@ -44,6 +44,12 @@ double cost_of(const Pose& X_AB, std::span<const SightedTag> tags, const PlaceGu
 
 }  // namespace
 
+bool fits(const SightedTag& tag, const Pose& X_AB, double corner_noise_px) {
+  const CornerResidual r =
+      corner_residual(*tag.seen, (X_AB * tag.X_BV).inverse() * tag.X_AT, *tag.camera, 1.0, tag.k1);
+  return r.in_front && r.y.squaredNorm() <= kCostCapPerTag * corner_noise_px * corner_noise_px;
+}
+
 Pose resect(Pose X_AB, std::span<const SightedTag> tags, double inlier_px) {
   const double limit = 8 * inlier_px * inlier_px;
   for (int step = 0; step < kSteps; ++step) {

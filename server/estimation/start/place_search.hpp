@@ -18,6 +18,9 @@ struct SightedTag {
   double k1{0};  ///< Distortion beyond that of the lens used to undistort the corners.
 };
 
+/// The tag's corners are within five sigmas of their places by a pose of the body.
+[[nodiscard]] bool fits(const SightedTag& tag, const Pose& X_AB, double corner_noise_px);
+
 /// Pose of a body from tags at known poses: least squares over all corners, starting at `X_AB`.
 ///
 /// Gauss–Newton; tags with residuals above `inlier_px` per corner coordinate are ignored.

@@ -1,79 +1,82 @@
 #include "estimation/update/contradictions.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
 namespace fiducap {
 
 namespace {
-// Bound of the memory; more ids at once are no moved tags.
-constexpr std::size_t kMostScores = 256;
-// Exclusion after the second removal, doubled with each further one. The first may be a moved tag.
+constexpr std::size_t kMostRecords = 256;  // a bound of the memory
+// Exclusion after the second removal; at most 64 times as long.
 constexpr Duration kFirstPause = std::chrono::seconds(20);
 constexpr int kMostDoublings = 6;
-// Age of removals that do not count any more.
-constexpr Duration kForgotten = std::chrono::minutes(30);
-// Images of proven tags before a decision.
-constexpr int kAgainst = 5;
-// Twice the log likelihood ratio of a decision: e³ = 20 times.
-constexpr double kDecisive = 6.0;
-// Position error of a single tag over a few images, 1-sigma per axis.
-constexpr double kByOneTag_m = 0.05;
-// Prior of a tag that was moved while the body did not see any: probability and distance, 1-sigma.
-constexpr double kMovedWhileUnseen = 0.2;
-constexpr double kMovedBy_m = 0.5;
+constexpr Duration kForgotten = std::chrono::minutes(30);  // age of a removal that does not count
 
-/// Of N(0, S), without the constant factor.
-double density(const Eigen::Vector3d& x, const Eigen::Matrix3d& S) {
-  return std::exp(-0.5 * x.dot(S.llt().solve(x))) / std::sqrt(S.determinant());
+constexpr double kImpossible = -1e9;  // log likelihood
+
+Eigen::Matrix3d even(double sigma_m) { return sigma_m * sigma_m * Eigen::Matrix3d::Identity(); }
+
+/// Of N(0, S), without the factor common to all.
+double log_density(const Eigen::Vector3d& x, const Eigen::Matrix3d& S) {
+  const Eigen::LLT<Eigen::Matrix3d> factor(S);
+  const double log_root = factor.matrixLLT().diagonal().array().log().sum();
+  return -0.5 * x.dot(factor.solve(x)) - log_root;
 }
+
 }  // namespace
 
-bool TagScores::is_doubtful(int tag_id) const {
-  return std::ranges::any_of(
-      scores_, [&](const Score& s) { return s.tag_id == tag_id && s.rejected_alone >= kToDoubt; });
+const TagHealth::Record* TagHealth::find(int tag_id) const {
+  const auto found = std::ranges::find(records_, tag_id, &Record::tag_id);
+  return found == records_.end() ? nullptr : &*found;
 }
 
-int TagScores::doubtful() const {
-  return static_cast<int>(
-      std::ranges::count_if(scores_, [](const Score& s) { return s.rejected_alone >= kToDoubt; }));
+TagHealth::Record& TagHealth::record(int tag_id) {
+  const auto found = std::ranges::find(records_, tag_id, &Record::tag_id);
+  if (found != records_.end()) return *found;
+  if (records_.size() >= kMostRecords) records_.erase(records_.begin());
+  return records_.emplace_back(Record{.tag_id = tag_id});
 }
 
-std::span<const int> TagScores::count(std::span<const TagToUse> used,
-                                      const std::vector<bool>& accepted) {
-  removed_.clear();
-  const bool any = std::find(accepted.begin(), accepted.end(), true) != accepted.end();
-  for (std::size_t i = 0; i < used.size(); ++i) {
-    const int tag_id = used[i].seen->tag_id;
-    if (accepted[i]) {
-      std::erase_if(scores_, [&](const Score& s) { return s.tag_id == tag_id; });
-      continue;
-    }
-    auto score = std::ranges::find(scores_, tag_id, &Score::tag_id);
-    if (score == scores_.end()) {
-      if (scores_.size() >= kMostScores) scores_.erase(scores_.begin());
-      score = scores_.insert(scores_.end(), Score{tag_id, 0, 0});
-    }
-    ++(any ? score->rejected_in_row : score->rejected_alone);
+void TagHealth::note_sighting(int tag_id, bool is_accepted) {
+  if (!is_accepted) {
+    ++record(tag_id).rejected;
+  } else if (find(tag_id) != nullptr) {
+    record(tag_id).rejected = 0;
   }
-  if (!any) return removed_;
-  const bool is_one = doubtful() == 1;
-  for (Score& score : scores_) {
-    if (score.rejected_in_row >= kToDrop || (is_one && score.rejected_alone >= kToDrop))
-      removed_.push_back(score.tag_id);
-    score.rejected_alone = 0;
-  }
-  std::erase_if(scores_, [&](const Score& s) {
-    return std::ranges::find(removed_, s.tag_id) != removed_.end();
-  });
-  return removed_;
 }
 
-std::span<const int> Contradictions::count(int camera, Instant exposed_at,
-                                           std::span<const TagToUse> used,
-                                           const std::vector<bool>& accepted) {
+int TagHealth::rejected(int tag_id) const {
+  const Record* const known = find(tag_id);
+  return known == nullptr ? 0 : known->rejected;
+}
+
+void TagHealth::forgive_all() {
+  for (Record& one : records_) one.rejected = 0;
+}
+
+void TagHealth::note_removal(int tag_id, Instant at) {
+  Record& one = record(tag_id);
+  if (at - one.removed_at > kForgotten) one.removals = 0;
+  one.rejected = 0;
+  ++one.removals;
+  one.removed_at = at;
+}
+
+bool TagHealth::was_removed(int tag_id, Instant since) const {
+  const Record* const known = find(tag_id);
+  return known != nullptr && known->removals > 0 && known->removed_at >= since;
+}
+
+bool TagHealth::is_excluded(int tag_id, Instant now) const {
+  const Record* const known = find(tag_id);
+  if (known == nullptr || known->removals < 2) return false;
+  const int doublings = std::min(known->removals - 2, kMostDoublings);
+  return now - known->removed_at < kFirstPause * (1 << doublings);
+}
+
+void Contradictions::count(int camera, Instant exposed_at, std::span<const TagToUse> used,
+                           const std::vector<bool>& accepted) {
   const auto fit = std::count(accepted.begin(), accepted.end(), true);
   images_without_fit_ = fit > 0 ? 0 : images_without_fit_ + 1;
   const bool contradicts = 2 * fit <= static_cast<std::ptrdiff_t>(used.size());
@@ -82,69 +85,131 @@ std::span<const int> Contradictions::count(int camera, Instant exposed_at,
   for (int* const images : {&contradicting_images_, &contradicting_of_[k]})
     *images = contradicts ? *images + 1 : 0;
   if (fit > 0) last_fit_ = exposed_at;
-  return scores_.count(used, accepted);
+  for (std::size_t i = 0; i < used.size(); ++i)
+    tags_.note_sighting(used[i].seen->tag_id, accepted[i]);
 }
 
 void Contradictions::reset() {
-  scores_.clear();
+  tags_.forgive_all();
   images_without_fit_ = 0;
   contradicting_images_ = 0;
   std::ranges::fill(contradicting_of_, 0);
 }
 
-void UnstableTags::note_removal(int tag_id, Instant at) {
-  auto known = std::ranges::find(tags_, tag_id, &Removal::tag_id);
-  if (known == tags_.end()) {
-    known = tags_.begin() + static_cast<std::ptrdiff_t>(next_);
-    next_ = (next_ + 1) % tags_.size();
-    *known = {tag_id, 0, at};
+void PlaceDoubt::open(Instant at, const Eigen::Vector3d& by_imu_W, const Eigen::Matrix3d& S) {
+  close();
+  opened_at_ = at;
+  by_imu_W_ = by_imu_W;
+  S_ = S;
+}
+
+bool PlaceDoubt::has_accepted() const {
+  return std::any_of(tags_.begin(), tags_.begin() + static_cast<std::ptrdiff_t>(count_),
+                     [](const Tag& tag) { return tag.is_accepted; });
+}
+
+const PlaceDoubt::Tag* PlaceDoubt::find(int tag_id) const {
+  const auto end = tags_.begin() + static_cast<std::ptrdiff_t>(count_);
+  const auto found =
+      std::find_if(tags_.begin(), end, [&](const Tag& tag) { return tag.tag_id == tag_id; });
+  return found == end ? nullptr : &*found;
+}
+
+int PlaceDoubt::contradicting_tag() const {
+  for (std::size_t i = 0; i < count_; ++i)
+    if (!tags_[i].is_accepted) return tags_[i].tag_id;
+  return -1;
+}
+
+void PlaceDoubt::add(int tag_id, const std::optional<Eigen::Vector3d>& position_W) {
+  const Tag* known = find(tag_id);
+  if (known == nullptr && count_ == kMostTags) return;
+  Tag& tag =
+      known == nullptr ? tags_[count_++] : tags_[static_cast<std::size_t>(known - &tags_[0])];
+  const bool is_accepted = !position_W.has_value();
+  // Otherwise the map or the estimate has changed.
+  if (tag.is_accepted != is_accepted) tag.sightings = 0;
+  tag.tag_id = tag_id;
+  tag.is_accepted = is_accepted;
+  tag.position_W +=
+      (position_W.value_or(Eigen::Vector3d::Zero()) - tag.position_W) / ++tag.sightings;
+}
+
+/// @param is_in_place  nullopt: whichever is likelier
+void PlaceDoubt::take(const Tag& tag, std::optional<bool> is_in_place, Place& place) const {
+  const Eigen::Vector3d y = tag.position_W - place.p_W;
+  const Eigen::Matrix3d S = place.covariance + even(kByOneTag_m);
+  const double in_place = std::log(1 - kMoved) + log_density(y, S);
+  const double moved = std::log(kMoved) + log_density(y, place.covariance + even(kMovedBy_m));
+  const bool stands = is_in_place.value_or(in_place > moved);
+  place.log_likelihood += stands ? in_place : moved;
+  if (!stands) return;
+  const Eigen::Matrix3d K = S.llt().solve(place.covariance).transpose();
+  place.p_W += K * y;
+  place.covariance -= (K * place.covariance).eval();
+}
+
+PlaceDoubt::Place PlaceDoubt::place(const Tag* in_place, bool is_estimate) const {
+  const bool is_by_imu = in_place == nullptr && (!is_estimate || !has_accepted());
+  Place best{.log_likelihood = kImpossible};
+  for (const bool is_imu_wrong : {false, true}) {
+    if (is_imu_wrong && is_by_imu) continue;
+    Place one{by_imu_W_, S_, std::log(is_imu_wrong ? kImuWrong : 1 - kImuWrong)};
+    if (is_imu_wrong) one.covariance += even(kMovedBy_m);
+    if (in_place != nullptr) take(*in_place, true, one);
+    for (std::size_t i = 0; i < count_; ++i)
+      if (tags_[i].is_accepted) take(tags_[i], is_estimate, one);
+    if (is_estimate) {  // known to the filter much better than by these positions
+      one.p_W.setZero();
+      one.covariance.setZero();
+    }
+    // Those that contradict the IMU alone do not stand where it says: the gate is finer than here.
+    const auto is_in_place = is_estimate && is_by_imu ? std::optional(false) : std::nullopt;
+    for (std::size_t i = 0; i < count_; ++i)
+      if (!tags_[i].is_accepted && &tags_[i] != in_place) take(tags_[i], is_in_place, one);
+    if (one.log_likelihood > best.log_likelihood) best = one;
   }
-  if (at - known->last > kForgotten) known->times = 0;
-  ++known->times;
-  known->last = at;
+  return best;
 }
 
-bool UnstableTags::is_excluded(int tag_id, Instant now) const {
-  const auto known = std::ranges::find(tags_, tag_id, &Removal::tag_id);
-  if (known == tags_.end() || known->times < 2) return false;
-  const int doublings = std::min(known->times - 2, kMostDoublings);
-  return now - known->last < kFirstPause * (1 << doublings);
+void PlaceDoubt::weigh() {
+  const Place estimate = place(nullptr, true);
+  Place other{.log_likelihood = kImpossible};
+  const auto consider = [&](const Tag* in_place) {
+    const Place one = place(in_place, false);
+    if (one.log_likelihood > other.log_likelihood) other = one;
+  };
+  for (std::size_t i = 0; i < count_; ++i)
+    if (!tags_[i].is_accepted) consider(&tags_[i]);
+  if (has_accepted()) consider(nullptr);
+  log_odds_ = other.log_likelihood - estimate.log_likelihood;
+  other_W_ = other.p_W;
+  other_covariance_ = other.covariance;
 }
 
-void SingleTagRelocalisation::begin(int tag_id, const std::optional<BodyPlace>& before,
-                                    const Eigen::Vector3d& p_WB_now) {
-  forget();
-  tag_id_ = tag_id;
-  before_ = before;
-  const double moved2 = kMovedBy_m * kMovedBy_m;
-  if (!before) {
-    mixture_ = kMovedWhileUnseen * moved2 * Eigen::Matrix3d::Identity();
-    return;
-  }
-  moved_W_ = p_WB_now - before->p_WB;
-  const Eigen::Matrix3d S =
-      before->covariance + kByOneTag_m * kByOneTag_m * Eigen::Matrix3d::Identity();
-  const Eigen::Matrix3d S_moved = S + moved2 * Eigen::Matrix3d::Identity();
-  const double in_place = (1 - kMovedWhileUnseen) * density(moved_W_, S);
-  const double moved = kMovedWhileUnseen * density(moved_W_, S_moved);
-  if (!(in_place + moved > 0)) return;
-  const double share = moved / (in_place + moved);
-  mixture_ = share * (S + moved_W_ * moved_W_.transpose());
+void PlaceDoubt::change_place() {
+  move(other_W_);
+  for (Tag& tag : tags_)
+    tag.is_accepted = !tag.is_accepted && tag.position_W.norm() < 3 * kByOneTag_m;
+  weigh();
 }
 
-SingleTagRelocalisation::Verdict SingleTagRelocalisation::contradict(
-    std::span<const int> against, const std::optional<Eigen::Vector3d>& shift_W) {
-  are_several_ |= against.size() > 1 || against_.value_or(against.front()) != against.front();
-  against_ = against.front();
-  if (shift_W) shifts_W_ += *shift_W;
-  shifts_ += shift_W ? 1 : 0;
-  if (++images_against_ < kAgainst) return Verdict::kOpen;
-  if (are_several_ || !before_ || shifts_ == 0) return Verdict::kTagWrong;
-  const Eigen::LLT<Eigen::Matrix3d> P(before_->covariance +
-                                      kByOneTag_m * kByOneTag_m * Eigen::Matrix3d::Identity());
-  const Eigen::Vector3d by_others = moved_W_ + shifts_W_ / shifts_;
-  const double likelier = by_others.dot(P.solve(by_others)) - moved_W_.dot(P.solve(moved_W_));
-  return likelier > kDecisive ? Verdict::kOthersWrong : Verdict::kTagWrong;
+void PlaceDoubt::move(const Eigen::Vector3d by_W) {
+  by_imu_W_ -= by_W;
+  other_W_ -= by_W;
+  for (Tag& tag : tags_) tag.position_W -= by_W;
+}
+
+void PlaceDoubt::turn(const Eigen::Quaterniond& q_new_old) {
+  by_imu_W_ = q_new_old * by_imu_W_;
+  other_W_ = q_new_old * other_W_;
+  for (Tag& tag : tags_) tag.position_W = q_new_old * tag.position_W;
+}
+
+double PlaceDoubt::probability() const { return is_open() ? 1 / (1 + std::exp(-log_odds_)) : 0.0; }
+
+Eigen::Matrix3d PlaceDoubt::covariance() const {
+  return probability() * (other_covariance_ + other_W_ * other_W_.transpose());
 }
 
 }  // namespace fiducap

@@ -1,59 +1,64 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
+#include <cstddef>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "base/time.hpp"
-#include "estimation/body_estimate.hpp"
 #include "estimation/filter/tag_measurement.hpp"
 
 namespace fiducap {
 
-/// Counts rejections of each tag by id, to find tags that were moved or misread.
-///
-/// An update that accepts no tag does not remove any: the filter itself may be wrong. If all of
-/// these rejected the same tag and then another tag is accepted, that one was wrong.
-class TagScores final {
+/// Rejected sightings of each tag by id, and how often the tag was removed. The newest ids.
+class TagHealth final {
  public:
-  /// Images that rejected a tag and accepted no other, before the tag is doubtful.
+  /// Consecutive rejections that are no chance. The gate rejects one of a hundred right sightings,
+  /// and errors last for some three images: ten of them outweigh a prior of 1e-6.
+  static constexpr int kToDecide = 10;
+  /// The same for a comparison of the body's places, which says how likely either is.
   static constexpr int kToDoubt = 3;
-  static constexpr int kToDrop = 10;  ///< Consecutive rejections before a tag is removed.
 
-  /// @param accepted  per entry of `used`
-  /// @return ids of the tags to remove with this image; their counts are reset
-  std::span<const int> count(std::span<const TagToUse> used, const std::vector<bool>& accepted);
-  void clear() { scores_.clear(); }
-  /// Either the tag or the filter is wrong.
-  [[nodiscard]] bool is_doubtful(int tag_id) const;
-  [[nodiscard]] int doubtful() const;
+  void note_sighting(int tag_id, bool is_accepted);
+  /// @return consecutive rejections
+  [[nodiscard]] int rejected(int tag_id) const;
+  /// The rejections had another cause.
+  void forgive_all();
+  void forget_all() { records_.clear(); }
+
+  /// The tag was removed. From the second time on (a door, an id used twice; a tag is moved once)
+  /// it is excluded, each time twice as long.
+  void note_removal(int tag_id, Instant at);
+  [[nodiscard]] bool was_removed(int tag_id, Instant since) const;
+  /// The tag must not be used for now.
+  [[nodiscard]] bool is_excluded(int tag_id, Instant now) const;
 
  private:
-  /// Of a tag that was rejected at its last sighting.
-  struct Score {
+  struct Record {
     int tag_id{};
-    int rejected_in_row{};  ///< By images that accepted other tags.
-    int rejected_alone{};   ///< By images that accepted none, since one last did.
+    int rejected{0};  ///< Consecutive.
+    int removals{0};
+    Instant removed_at{};
   };
+  [[nodiscard]] const Record* find(int tag_id) const;
+  Record& record(int tag_id);
 
-  std::vector<Score> scores_;
-  std::vector<int> removed_;
+  std::vector<Record> records_;
 };
 
 /// Counts images that contradict the filter, and rejections of each tag.
 class Contradictions final {
  public:
   /// Adds the result of an update.
-  /// @return ids of the tags to remove
-  std::span<const int> count(int camera, Instant exposed_at, std::span<const TagToUse> used,
-                             const std::vector<bool>& accepted);
+  void count(int camera, Instant exposed_at, std::span<const TagToUse> used,
+             const std::vector<bool>& accepted);
   /// The pose was confirmed at this time.
   void note_fit(Instant at) { last_fit_ = at; }
   /// Resets all counts when the contradictions had another cause (the motion or a clock).
   void reset();
-  /// Resets the counts of tags alone.
-  void reset_tag_scores() { scores_.clear(); }
   void forget_all() { *this = Contradictions{}; }
 
   /// Consecutive images with usable tags and none accepted.
@@ -68,72 +73,98 @@ class Contradictions final {
   [[nodiscard]] double seconds_without_fit(Instant now) const {
     return last_fit_ ? to_seconds(now - *last_fit_) : 0.0;
   }
-  [[nodiscard]] bool has_ever_fit() const { return last_fit_.has_value(); }
-  [[nodiscard]] const TagScores& scores() const { return scores_; }
+  [[nodiscard]] TagHealth& tags() { return tags_; }
+  [[nodiscard]] const TagHealth& tags() const { return tags_; }
 
  private:
-  TagScores scores_;
+  TagHealth tags_;
   std::optional<Instant> last_fit_;
   int images_without_fit_{0};
   int contradicting_images_{0};
   std::vector<int> contradicting_of_;  ///< Per camera.
 };
 
-struct RemovedTag {
-  int tag_id{};
-  bool was_proven{};
-};
-
-/// Tags that were removed repeatedly (attached to something that moves, or an id used twice) are
-/// excluded with exponential back-off. Remembers the newest ids.
-class UnstableTags final {
+/// Two places of the body that explain the same sightings: its estimate, and another one.
+///
+/// A proven tag gives a position of the body. Each tag is in place, or was moved (probability
+/// kMoved, by kMovedBy_m); the motion since the last fit is as the IMU measured it, or not
+/// (kImuWrong, by as much). The places that compete are the estimate, where its accepted tags are
+/// in place; the place by each rejected tag, where the accepted ones were moved; and the place by
+/// the IMU alone, where all accepted ones were moved. The probability of each is the marginal
+/// likelihood of all positions, by one Kalman update per tag in place. A tag counts once, with the
+/// mean of its sightings: their errors are common. Positions are relative to the estimate, W axes.
+class PlaceDoubt final {
  public:
-  void note_removal(int tag_id, Instant at);
-  /// The tag must not be used for now.
-  [[nodiscard]] bool is_excluded(int tag_id, Instant now) const;
-  void forget_all() { *this = UnstableTags{}; }
+  static constexpr double kByOneTag_m = 0.05;  ///< 1-sigma per axis of a position by a few images.
+  static constexpr double kMoved = 0.2;        ///< Of tags that contradict or return after a gap.
+  static constexpr double kMovedBy_m = 0.5;    ///< 1-sigma per axis: across a table, along a wall.
+  static constexpr double kImuWrong = 0.05;    ///< Bodies are wrong less often than tags are moved.
+
+  [[nodiscard]] bool is_open() const { return opened_at_.has_value(); }
+  [[nodiscard]] const std::optional<Instant>& opened_at() const { return opened_at_; }
+  void close() { *this = PlaceDoubt{}; }
+  /// @param by_imu_W  place by the IMU alone
+  /// @param S         its covariance
+  void open(Instant at, const Eigen::Vector3d& by_imu_W, const Eigen::Matrix3d& S);
+
+  /// Adds a sighting of a proven tag. The first kMostTags ids count.
+  /// @param position_W  of the body by this tag; nullopt: the estimate (the tag was accepted)
+  void add(int tag_id, const std::optional<Eigen::Vector3d>& position_W);
+  /// Compares the places again, after all sightings of an image.
+  void weigh();
+  /// The body is at the other place: that is the estimate from now on.
+  void change_place();
+  /// The estimate was moved.
+  void move(Eigen::Vector3d by_W);  // a copy: may be other_W_
+  /// The IMU's place is less certain than when it was given.
+  void grow(const Eigen::Matrix3d& S) {
+    if (S.trace() > S_.trace()) S_ = S;
+  }
+  /// Axes were turned.
+  void turn(const Eigen::Quaterniond& q_new_old);
+
+  /// Log odds of the other place.
+  [[nodiscard]] double log_odds() const { return log_odds_; }
+  [[nodiscard]] double probability() const;
+  [[nodiscard]] const Eigen::Vector3d& other_place_W() const { return other_W_; }
+  /// What the mixture of both places has beyond the covariance of the estimate.
+  [[nodiscard]] Eigen::Matrix3d covariance() const;
+  /// A rejected tag; -1: none.
+  [[nodiscard]] int contradicting_tag() const;
+  [[nodiscard]] bool contradicts(int tag_id) const {
+    const Tag* const tag = find(tag_id);
+    return tag != nullptr && !tag->is_accepted;
+  }
 
  private:
-  struct Removal {
+  static constexpr std::size_t kMostTags = 8;
+
+  struct Tag {
     int tag_id{-1};
-    int times{0};
-    Instant last{};
+    bool is_accepted{};  ///< By its newest sighting.
+    int sightings{};
+    Eigen::Vector3d position_W{Eigen::Vector3d::Zero()};  ///< Mean.
   };
-  std::array<Removal, 64> tags_{};
-  std::size_t next_{0};  ///< Overwritten by the next new id.
-};
+  struct Place {
+    Eigen::Vector3d p_W{Eigen::Vector3d::Zero()};
+    Eigen::Matrix3d covariance{Eigen::Matrix3d::Zero()};
+    double log_likelihood{};
+  };
+  [[nodiscard]] const Tag* find(int tag_id) const;
+  [[nodiscard]] bool has_accepted() const;
+  /// @param in_place     rejected tag that is in place; nullptr: none has to be
+  /// @param is_estimate  accepted tags are in place; else they were moved
+  [[nodiscard]] Place place(const Tag* in_place, bool is_estimate) const;
+  void take(const Tag& tag, std::optional<bool> is_in_place, Place& place) const;
 
-/// Monitors a relocalisation by a single tag, which may have been moved during the gap: the pose is
-/// a mixture of "the tag is in place" and "it was moved, and the IMU is right". When proven tags
-/// contradict it, the less likely motion by the IMU decides which of them was moved.
-class SingleTagRelocalisation final {
- public:
-  enum class Verdict { kOpen, kTagWrong, kOthersWrong };
-
-  /// @param before  nullopt: the body was lost
-  void begin(int tag_id, const std::optional<BodyPlace>& before, const Eigen::Vector3d& p_WB_now);
-  void forget() { *this = SingleTagRelocalisation{}; }
-  [[nodiscard]] bool is_watched() const { return tag_id_.has_value(); }
-  [[nodiscard]] int tag_id() const { return *tag_id_; }
-  /// Covariance of the position that the mixture has beyond that of the filter, W axes.
-  [[nodiscard]] const Eigen::Matrix3d& mixture() const { return mixture_; }
-  /// Adds an image whose proven tags contradict. Two different ones outvote the single tag.
-  /// @param against  their ids, at least one
-  /// @param shift_W  position of the body by the first of them, relative to the estimate; nullopt:
-  ///                 not known
-  [[nodiscard]] Verdict contradict(std::span<const int> against,
-                                   const std::optional<Eigen::Vector3d>& shift_W);
-
- private:
-  std::optional<int> tag_id_;
-  std::optional<BodyPlace> before_;
-  Eigen::Vector3d moved_W_{Eigen::Vector3d::Zero()};  ///< Motion of the body by the single tag.
-  Eigen::Matrix3d mixture_{Eigen::Matrix3d::Zero()};
-  int images_against_{0};
-  std::optional<int> against_;                         ///< The tag that contradicts.
-  bool are_several_{false};                            ///< Others contradict, too.
-  Eigen::Vector3d shifts_W_{Eigen::Vector3d::Zero()};  ///< Sum of all `shift_W`.
-  int shifts_{0};
+  std::optional<Instant> opened_at_;
+  Eigen::Vector3d by_imu_W_{Eigen::Vector3d::Zero()};
+  Eigen::Matrix3d S_{Eigen::Matrix3d::Identity()};
+  std::array<Tag, kMostTags> tags_{};
+  std::size_t count_{0};
+  double log_odds_{};
+  Eigen::Vector3d other_W_{Eigen::Vector3d::Zero()};
+  Eigen::Matrix3d other_covariance_{Eigen::Matrix3d::Zero()};
 };
 
 }  // namespace fiducap

@@ -13,32 +13,22 @@ using namespace world;         // NOLINT: the state and its operations
 using namespace filter_rules;  // NOLINT: short names
 
 namespace {
-// Sightings after which a tag is proven, and proven others that confirm the filter against a single
-// tag.
-constexpr int kProvenOthers = 2;
+// Sightings after which a tag of the body is proven: a second at 20 Hz, from several directions.
 constexpr int kSightingsToBeProven = 20;
-// Time and position uncertainty up to which the IMU keeps the place better than a tag's move.
-constexpr double kPlaceKept_s = 6.0;
-constexpr double kPlaceKept_m = 0.1;
-// Proven tags that may be removed by the body's own estimate until a proven tag is accepted; with
-// more of them the body is wrong. Other tags do not count: few images initialised them.
-constexpr std::ptrdiff_t kMostUnconfirmed = 2;
-// Consecutive images without an accepted tag before the pose is ambiguous.
-constexpr int kContradictionsToDoubt = 5;
-// Gap and position uncertainty after which a relocalisation by a single tag is monitored.
-constexpr double kGap_s = 0.5;
-constexpr double kMayBeMoved_m = 0.06;
+// Consecutive images with usable tags and none accepted, before the places are decided: a jump of
+// the clock is found within one second.
+constexpr int kRejectedToDecide = 20;
+// Log odds (400 to 1) at which the other place is not kept any more.
+constexpr double kSettled = -6.0;
+// Time without contradiction after which the estimate is right, when no other tag comes into view.
+constexpr Duration kDoubtLasts = std::chrono::seconds(30);
 // Position uncertainty of a body that is not published (BodyLimits).
 constexpr double kPlaceUnknown_m = 0.25;
 // Relocalisations without a consistent period in between, before everything is restarted.
 constexpr int kMostRelocalisations = 4;
-constexpr int kImagesToTrust = 40;
-// Consistent images after which the contradicting tags were moved, when no other tag comes into
-// view. An inconsistent image subtracts kTakenBack: a gate rejects some by chance.
-constexpr int kImagesToDecide = 600;
-constexpr int kTakenBack = 60;
-// A single tag that contradicted before, or whose rotation differs from the gyroscope's by this,
-// relocalises the body only after these images.
+constexpr Duration kConsistent = std::chrono::seconds(2);
+// A single tag whose rotation differs from the gyroscope's by this relocalises the body only after
+// these images.
 constexpr double kMostTurn_rad = 0.15;
 constexpr int kDoubtfulAttempts = 160;
 // IMU propagation up to which a clock jump can be found.
@@ -51,11 +41,6 @@ constexpr double kSearchLasts_s = 1.0;
 // of 0.6 s: 0.024 s RMS).
 constexpr double kJumpSigma_s = 0.01;
 constexpr double kJumpByTurnsSigma_s = 0.03;
-// Consecutive images with usable tags and none accepted, before tags are removed or the body is
-// relocalised.
-constexpr int kRejectedToRelocalise = 20;
-// The same when all of them show a single tag, which may have been moved, and an IMU bridges it.
-constexpr double kOneTagTimeout_s = 8.0;
 }  // namespace
 
 /// Finds a clock jump: contradicting images that fit the IMU's path at another time.
@@ -96,11 +81,9 @@ void TagFilter::set_clock(int camera, double shift_s, double sigma_s) {
 /// After a clock jump: the removals since then were wrong.
 void TagFilter::reset_outlier_counters() {
   memory_.forget_all();
-  unstable_tags_.forget_all();
-  unconfirmed_removals_.clear();
-  ambiguous_offset_W_.reset();
-  single_tag_.forget();
+  place_doubt_.close();
   contradictions_.reset();
+  contradictions_.tags().forget_all();
   jump_search_.forget_images();
   contradicted_at_.reset();
   may_have_jumped_ = false;
@@ -111,30 +94,16 @@ void TagFilter::handle_outliers(const TagObservations& seen, UpdateReport& repor
   if (is_start_over_ && contradictions_.contradicting_images() == kContradictionsToReopenClock) {
     const auto camera = static_cast<std::size_t>(seen.camera);
     open_clock(state_, sensors_, config_, seen.camera, sensors_.cameras[camera].time_shift_sigma_s);
-    contradictions_.reset_tag_scores();
+    contradictions_.tags().forgive_all();
     memory_.forget_all();
   }
-  const int factor = may_have_jumped_ ? 2 : 1;
-  if (contradictions_.images_without_fit() < factor * kRejectedToRelocalise) return;
+  if (contradictions_.images_without_fit() < images_to_decide()) return;
   if (!has_imu() || !is_start_over_) return restart();
-  // The body's place is better known than by a tag that may have been moved.
-  const double gap_s = contradictions_.seconds_without_fit(seen.exposed_at);
-  const bool is_place_kept = is_following() && contradictions_.has_ever_fit() &&
-                             gap_s < kPlaceKept_s &&
-                             image_update_.place(state_).sigma_m() < kPlaceKept_m;
-  const auto unconfirmed =
-      std::ranges::count_if(unconfirmed_removals_, &RemovedTag::was_proven) +
-      std::ranges::count_if(tags_.usable, [&](const TagToUse& tag) { return is_proven(tag); });
-  if (is_place_kept && unconfirmed <= kMostUnconfirmed) {
-    for (const TagToUse& tag : tags_.usable) {
-      unconfirmed_removals_.push_back({tag.seen->tag_id, is_proven(tag)});
-      discard_tag(tag.seen->tag_id, seen.exposed_at, report);
-    }
-    return contradictions_.reset();
-  }
-  const bool is_alive = contradictions_.has_ever_fit() && gap_s < kOneTagTimeout_s;
-  if (is_alive && only_one_outlier_tag()) return;
-  begin_relocalisation(seen, report);
+  decide_place(seen, report);
+}
+
+int TagFilter::images_to_decide() const {
+  return may_have_jumped_ ? 2 * kRejectedToDecide : kRejectedToDecide;
 }
 
 void TagFilter::note_clock_jump(int camera, Duration shift) {
@@ -144,30 +113,17 @@ void TagFilter::note_clock_jump(int camera, Duration shift) {
   lose_motion(false);
 }
 
-/// Keeps the state except for tags removed without confirmation: the body was wrong.
+/// Keeps the state except for tags that joined at the wrong place.
 void TagFilter::begin_relocalisation(const TagObservations& seen, UpdateReport& report) {
   if (++relocalisations_ > kMostRelocalisations) return restart();
   report.relocalised = true;
-  images_trusted_ = 0;
-  const std::vector<RemovedTag> doubtful = std::move(unconfirmed_removals_);
-  unconfirmed_removals_.clear();
-  for (const RemovedTag& one : doubtful) discard_tag(one.tag_id, seen.exposed_at, report);
+  const Instant since = place_doubt_.opened_at().value_or(seen.exposed_at);
+  for (std::size_t i = state_.tags.size(); i-- > 0;)
+    if (is_own(i) && state_.tags[i].first_seen > since)
+      discard_tag(state_.tags[i].tag_id, seen.exposed_at, report);
+  if (state_.tags.empty() && map_.tags.empty() && map_.whole == nullptr) return restart();
   lose_motion(false);
   contradictions_.reset();
-}
-
-/// All contradictions are by the same tag.
-bool TagFilter::only_one_outlier_tag() const {
-  const TagScores& scores = contradictions_.scores();
-  std::ptrdiff_t proven = 0;
-  for (std::size_t i = 0; i < state_.tags.size(); ++i) {
-    const auto& tag = state_.tags[i];
-    const bool proven_tag = !is_own(i) || tag.sightings >= kSightingsToBeProven;
-    proven += proven_tag && !scores.is_doubtful(tag.tag_id) ? 1 : 0;
-  }
-  return has_imu() && is_start_over_ &&
-         std::ranges::all_of(tags_.usable, [](const TagToUse& tag) { return tag.local >= 0; }) &&
-         scores.doubtful() == 1 && proven >= kProvenOthers;
 }
 
 void TagFilter::discard_tag(int tag_id, Instant at, UpdateReport& report) {
@@ -175,92 +131,95 @@ void TagFilter::discard_tag(int tag_id, Instant at, UpdateReport& report) {
   if (tag >= 0) {
     image_update_.discard_noise_learned_since_outlier(state_);
     // Moved tags of the map are handled by the map.
-    if (is_own(static_cast<std::size_t>(tag))) unstable_tags_.note_removal(tag_id, at);
+    if (is_own(static_cast<std::size_t>(tag))) contradictions_.tags().note_removal(tag_id, at);
     state_.remove_tag(static_cast<std::size_t>(tag));
   }
+  contradictions_.tags().note_sighting(tag_id, true);
   memory_.forget_tag(tag_id);
   candidates_.forget(tag_id);
   anchor_.forget_tag(tag_id);
   report.name_dropped(tag_id);
 }
 
-/// An accepted sighting of a proven tag confirms earlier removals.
-void TagFilter::confirm_removals() {
-  bool fits = false;
-  bool is_confirmed = false;
-  for (std::size_t i = 0; i < tags_.usable.size(); ++i) {
-    if (!tags_.accepted[i]) continue;
-    const TagToUse& tag = tags_.usable[i];
-    const auto is_same = [&](const RemovedTag& one) { return one.tag_id == tag.seen->tag_id; };
-    fits = true;
-    is_confirmed |= is_proven(tag) && std::ranges::none_of(unconfirmed_removals_, is_same);
-  }
-  images_trusted_ = fits ? images_trusted_ + 1 : std::max(0, images_trusted_ - kTakenBack);
-  if (images_trusted_ >= kImagesToTrust) relocalisations_ = 0;
-  if (is_confirmed || images_trusted_ >= kImagesToDecide) {
-    unconfirmed_removals_.clear();
-    ambiguous_offset_W_.reset();
-  }
-}
-
-/// Sets the ambiguous offset when all tags in view contradict: either they were moved or the body
-/// is at another place.
-void TagFilter::update_ambiguity(const TagObservations& seen) {
-  if (!has_imu() || !is_start_over_) return;
-  if (contradictions_.images_without_fit() == 0 && unconfirmed_removals_.empty())
-    ambiguous_offset_W_.reset();
-  if (contradictions_.images_without_fit() < kContradictionsToDoubt) return;
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  int tags = 0;
-  for (const TagToUse& tag : tags_.usable) {
-    const auto shift_W = is_proven(tag) ? shift_by(seen, tag) : std::nullopt;
-    if (!shift_W) continue;
-    sum += *shift_W;
-    ++tags;
-    ambiguous_tag_ = tag.seen->tag_id;
-  }
-  if (tags > 0) ambiguous_offset_W_ = sum / tags;
-}
-
+/// Of the map, or seen often by the body, and not placed by it since its place is in doubt.
 bool TagFilter::is_proven(const TagToUse& tag) const {
   const int local = state_.find(tag.seen->tag_id);
   if (local < 0) return tag.known != nullptr;
-  return !is_own(static_cast<std::size_t>(local)) ||
-         state_.tags[static_cast<std::size_t>(local)].sightings >= kSightingsToBeProven;
+  const WorldTag& record = state_.tags[static_cast<std::size_t>(local)];
+  const auto& since = place_doubt_.opened_at();
+  return record.held ||
+         (record.sightings >= kSightingsToBeProven && !(since && record.first_seen > *since));
 }
 
-/// Monitors a single tag that determined the place after a gap: it may have been moved meanwhile.
-void TagFilter::check_single_tag_relocalisation(const TagObservations& seen, UpdateReport& report) {
+/// Weighs the estimate against the other place that the tags of this image allow: proven tags that
+/// contradict, or a single tag after a gap, which may have been moved meanwhile.
+void TagFilter::weigh_places(const TagObservations& seen, UpdateReport& report) {
   if (!has_imu()) return;
   const bool is_alone = tags_.usable.size() == 1 && tags_.accepted.front();
-  report.relocalised_by_one_tag = is_alone && place_before_.sigma_m() > kPlaceUnknown_m;
-  if (!is_start_over_) return;
-  if (!single_tag_.is_watched() && is_alone && gap_before_s_ > kGap_s &&
-      place_before_.sigma_m() > kMayBeMoved_m)
-    single_tag_.begin(tags_.usable.front().seen->tag_id, place_before_, state_.X_WB.p);
-  if (!single_tag_.is_watched()) return;
-  std::array<int, UpdateReport::kMostNamed> against{};
-  std::size_t count = 0;
-  std::optional<Eigen::Vector3d> shift_W;
-  for (std::size_t i = 0; i < tags_.usable.size() && count < against.size(); ++i) {
+  report.relocalised_by_one_tag = is_alone && std::sqrt(P_before_.trace()) > kPlaceUnknown_m;
+  const TagHealth& health = contradictions_.tags();
+  bool contradicts = false;
+  for (const TagToUse& tag : tags_.usable)
+    contradicts |= is_proven(tag) && health.rejected(tag.seen->tag_id) >= TagHealth::kToDoubt;
+  // Uncertainty of the motion since the last fit: the common error of all tags cancels.
+  const double grown_m2 = std::max(0.0, (P_before_ - P_at_fit_).trace() / 3);
+  const Eigen::Matrix3d S =
+      (grown_m2 + PlaceDoubt::kByOneTag_m * PlaceDoubt::kByOneTag_m) * Eigen::Matrix3d::Identity();
+  if (place_doubt_.is_open()) {
+    place_doubt_.move(state_.X_WB.p - p_before_);
+    place_doubt_.grow(S);
+  } else {
+    if (!contradicts && !(is_alone && is_proven(tags_.usable.front()))) return;
+    place_doubt_.open(seen.exposed_at, p_before_ - state_.X_WB.p, S);
+  }
+  if (contradicts) contradicted_place_at_ = seen.exposed_at;
+  for (std::size_t i = 0; i < tags_.usable.size(); ++i) {
     const TagToUse& tag = tags_.usable[i];
-    if (tag.seen->tag_id == single_tag_.tag_id() || !is_proven(tag)) continue;
-    if (tags_.accepted[i]) return single_tag_.forget();
-    if (count == 0) shift_W = shift_by(seen, tag);
-    against[count++] = tag.seen->tag_id;
+    if (!is_proven(tag)) continue;
+    const auto shift_W = tags_.accepted[i] ? std::nullopt : shift_by(seen, tag);
+    if (tags_.accepted[i] || shift_W) place_doubt_.add(tag.seen->tag_id, shift_W);
   }
-  if (count == 0) return;
-  const auto ids = std::span<const int>(against).first(count);
-  const auto verdict = single_tag_.contradict(ids, shift_W);
-  if (verdict == SingleTagRelocalisation::Verdict::kOpen) return;
-  const int tag_id = single_tag_.tag_id();
-  single_tag_.forget();
-  if (verdict == SingleTagRelocalisation::Verdict::kOthersWrong) {
-    for (const int other : ids) discard_tag(other, seen.exposed_at, report);
-    return contradictions_.reset();
+  place_doubt_.weigh();
+  const bool is_over =
+      seen.exposed_at - std::max(contradicted_place_at_, *place_doubt_.opened_at()) > kDoubtLasts;
+  if (!contradicts && (place_doubt_.log_odds() < kSettled || is_over)) place_doubt_.close();
+}
+
+void TagFilter::note_place_fit(const TagObservations& seen, UpdateReport& report) {
+  P_at_fit_ = position_covariance();
+  if (seen.exposed_at - contradicted_place_at_ > kConsistent) relocalisations_ = 0;
+  if (std::ranges::any_of(tags_.usable,
+                          [&](const TagToUse& tag) { return is_moved(tag.seen->tag_id); }))
+    decide_place(seen, report);
+}
+
+Eigen::Matrix3d TagFilter::position_covariance() const {
+  const Eigen::Matrix<double, 3, 6> J = plain_from_world_error(state_.X_WB.p).topRows<3>();
+  return J * state_.P().topLeftCorner<6, 6>() * J.transpose();
+}
+
+/// The likelier place: tags that contradict it were moved. The other one stays in the covariance.
+void TagFilter::decide_place(const TagObservations& seen, UpdateReport& report) {
+  // A tag that has just joined where the body put it contradicts only a body that is wrong.
+  const bool is_wrong_again = std::ranges::any_of(tags_.usable, [&](const TagToUse& tag) {
+    return place_doubt_.is_open() && is_moved(tag.seen->tag_id) &&
+           contradictions_.tags().was_removed(tag.seen->tag_id, *place_doubt_.opened_at());
+  });
+  if (place_doubt_.contradicting_tag() >= 0 && (place_doubt_.log_odds() > 0 || is_wrong_again)) {
+    place_doubt_.change_place();
+    image_update_.note_clock_jump(state_);
+    for (const TagToUse& tag : tags_.usable)
+      if (place_doubt_.contradicts(tag.seen->tag_id))
+        discard_tag(tag.seen->tag_id, seen.exposed_at, report);
+    return begin_relocalisation(seen, report);
   }
-  discard_tag(tag_id, seen.exposed_at, report);
-  begin_relocalisation(seen, report);
+  for (const TagToUse& tag : tags_.usable)
+    if (is_moved(tag.seen->tag_id)) discard_tag(tag.seen->tag_id, seen.exposed_at, report);
+  if (report.tags_used == 0) contradictions_.reset();
+}
+
+bool TagFilter::is_moved(int tag_id) const {
+  return contradictions_.tags().rejected(tag_id) >= TagHealth::kToDecide;
 }
 
 bool TagFilter::relocalise(const TagObservations& seen) {
@@ -272,19 +231,21 @@ bool TagFilter::relocalise(const TagObservations& seen) {
   const bool is_forced = has_imu() && relocalisation_attempts_ >= kForceWithImu;
   if (found && (found->evidence >= config_.branch_evidence || is_forced)) {
     if (is_relocalisation_doubtful(found->X_AB, seen.exposed_at)) return false;
+    // Outliers would pass the gate of a body whose covariance is wide.
+    std::erase_if(tags_.usable, [&](const TagToUse& tag) {
+      const auto one = image_update_.sighted(state_, seen.camera, std::span(&tag, 1));
+      return !fits(one.front(), found->X_AB, image_update_.noise(seen.camera).unexplained_px());
+    });
     jump(found->X_AB, seen.exposed_at);
-    if (tags_.usable.size() == 1)
-      single_tag_.begin(tags_.usable.front().seen->tag_id, std::nullopt, found->X_AB.p);
     return true;
   }
   return relocalise_by_views(seen);
 }
 
-/// A moved tag or an ambiguous id must not relocalise the body.
+/// A turned tag or an ambiguous id must not relocalise the body.
 bool TagFilter::is_relocalisation_doubtful(const Pose& X_WB, Instant at) const {
   if (!has_imu() || tags_.usable.size() != 1 || relocalisation_attempts_ >= kDoubtfulAttempts)
     return false;
-  if (contradictions_.scores().is_doubtful(tags_.usable.front().seen->tag_id)) return true;
   return !pose_finder_.is_turn_lost() &&
          angle_between(pose_finder_.turned(state_, at).q, X_WB.q) > kMostTurn_rad;
 }
@@ -297,7 +258,6 @@ bool TagFilter::relocalise_by_views(const TagObservations& seen) {
     const Pose X_WB = place_of(state_, tag) * X_BT.inverse();
     if (is_relocalisation_doubtful(X_WB, seen.exposed_at)) return false;
     jump(X_WB, seen.exposed_at);
-    single_tag_.begin(tag.seen->tag_id, std::nullopt, state_.X_WB.p);
     return true;
   }
   return false;

@@ -96,10 +96,7 @@ void TagFilter::restart() {
   exact_tag_W_.reset();
   contradictions_.forget_all();
   candidates_.forget_all();
-  unstable_tags_.forget_all();
-  unconfirmed_removals_.clear();
-  ambiguous_offset_W_.reset();
-  single_tag_.forget();
+  place_doubt_.close();
   relocalisations_ = 0;
 }
 
@@ -122,7 +119,7 @@ void TagFilter::end_start() {
   const auto& cameras = sensors_.cameras;
   for (std::size_t k = 0; k < cameras.size(); ++k)
     open_clock(state_, sensors_, config_, static_cast<int>(k), cameras[k].time_shift_sigma_s);
-  contradictions_.reset_tag_scores();
+  contradictions_.tags().forgive_all();
   memory_.forget_all();  // its states have held clocks
   clocks_.spread = 1.0;
 }
@@ -150,7 +147,7 @@ void TagFilter::sort(const TagObservations& seen, std::span<const KnownTag> know
   held_tags_.follow(state_, seen, known, map_.whole, anchor_.is_anchored());
   tags_.sort(seen, known, state_, anchor_.is_anchored());
   const auto is_excluded = [&](const TagToUse& tag) {
-    return unstable_tags_.is_excluded(tag.seen->tag_id, seen.exposed_at);
+    return contradictions_.tags().is_excluded(tag.seen->tag_id, seen.exposed_at);
   };
   std::erase_if(tags_.usable, is_excluded);
   std::erase_if(tags_.fresh, is_excluded);
@@ -185,9 +182,9 @@ UpdateReport TagFilter::process(const TagObservations& seen, std::span<const Kno
   look_for_jump(seen, report);
   handle_outliers(seen, report);
   if (is_following()) shift_axes(anchor_.by_definition(state_, map_.may_define_workspace), report);
-  if (ambiguous_offset_W_)
-    report.ambiguous_place =
-        UpdateReport::AmbiguousPlace{ambiguous_tag_, ambiguous_offset_W_->norm()};
+  if (place_doubt_.is_open() && place_doubt_.contradicting_tag() >= 0)
+    report.ambiguous_place = UpdateReport::AmbiguousPlace{place_doubt_.contradicting_tag(),
+                                                          place_doubt_.other_place_W().norm()};
   if (!has_imu() && report.tags_used > 0) note_exact_tags();
   return report;
 }
@@ -262,7 +259,8 @@ UpdateReport TagFilter::correct(const TagObservations& seen, int iterations) {
 }
 
 void TagFilter::correct(const TagObservations& seen, int iterations, UpdateReport& report) {
-  place_before_ = image_update_.place(state_);
+  p_before_ = state_.X_WB.p;
+  P_before_ = position_covariance();
   const UpdateReport done = correct(seen, iterations);
   report.take_correction(done);
   report.tags_measured = done.tags_measured;
@@ -273,13 +271,9 @@ void TagFilter::correct(const TagObservations& seen, int iterations, UpdateRepor
     const bool own = local >= 0 && is_own(static_cast<std::size_t>(local));
     if (tags_.accepted[i] && !own) report.name_fitting(tags_.usable[i].seen->tag_id);
   }
-  const auto removed =
-      contradictions_.count(seen.camera, seen.exposed_at, tags_.usable, tags_.accepted);
-  for (const int tag_id : std::vector<int>(removed.begin(), removed.end()))
-    discard_tag(tag_id, seen.exposed_at, report);
-  confirm_removals();
-  update_ambiguity(seen);
-  check_single_tag_relocalisation(seen, report);
+  contradictions_.count(seen.camera, seen.exposed_at, tags_.usable, tags_.accepted);
+  weigh_places(seen, report);
+  if (done.tags_used > 0) note_place_fit(seen, report);
 }
 
 void TagFilter::correct_by_points(const TagObservations& seen, long image, UpdateReport& report) {
@@ -301,7 +295,7 @@ void TagFilter::shift_axes(const std::optional<Pose>& X_new_old, UpdateReport& r
   report.gauge_shift = *X_new_old * report.gauge_shift.value_or(Pose{});
   memory_.move_axes(*X_new_old);
   image_update_.lose_motion();  // covariance in the old axes
-  if (ambiguous_offset_W_) ambiguous_offset_W_ = X_new_old->q * *ambiguous_offset_W_;
+  place_doubt_.turn(X_new_old->q);
   jump_search_.forget_all();
   if (!has_imu()) candidates_.forget_all();  // views in the old axes
 }
@@ -317,9 +311,7 @@ BodyEstimate TagFilter::estimate() const {
                Eigen::Vector3d(0, 0, -(sensors_.gravity_m_s2 + out.gravity_offset_m_s2));
   }
   out.anchored = anchor_.is_anchored();
-  if (single_tag_.is_watched()) out.covariance.topLeftCorner<3, 3>() += single_tag_.mixture();
-  if (ambiguous_offset_W_)
-    out.covariance.topLeftCorner<3, 3>() += *ambiguous_offset_W_ * ambiguous_offset_W_->transpose();
+  out.covariance.topLeftCorner<3, 3>() += place_doubt_.covariance();
   if (!has_imu() && config_.doubt_configuration) add_bend_of_prints(out);
   return out;
 }

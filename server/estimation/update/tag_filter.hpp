@@ -129,12 +129,14 @@ class TagFilter final : public StartingFilter {
   void look_for_jump(const TagObservations& seen, UpdateReport& report);
   void handle_outliers(const TagObservations& seen, UpdateReport& report);
   void begin_relocalisation(const TagObservations& seen, UpdateReport& report);
-  [[nodiscard]] bool only_one_outlier_tag() const;
   [[nodiscard]] bool is_proven(const TagToUse& tag) const;
   void discard_tag(int tag_id, Instant at, UpdateReport& report);
-  void confirm_removals();
-  void update_ambiguity(const TagObservations& seen);
-  void check_single_tag_relocalisation(const TagObservations& seen, UpdateReport& report);
+  void weigh_places(const TagObservations& seen, UpdateReport& report);
+  void note_place_fit(const TagObservations& seen, UpdateReport& report);
+  [[nodiscard]] Eigen::Matrix3d position_covariance() const;
+  void decide_place(const TagObservations& seen, UpdateReport& report);
+  [[nodiscard]] bool is_moved(int tag_id) const;
+  [[nodiscard]] int images_to_decide() const;
   bool relocalise(const TagObservations& seen);
   [[nodiscard]] bool is_relocalisation_doubtful(const Pose& X_WB, Instant at) const;
   bool relocalise_by_views(const TagObservations& seen);
@@ -179,19 +181,15 @@ class TagFilter final : public StartingFilter {
   bool is_start_over_{false};
   MapKnowledge map_;                ///< For the present image.
   int relocalisation_attempts_{0};  ///< Images with a usable tag since the body was lost.
-  UnstableTags unstable_tags_;
-  std::vector<RemovedTag> unconfirmed_removals_;  ///< Not confirmed by another proven tag yet.
-  /// Position of the body by contradicting proven tags, relative to the estimate, W axes; until
-  /// another proven tag decides.
-  std::optional<Eigen::Vector3d> ambiguous_offset_W_;
-  int ambiguous_tag_{-1};  ///< One of them.
-  SingleTagRelocalisation single_tag_;
+  PlaceDoubt place_doubt_;
+  Instant contradicted_place_at_{};         ///< Last image with a proven tag that contradicts.
   std::optional<Instant> contradicted_at_;  ///< Last contradicting image: a clock may have jumped.
   bool may_have_jumped_{false};             ///< A clock, or a tag was moved.
   double gap_before_s_{0};                  ///< Without an accepted tag, before the present image.
-  BodyPlace place_before_;                  ///< Before the present correction.
-  int relocalisations_{0};                  ///< Since the filter was last consistent.
-  int images_trusted_{0};                   ///< Consistent images.
+  Eigen::Vector3d p_before_{Eigen::Vector3d::Zero()};  ///< Before the present correction …
+  Eigen::Matrix3d P_before_{Eigen::Matrix3d::Zero()};  ///< … and its covariance.
+  Eigen::Matrix3d P_at_fit_{Eigen::Matrix3d::Zero()};  ///< After the last accepted tag.
+  int relocalisations_{0};                             ///< Since the filter was last consistent.
   int generation_{0};
 };
 

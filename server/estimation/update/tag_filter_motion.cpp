@@ -46,7 +46,6 @@ void TagFilter::start_motion(Instant at) {
 void TagFilter::lose_motion(bool is_turn_lost) {
   if (!is_following()) return;
   if (!running()) return restart();
-  ambiguous_offset_W_.reset();
   mode_ = FilterMode::kLost;
   propagator_.restart();
   image_update_.lose_motion();

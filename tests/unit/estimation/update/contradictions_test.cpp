@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <array>
+#include <chrono>
 #include <cmath>
 #include <vector>
 
@@ -13,44 +13,51 @@
 namespace fiducap {
 namespace {
 
-class TagScoresTest : public testing::Test {
- protected:
-  TagScoresTest() {
-    for (int i = 0; i < 3; ++i) seen_[static_cast<std::size_t>(i)].tag_id = i;
-  }
-  /// @param accepted  by tag id
-  std::vector<int> show(std::vector<int> ids, std::vector<bool> accepted) {
-    std::vector<TagToUse> used;
-    for (const int id : ids) used.push_back({&seen_[static_cast<std::size_t>(id)], -1, nullptr});
-    const auto gone = scores_.count(used, accepted);
-    return {gone.begin(), gone.end()};
-  }
+Instant at_s(int seconds) { return Instant{std::chrono::seconds(seconds)}; }
 
-  std::array<TagObservation, 3> seen_{};
-  TagScores scores_;
+TEST(TagHealth, CountsConsecutiveRejections) {
+  TagHealth health;
+  for (int i = 0; i < 4; ++i) health.note_sighting(7, false);
+  health.note_sighting(8, false);
+  EXPECT_EQ(health.rejected(7), 4);
+  EXPECT_EQ(health.rejected(8), 1);
+  EXPECT_EQ(health.rejected(9), 0);
+  health.note_sighting(7, true);
+  EXPECT_EQ(health.rejected(7), 0) << "one fit resets it";
+  health.forgive_all();
+  EXPECT_EQ(health.rejected(8), 0);
+}
+
+class RemovedTag : public testing::Test {
+ protected:
+  void remove(int second) { tags_.note_removal(7, at_s(second)); }
+  bool is_excluded(int second) { return tags_.is_excluded(7, at_s(second)); }
+  TagHealth tags_;
 };
 
-TEST_F(TagScoresTest, ATagThatContradictsTenTimesInARowIsRemoved) {
-  for (int i = 1; i < TagScores::kToDrop; ++i)
-    EXPECT_TRUE(show({0, 1, 2}, {true, false, true}).empty()) << i;
-  EXPECT_EQ(show({0, 1, 2}, {true, false, true}), std::vector<int>{1});
-  EXPECT_TRUE(show({0, 1, 2}, {true, false, true}).empty()) << "the count starts again";
-  for (int i = 2; i < TagScores::kToDrop; ++i) show({0, 1}, {true, false});
-  show({0, 1}, {true, true});
-  EXPECT_TRUE(show({0, 1}, {true, false}).empty()) << "one fit resets it";
+TEST_F(RemovedTag, IsExcludedForLongerWithEachRemoval) {
+  remove(10);
+  EXPECT_FALSE(is_excluded(10));
+  remove(20);
+  EXPECT_TRUE(is_excluded(39));
+  EXPECT_FALSE(is_excluded(41));
+  remove(50);
+  EXPECT_TRUE(is_excluded(89));
+  EXPECT_FALSE(is_excluded(91));
+  EXPECT_FALSE(tags_.is_excluded(8, at_s(51))) << "another tag";
 }
 
-TEST_F(TagScoresTest, ASingleTagIsRemovedOnceAnotherFits) {
-  for (int i = 0; i < 2 * TagScores::kToDrop; ++i) EXPECT_TRUE(show({1}, {false}).empty());
-  EXPECT_TRUE(scores_.is_doubtful(1));
-  EXPECT_EQ(scores_.doubtful(), 1);
-  EXPECT_EQ(show({0}, {true}), std::vector<int>{1});
+TEST_F(RemovedTag, IsForgottenAfterHalfAnHour) {
+  remove(10);
+  remove(10 + 31 * 60);
+  EXPECT_FALSE(is_excluded(11 + 31 * 60));
 }
 
-TEST_F(TagScoresTest, NoTagIsRemovedWhenAllContradict) {
-  for (int i = 0; i < 2 * TagScores::kToDrop; ++i) show({1, 2}, {false, false});
-  EXPECT_TRUE(show({0}, {true}).empty());
-  EXPECT_EQ(scores_.doubtful(), 0);
+TEST_F(RemovedTag, IsRememberedAmongTheNewestIds) {
+  for (int id = 0; id < 1000; ++id)
+    for (const int second : {1, 2}) tags_.note_removal(id, at_s(second));
+  EXPECT_FALSE(tags_.is_excluded(0, at_s(3)));
+  EXPECT_TRUE(tags_.is_excluded(999, at_s(3)));
 }
 
 TEST(ContradictionsTest, CountsConsecutiveImages) {
@@ -69,106 +76,86 @@ TEST(ContradictionsTest, CountsConsecutiveImages) {
   EXPECT_EQ(contradictions.contradicting_images(), 0);
 }
 
-Instant at_s(int seconds) { return Instant{std::chrono::seconds(seconds)}; }
+constexpr double kByImu_m = 0.1;  // 1-sigma per axis of the motion since the last fit
+const Eigen::Vector3d kForth(0.4, 0, 0);
 
-class UnstableTagsTest : public testing::Test {
- protected:
-  void remove(int second) { tags_.note_removal(7, at_s(second)); }
-  bool is_excluded(int second) { return tags_.is_excluded(7, at_s(second)); }
-  UnstableTags tags_;
-};
-
-TEST_F(UnstableTagsTest, AreExcludedForLongerWithEachRemoval) {
-  remove(10);
-  EXPECT_FALSE(is_excluded(10));
-  remove(20);
-  EXPECT_TRUE(is_excluded(39));
-  EXPECT_FALSE(is_excluded(41));
-  remove(50);
-  EXPECT_TRUE(is_excluded(89));
-  EXPECT_FALSE(is_excluded(91));
-  EXPECT_FALSE(tags_.is_excluded(8, at_s(51))) << "another tag";
+/// The body returns by tag 7, which moves it along x.
+PlaceDoubt returned(double by_m) {
+  PlaceDoubt doubt;
+  doubt.open(at_s(1), {-by_m, 0, 0}, kByImu_m * kByImu_m * Eigen::Matrix3d::Identity());
+  doubt.add(7, std::nullopt);
+  doubt.weigh();
+  return doubt;
 }
 
-TEST_F(UnstableTagsTest, AreForgottenAfterHalfAnHour) {
-  remove(10);
-  remove(10 + 31 * 60);
-  EXPECT_FALSE(is_excluded(11 + 31 * 60));
+/// All tags that a body sees contradict the IMU, which is good to a centimetre.
+PlaceDoubt contradicted(const std::vector<Eigen::Vector3d>& positions_W) {
+  PlaceDoubt doubt;
+  doubt.open(at_s(1), Eigen::Vector3d::Zero(), 1e-4 * Eigen::Matrix3d::Identity());
+  int tag_id = 0;
+  for (const Eigen::Vector3d& position_W : positions_W) doubt.add(tag_id++, position_W);
+  doubt.weigh();
+  return doubt;
 }
 
-TEST_F(UnstableTagsTest, TheNewestOfManyIdsAreRemembered) {
-  for (int id = 0; id < 1000; ++id)
-    for (const int second : {1, 2}) tags_.note_removal(id, at_s(second));
-  EXPECT_FALSE(tags_.is_excluded(0, at_s(3)));
-  EXPECT_TRUE(tags_.is_excluded(999, at_s(3)));
+TEST(PlaceDoubt, AReturnBySingleTagIsUnsureByWhatAMovedTagWouldExplain) {
+  const auto sigma_m = [](const PlaceDoubt& doubt) { return std::sqrt(doubt.covariance()(0, 0)); };
+  EXPECT_LT(sigma_m(returned(0.0)), 0.3 * kByImu_m) << "as expected by the IMU";
+  EXPECT_GT(sigma_m(returned(0.4)), 0.4 / 4) << "four sigmas away: rather moved";
+  EXPECT_GT(returned(0.4).probability(), 0.5);
+  PlaceDoubt lost;
+  lost.open(at_s(1), Eigen::Vector3d::Zero(), 900 * Eigen::Matrix3d::Identity());
+  lost.add(7, std::nullopt);
+  lost.weigh();
+  EXPECT_NEAR(lost.probability(), PlaceDoubt::kMoved, 0.01) << "nothing is known but that";
+  EXPECT_GT(sigma_m(lost), 1.0);
 }
 
-using Verdict = SingleTagRelocalisation::Verdict;
-using Shift = std::optional<Eigen::Vector3d>;
-
-constexpr double kSigma_m = 0.1;  // of the body's position by the IMU alone, per axis
-const Shift kForth = Eigen::Vector3d(0.3, 0, 0);
-const Shift kBack = Eigen::Vector3d(-0.3, 0, 0);
-
-/// A tag that has moved the body along x.
-SingleTagRelocalisation relocalised(double by_m, bool has_imu = true) {
-  SingleTagRelocalisation single;
-  const BodyPlace by_imu{Eigen::Vector3d::Zero(),
-                         kSigma_m * kSigma_m * Eigen::Matrix3d::Identity()};
-  single.begin(7, has_imu ? std::optional(by_imu) : std::nullopt, {by_m, 0.0, 0.0});
-  return single;
+TEST(PlaceDoubt, AnotherTagDecidesWhetherTheFirstWasMoved) {
+  PlaceDoubt fits = returned(0.2);
+  fits.add(8, std::nullopt);
+  fits.weigh();
+  EXPECT_LT(fits.log_odds(), -6) << "both in place";
+  PlaceDoubt was_moved = returned(0.3);
+  was_moved.add(8, Eigen::Vector3d(-0.3, 0, 0));
+  was_moved.weigh();
+  EXPECT_GT(was_moved.log_odds(), 3) << "the other tag and the IMU agree";
+  EXPECT_NEAR(was_moved.other_place_W().x(), -0.3, 0.05);
+  PlaceDoubt other_was_moved = returned(0.01);
+  other_was_moved.add(8, kForth);
+  other_was_moved.weigh();
+  EXPECT_LT(other_was_moved.log_odds(), -3) << "the first tag and the IMU agree";
+  EXPECT_EQ(other_was_moved.contradicting_tag(), 8);
 }
 
-/// Verdict after a number of images in which the tags `against` contradict.
-Verdict after(int images, SingleTagRelocalisation single, const std::vector<int>& against,
-              const Shift& shift) {
-  Verdict verdict = Verdict::kOpen;
-  for (int i = 0; i < images && verdict == Verdict::kOpen; ++i)
-    verdict = single.contradict(against, shift);
-  return verdict;
+TEST(PlaceDoubt, TagsThatAgreeOutweighTheImu) {
+  EXPECT_LT(contradicted({kForth}).log_odds(), 0) << "one tag was moved";
+  EXPECT_GT(contradicted({kForth}).probability(), 1.0 / 16) << "4 sigma of the mixture";
+  EXPECT_GT(contradicted({kForth, kForth}).log_odds(), 3) << "the body is there";
+  EXPECT_LT(contradicted({kForth, -kForth}).log_odds(), 0) << "two prints were exchanged";
 }
 
-TEST(SingleTagRelocalisation, ThePoseIsUnsureByWhatAMovedTagWouldExplain) {
-  const auto sigma_m = [](const SingleTagRelocalisation& single) {
-    return std::sqrt(single.mixture()(0, 0));
-  };
-  EXPECT_LT(sigma_m(relocalised(0.0)), 0.2 * kSigma_m) << "as expected by the IMU";
-  EXPECT_GT(sigma_m(relocalised(0.3)), 0.3 / 4) << "three sigmas away: rather moved";
-  EXPECT_GT(sigma_m(relocalised(1.0, false)), 0.1) << "nothing is known";
-  SingleTagRelocalisation single = relocalised(0.3);
-  single.forget();
-  EXPECT_TRUE(single.mixture().isZero(0));
+TEST(PlaceDoubt, TheOtherPlaceBecomesTheEstimate) {
+  PlaceDoubt doubt = contradicted({kForth, kForth, -kForth});
+  doubt.change_place();
+  EXPECT_LT(doubt.log_odds(), -3);
+  EXPECT_FALSE(doubt.contradicts(0));
+  EXPECT_TRUE(doubt.contradicts(2)) << "it was moved";
+  EXPECT_FALSE(doubt.contradicts(9)) << "never seen";
 }
 
-TEST(SingleTagRelocalisation, IsDecidedByTheImuAndTheNumberOfOtherTags) {
-  struct Case {
-    const char* what;
-    int images;
-    SingleTagRelocalisation single;
-    std::vector<int> against;
-    Shift shift;
-    Verdict verdict;
-  };
-  const Case cases[] = {
-      {"too early", 4, relocalised(0.02), {8}, kForth, Verdict::kOpen},
-      {"agrees with the IMU", 5, relocalised(0.02), {8}, kForth, Verdict::kOthersWrong},
-      {"moved the body far, another moves it back",
-       5,
-       relocalised(0.3),
-       {8},
-       kBack,
-       Verdict::kTagWrong},
-      {"two others", 5, relocalised(0.02), {8, 9}, kForth, Verdict::kTagWrong},
-      {"without an IMU", 5, relocalised(0.02, false), {8}, kForth, Verdict::kTagWrong},
-      {"the other gives no position", 5, relocalised(0.02), {8}, std::nullopt, Verdict::kTagWrong}};
-  for (const auto& [what, images, single, against, shift, verdict] : cases)
-    EXPECT_EQ(after(images, single, against, shift), verdict) << what;
-}
-
-TEST(SingleTagRelocalisation, TwoOtherTagsInSequenceDecide) {
-  SingleTagRelocalisation single = relocalised(0.02);
-  ASSERT_EQ(single.contradict(std::vector{8}, kForth), Verdict::kOpen);
-  EXPECT_EQ(after(4, single, {9}, kForth), Verdict::kTagWrong);
+TEST(PlaceDoubt, FollowsTheEstimateAndTheAxes) {
+  PlaceDoubt doubt = contradicted({kForth});
+  const double odds = doubt.log_odds();
+  const Eigen::Quaterniond q = exp_so3(Eigen::Vector3d(0, 0, 1));
+  doubt.turn(q);
+  doubt.weigh();
+  EXPECT_NEAR((doubt.other_place_W() - q * kForth).norm(), 0, 0.02);
+  doubt.move(q * kForth);
+  EXPECT_NEAR(doubt.other_place_W().norm(), 0, 0.02);
+  doubt.close();
+  EXPECT_TRUE(doubt.covariance().isZero(0));
+  EXPECT_LT(odds, 0);
 }
 
 constexpr double kLength_s = 3.0;
