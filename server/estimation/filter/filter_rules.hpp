@@ -18,6 +18,8 @@ inline constexpr double kEvidenceToFollow = 9.0;
 inline constexpr int kLandmarksToStay = 3;
 // Iterations of an update far from the linearisation point.
 inline constexpr int kFirstIterations = 5;
+// Scale of the Cauchy loss of a sighting in a batch: eight numbers of 5 sigma, squared.
+inline constexpr double kLossBend = 8 * 5.0 * 5.0;
 // Consecutive images with at least half of the usable tags rejected, before a jump of the camera's
 // clock is assumed.
 inline constexpr int kContradictionsToReopenClock = 5;

@@ -2,17 +2,17 @@
 
 namespace fiducap::world {
 
-CameraAt camera_at(const FilterState& state, int camera, double seconds) {
+CameraAt camera_at(const MovingBody& body, const Pose& X_BV, double seconds) {
   CameraAt out;
   out.seconds = seconds;
-  const Pose X_WB = out.moved() ? state.X_WB_after(seconds) : state.X_WB;
-  const Eigen::Vector3d w_B = state.gyro_B - state.bias_w;
+  const Pose X_WB = out.moved() ? body.X_WB_after(seconds) : body.X_WB;
+  const Eigen::Vector3d w_B = body.gyro_B - body.bias_w;
   const Eigen::Vector3d w_W = X_WB.q * w_B;
-  out.X_WV = X_WB * state.X_BV[static_cast<std::size_t>(camera)];
-  out.on_time << state.v_WB + seconds * state.a_WB - w_W.cross(X_WB.p), w_W;
+  out.X_WV = X_WB * X_BV;
+  out.on_time << body.v_WB + seconds * body.a_WB - w_W.cross(X_WB.p), w_W;
   if (!out.moved()) return out;
   // The error of a t²/2 is below a micrometre.
-  out.on_camera = adjoint(X_WB * state.X_WB.inverse());
+  out.on_camera = adjoint(X_WB * body.X_WB.inverse());
   out.on_body = Matrix6d::Identity() - out.on_camera;
   out.on_velocity.topRows<3>() = seconds * Eigen::Matrix3d::Identity();
   const Eigen::Matrix3d turn = -seconds * (X_WB.rotation() * right_jacobian_so3(seconds * w_B));
@@ -35,58 +35,43 @@ SharedPose error_of(const CameraAt& at, int camera) {
   return out;
 }
 
+TagCorners corners_of(const CameraAt& at, const EstimatedLens& lens, const TagObservation& seen,
+                      const Pose& X_WT, double size) {
+  const Pose X_VW = at.X_WV.inverse();
+  const double zoom = 1 + lens.offset.focal;
+  const Eigen::Vector2d centre(lens.model.cu, lens.model.cv);
+  const CornerResidual residual =
+      corner_residual(seen, X_VW * X_WT, lens.model, size, lens.offset.k1);
+  TagCorners out{residual.y, residual.in_front, {}, {}, zoom * residual.H_size};
+  const Matrix86d H_VT = zoom * residual.H;
+  const Eigen::Matrix3d R_VW = X_VW.rotation();
+  out.H.leftCols<3>() = H_VT.leftCols<3>() * R_VW;
+  out.H.rightCols<3>() = H_VT.rightCols<3>() * R_VW - out.H.leftCols<3>() * skew(X_WT.p);
+  if (!lens.offset.is_none()) {
+    // The prediction is `zoom` times as far from the centre as with the configured lens.
+    out.y *= zoom;
+    for (int i = 0; i < 4; ++i)
+      out.y.segment<2>(2 * i) -=
+          lens.offset.focal * (seen.raw_px[static_cast<std::size_t>(i)] - centre) +
+          lens.offset.centre_px;
+  }
+  const Vector8d on_shift = -out.H * at.on_time;
+  const Eigen::Vector2d moved_centre = centre + lens.offset.centre_px;
+  for (int i = 0; i < 4; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    out.H_camera.col(0).segment<2>(2 * i) = seen.rows[k] * on_shift.segment<2>(2 * i);
+    out.H_camera.col(1).segment<2>(2 * i) =
+        (seen.raw_px[k] - out.y.segment<2>(2 * i) - moved_centre) / zoom;
+    out.H_camera.block<2, 2>(2 * i, 2).setIdentity();
+  }
+  out.H_camera.col(4) = zoom * residual.H_k1;
+  return out;
+}
+
 namespace {
 void add_pose(TagMeasurement& m, int at, const Matrix86d& H) {
   m.add(at, H.leftCols<3>());
   m.add(at + 3, H.rightCols<3>());
-}
-
-/// ∂ predicted / ∂ the tag's world-side error; the camera's enters with the opposite sign.
-/// @param H_VT  of corner_residual()
-Matrix86d on_tag(const Matrix86d& H_VT, const Eigen::Matrix3d& R_VW, const Eigen::Vector3d& p_WT) {
-  Matrix86d H;
-  H.leftCols<3>() = H_VT.leftCols<3>() * R_VW;
-  H.rightCols<3>() = H_VT.rightCols<3>() * R_VW - H.leftCols<3>() * skew(p_WT);
-  return H;
-}
-
-/// Corner residual with the estimated lens and tag size.
-CornerResidual residual_of(const FilterState& state, int camera, const CameraModel& model,
-                           const TagToUse& tag, const Pose& X_VT) {
-  const LensOffset& lens = state.lenses[static_cast<std::size_t>(camera)];
-  CornerResidual out =
-      corner_residual(*tag.seen, X_VT, model, state.sizes.factor(tag.seen->tag_id), lens.k1);
-  if (lens.is_none()) return out;
-  const Eigen::Vector2d centre(model.cu, model.cv);
-  // The prediction is (1 + focal) times as far from the centre as with the configured lens.
-  out.y *= 1 + lens.focal;
-  for (int i = 0; i < 4; ++i) {
-    const Eigen::Vector2d& px = tag.seen->raw_px[static_cast<std::size_t>(i)];
-    out.y.segment<2>(2 * i) -= lens.focal * (px - centre) + lens.centre_px;
-  }
-  out.H *= 1 + lens.focal;
-  out.H_size *= 1 + lens.focal;
-  out.H_k1 *= 1 + lens.focal;
-  return out;
-}
-
-/// ∂ predicted / ∂ (readout, focal length, principal point, distortion).
-CameraParameterMatrix on_camera_parameters(const FilterState& state, int camera,
-                                           const CameraModel& model, const TagObservation& seen,
-                                           const CornerResidual& residual,
-                                           const Vector8d& on_shift) {
-  const LensOffset& lens = state.lenses[static_cast<std::size_t>(camera)];
-  const Eigen::Vector2d centre = Eigen::Vector2d(model.cu, model.cv) + lens.centre_px;
-  CameraParameterMatrix H;
-  const Vector8d& y = residual.y;
-  for (int i = 0; i < 4; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    H.col(0).segment<2>(2 * i) = seen.rows[k] * on_shift.segment<2>(2 * i);
-    H.col(1).segment<2>(2 * i) = (seen.raw_px[k] - y.segment<2>(2 * i) - centre) / (1 + lens.focal);
-    H.block<2, 2>(2 * i, 2).setIdentity();
-  }
-  H.col(4) = residual.H_k1;
-  return H;
 }
 
 /// Corner error by unmodelled effects of the lens, 1-sigma: second order of an uncertain focal
@@ -108,12 +93,12 @@ double beyond_model_px(const FilterState& state, int camera, const CameraModel& 
   return radius_px * std::hypot(is_settled ? 0.0 : variance, bend);
 }
 
-void add_sizes(const FilterState& state, const CornerResidual& residual, const TagToUse& tag,
+void add_sizes(const FilterState& state, const TagCorners& corners, const TagToUse& tag,
                Eigen::Index first, Eigen::Index rows, TagMeasurement& m) {
   const auto add = [&](int column) {
     const int in_block = (column - layout::sizes(state.cameras())) % 3;
     Matrix83d H = Matrix83d::Zero();
-    H.col(in_block).segment(first, rows) = residual.H_size.segment(first, rows);
+    H.col(in_block).segment(first, rows) = corners.H_size.segment(first, rows);
     m.add(column - in_block, H);
   };
   add(layout::sizes(state.cameras()));
@@ -122,15 +107,12 @@ void add_sizes(const FilterState& state, const CornerResidual& residual, const T
 }
 
 /// Fills some rows of the measurement, from `first`, for the camera at their exposure.
-void compare(const FilterState& state, int camera, const CameraModel& model, const CameraAt& at,
-             const CornerResidual& residual, const TagToUse& tag, Eigen::Index first,
-             Eigen::Index rows, TagMeasurement& m) {
-  m.in_front = m.in_front && residual.in_front;
-  m.y.segment(first, rows) = residual.y.segment(first, rows);
+void compare(const FilterState& state, int camera, const CameraAt& at, const TagCorners& corners,
+             const TagToUse& tag, Eigen::Index first, Eigen::Index rows, TagMeasurement& m) {
+  m.in_front = m.in_front && corners.in_front;
+  m.y.segment(first, rows) = corners.y.segment(first, rows);
   Matrix86d H = Matrix86d::Zero();
-  H.middleRows(first, rows) =
-      on_tag(residual.H, at.X_WV.rotation().transpose(), place_of(state, tag).p)
-          .middleRows(first, rows);
+  H.middleRows(first, rows) = corners.H.middleRows(first, rows);
   m.H.middleRows(first, rows) = H.middleRows(first, rows);
   if (tag.local >= 0) add_pose(m, state.tag_at(static_cast<std::size_t>(tag.local)), H);
   add_pose(m, layout::camera(camera), at.moved() ? Matrix86d(-H * at.on_camera) : Matrix86d(-H));
@@ -143,16 +125,18 @@ void compare(const FilterState& state, int camera, const CameraModel& model, con
   Matrix83d clock = Matrix83d::Zero();
   clock.col(0) = -H * at.on_time;
   CameraParameterMatrix parameters = CameraParameterMatrix::Zero();
-  parameters.middleRows(first, rows) =
-      on_camera_parameters(state, camera, model, *tag.seen, residual, clock.col(0))
-          .middleRows(first, rows);
+  parameters.middleRows(first, rows) = corners.H_camera.middleRows(first, rows);
   clock.col(1) = parameters.col(0);
   if (state.has_tested_parameters()) {
     clock.col(2) = parameters.col(1);
     m.add(layout::centre(camera), parameters.rightCols<3>());
-    add_sizes(state, residual, tag, first, rows, m);
+    add_sizes(state, corners, tag, first, rows, m);
   }
   m.add(layout::clock(camera), clock);
+}
+
+EstimatedLens lens_of(const FilterState& state, int camera, const CameraModel& model) {
+  return {model, state.lenses[static_cast<std::size_t>(camera)]};
 }
 }  // namespace
 
@@ -172,9 +156,10 @@ TagMeasurement measure(const FilterState& state, int camera, const CameraModel& 
   const CameraClock& clock = state.clocks[static_cast<std::size_t>(camera)];
   const auto compare_at = [&](double row, Eigen::Index first, Eigen::Index rows) {
     const CameraAt at = camera_at(state, camera, clock.seconds_to(row));
-    const CornerResidual residual =
-        residual_of(state, camera, model, tag, at.X_WV.inverse() * place_of(state, tag));
-    compare(state, camera, model, at, residual, tag, first, rows, m);
+    compare(state, camera, at,
+            corners_of(at, lens_of(state, camera, model), *tag.seen, place_of(state, tag),
+                       state.sizes.factor(m.tag_id)),
+            tag, first, rows, m);
   };
   if (clock.readout_s == 0) {
     compare_at(0, 0, 8);
@@ -201,28 +186,26 @@ void measure_image(const FilterState& state, int camera, const CameraModel& mode
   }
   if (state.has_tested_parameters())
     out.parameters = {layout::readout(camera), layout::sizes(state.cameras())};
-  const Pose X_VW = at.X_WV.inverse();
-  const Eigen::Matrix3d R_VW = X_VW.rotation();
   for (std::size_t i = 0; i < tags.size(); ++i) {
     const TagToUse& tag = tags[i];
-    const Pose& X_WT = place_of(state, tag);
-    const CornerResidual residual = residual_of(state, camera, model, tag, X_VW * X_WT);
     TagMeasurement& m = out.tags[i];
     m.tag_id = tag.seen->tag_id;
-    m.y = residual.y;
-    m.in_front = residual.in_front;
+    const TagCorners corners = corners_of(at, lens_of(state, camera, model), *tag.seen,
+                                          place_of(state, tag), state.sizes.factor(m.tag_id));
+    m.y = corners.y;
+    m.in_front = corners.in_front;
     m.relative = true;
     m.own =
         tag.local >= 0 ? state.tag_at(static_cast<std::size_t>(tag.local)) : TagMeasurement::kGiven;
-    m.H = on_tag(residual.H, R_VW, X_WT.p);
+    m.H = corners.H;
     const double beyond_px = beyond_model_px(state, camera, model, *tag.seen);
     m.noise_px = std::hypot(noise.of(*tag.seen), beyond_px);
     m.even = !noise.is_uneven(*tag.seen);
     if (!m.even) m.R = noise.covariance(*tag.seen, beyond_px);
     m.block_count = 0;
     if (!out.parameters.are_there()) continue;
-    m.H_camera = on_camera_parameters(state, camera, model, *tag.seen, residual, -m.H * at.on_time);
-    m.H_size = residual.H_size;
+    m.H_camera = corners.H_camera;
+    m.H_size = corners.H_size;
     m.own_size = state.print_at(m.tag_id);
     m.y -= clock.readout_s * m.H_camera.col(0);
   }

@@ -31,15 +31,35 @@ struct CameraAt {
   [[nodiscard]] bool moved() const { return std::abs(seconds) > 1e-9; }
 };
 
-/// @param seconds  after the state's instant; may be negative
-[[nodiscard]] CameraAt camera_at(const FilterState& state, int camera, double seconds);
+/// @param seconds  after the body's instant; may be negative
+[[nodiscard]] CameraAt camera_at(const MovingBody& body, const Pose& X_BV, double seconds);
+[[nodiscard]] inline CameraAt camera_at(const FilterState& state, int camera, double seconds) {
+  return camera_at(state, state.X_BV[static_cast<std::size_t>(camera)], seconds);
+}
 
 /// The error of that pose as a function of the state's errors.
 [[nodiscard]] SharedPose error_of(const CameraAt& at, int camera);
 
-/// Innovation and Jacobian of one tag, RCARS II-D4: X_VT = X_WV⁻¹ X_WT. Camera and tag enter with
-/// opposite signs and the same lever arm, so a common motion cancels exactly at any linearisation
-/// point.
+/// A configured lens and its estimated offset.
+struct EstimatedLens {
+  const CameraModel& model;
+  const LensOffset& offset;
+};
+
+/// Corners of one tag, RCARS II-D4: X_VT = X_WV⁻¹ X_WT. Camera and tag enter with opposite signs
+/// and the same lever arm, so a common motion cancels exactly at any linearisation point.
+struct TagCorners {
+  Vector8d y;  ///< seen − predicted, raw pixels
+  bool in_front{};
+  Matrix86d H;  ///< ∂ predicted / ∂ the tag's world-side error; by the camera's it is −H.
+  CameraParameterMatrix H_camera;  ///< By readout, focal length, principal point, distortion.
+  Vector8d H_size;                 ///< By the relative size.
+};
+/// @param size  factor on the configured edge
+[[nodiscard]] TagCorners corners_of(const CameraAt& at, const EstimatedLens& lens,
+                                    const TagObservation& seen, const Pose& X_WT, double size);
+
+/// Innovation and Jacobian of one tag (corners_of()), by the filter's state.
 [[nodiscard]] TagMeasurement measure(const FilterState& state, int camera, const CameraModel& model,
                                      const TagToUse& tag, const CornerNoise& noise);
 

@@ -67,7 +67,7 @@ void FilterState::forget_clones() {
   for (Clone& clone : clones) clone.image = -1;
 }
 
-Pose FilterState::X_WB_after(double seconds) const {
+Pose MovingBody::X_WB_after(double seconds) const {
   return {X_WB.q * exp_so3(seconds * (gyro_B - bias_w)),
           X_WB.p + seconds * v_WB + (0.5 * seconds * seconds) * a_WB};
 }

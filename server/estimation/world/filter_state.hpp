@@ -69,26 +69,33 @@ struct Clone {
   long image{-1};  ///< Number of the image in ImageMemory; -1: unused.
 };
 
-/// Body, biases, extrinsics, clocks, gravity (with an IMU along −z), clones, tags, all in W.
-struct FilterMean {
+/// A body at one instant, and the errors of its IMU.
+struct MovingBody {
   Instant time{};
   Pose X_WB;
   Eigen::Vector3d v_WB{Eigen::Vector3d::Zero()};
   Eigen::Vector3d bias_f{Eigen::Vector3d::Zero()};
   Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
+  double gravity_offset_m_s2{};  ///< Gravity minus the configured value.
+  ImuIntrinsics imu;
+  /// Present motion from the last integration step; not estimated.
+  Eigen::Vector3d gyro_B{Eigen::Vector3d::Zero()};  ///< Scale and rotation corrected, bias not.
+  Eigen::Vector3d a_WB{Eigen::Vector3d::Zero()};
+
+  /// The body some milliseconds later or earlier, at the present motion.
+  [[nodiscard]] Pose X_WB_after(double seconds) const;
+};
+
+/// Body, biases, extrinsics, clocks, gravity (with an IMU along −z), clones, tags, all in W.
+struct FilterMean : MovingBody {
   std::vector<Pose> X_BV;           ///< One per camera.
   std::vector<CameraClock> clocks;  ///< One per camera.
   std::vector<LensOffset> lenses;   ///< One per camera.
   PrintSizes sizes;
-  double gravity_offset_m_s2{};  ///< Gravity minus the configured value.
-  ImuIntrinsics imu;
   std::vector<ParameterTest> parameter_tests;  ///< Per parameter; empty: none are tested.
   Instant judged_until{Instant::min()};        ///< Until then only the map opens parameters.
   std::vector<Clone> clones;                   ///< Fixed number, no order; none: no points.
   std::vector<WorldTag> tags;                  ///< Order of entry.
-  /// Present motion from the last integration step; not estimated.
-  Eigen::Vector3d gyro_B{Eigen::Vector3d::Zero()};  ///< Scale and rotation corrected, bias not.
-  Eigen::Vector3d a_WB{Eigen::Vector3d::Zero()};
 };
 
 /// The state with its covariance.
@@ -100,8 +107,6 @@ struct FilterState : FilterMean {
   [[nodiscard]] Pose X_WV(int camera) const {
     return X_WB * X_BV[static_cast<std::size_t>(camera)];
   }
-  /// The body some milliseconds later or earlier, at the present motion.
-  [[nodiscard]] Pose X_WB_after(double seconds) const;
   [[nodiscard]] int tag_at(std::size_t i) const {
     return layout::tag(cameras(), static_cast<int>(clones.size() + i));
   }

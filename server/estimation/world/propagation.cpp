@@ -31,7 +31,7 @@ void add_step(const BodyMatrix& F, BodyMatrix& Phi) {
 }
 
 /// Only the pose continues; speed and rate are those of the odometry.
-void propagate_by_odometry(FilterState& state, MotionSinceImage& motion, const InertialInput& input,
+void propagate_by_odometry(MovingBody& state, MotionSinceImage& motion, const InertialInput& input,
                            double dt) {
   state.v_WB = state.X_WB.q * *input.v_B;
   state.X_WB = state.X_WB * Pose{exp_so3(dt * input.w_B), dt * *input.v_B};
@@ -119,7 +119,7 @@ void add_parameter_jacobians(const ImuIntrinsics& imu, const Eigen::Vector3d& w_
 }
 }  // namespace
 
-StepJacobians step_mean(FilterState& state, const InertialInput& input,
+StepJacobians step_mean(MovingBody& state, const InertialInput& input,
                         const Eigen::Vector3d& gravity_W, double dt) {
   const Eigen::Vector3d w_B = state.imu.rate(input.w_B - state.bias_w);
   const Eigen::Vector3d f_B = input.has_accelerometer ? state.imu.force(input.f_B - state.bias_f)
@@ -168,7 +168,7 @@ StepJacobians step_mean(FilterState& state, const InertialInput& input,
   return out;
 }
 
-void propagate(FilterState& state, MotionSinceImage& motion, const InertialInput& input,
+void propagate(MovingBody& state, MotionSinceImage& motion, const InertialInput& input,
                const Eigen::Vector3d& gravity_W, double dt) {
   if (dt <= 0) return;
   if (!motion.begun) motion.X_WB_before = state.X_WB;

@@ -43,11 +43,11 @@ void move_both_ways(const BodyMatrix& F, BodyMatrix& M);
 
 /// Moves the body's mean over dt: exact rotation, force rotated by half of it.
 /// @param gravity_W  e.g. (0, 0, -9.81)
-StepJacobians step_mean(FilterState& state, const InertialInput& input,
+StepJacobians step_mean(MovingBody& state, const InertialInput& input,
                         const Eigen::Vector3d& gravity_W, double dt);
 
-/// One integration step: mean, Φ and Q. The covariance of `state` itself is not changed.
-void propagate(FilterState& state, MotionSinceImage& motion, const InertialInput& input,
+/// One integration step: mean, Φ and Q.
+void propagate(MovingBody& state, MotionSinceImage& motion, const InertialInput& input,
                const Eigen::Vector3d& gravity_W, double dt);
 
 /// Propagates the covariance by the motion, which is restarted.
