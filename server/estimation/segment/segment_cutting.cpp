@@ -10,11 +10,6 @@
 namespace fiducap {
 
 namespace {
-// Longest time between neighbours for a velocity.
-constexpr Duration kSameSpeed = std::chrono::seconds(1);
-// Length of a segment with a single instant.
-constexpr Duration kShortest = std::chrono::milliseconds(1);
-
 /// Instants of one chain, with speeds.
 std::vector<BodyMoment> moments_of(std::span<const PlacedInstant> chain, const Odometry* odometry) {
   std::vector<BodyMoment> out;
@@ -27,7 +22,7 @@ std::vector<BodyMoment> moments_of(std::span<const PlacedInstant> chain, const O
         odometry != nullptr ? odometry->motion(from.at, to.at) : std::optional<Pose>{};
     if (moved && time > Duration{0}) {
       body.v_WB = from.X_WB.q * moved->p / to_seconds(time);
-    } else if (time > Duration{0} && time <= kSameSpeed) {
+    } else if (time > Duration{0}) {
       body.v_WB = (to.X_WB.p - from.X_WB.p) / to_seconds(time);
       // The gyro bias contains minus the rate.
       body.bias_w = -log_so3(from.X_WB.q.conjugate() * to.X_WB.q) / to_seconds(time);
@@ -37,78 +32,52 @@ std::vector<BodyMoment> moments_of(std::span<const PlacedInstant> chain, const O
   return out;
 }
 
-class Cutter final {
- public:
-  explicit Cutter(const PlacedPath& path) : path_(path), chain_(path.chain) {}
+/// By odometry where it covers both, else by white acceleration.
+std::vector<SegmentStep> steps_between(const PlacedPath& path, Instant from, Instant to) {
+  std::vector<SegmentStep> steps;
+  const Odometry* const odometry = path.odometry;
+  if (odometry != nullptr && odometry->covers(from) && odometry->covers(to))
+    add_odometry(*odometry, from, to, steps);
+  else
+    add_steps(to - from, path.motion, from_seconds(filter_rules::kStepWithoutImu_s), steps);
+  return steps;
+}
 
-  void cut(std::span<const PlacedInstant> chain) {
-    const std::vector<BodyMoment> bodies = moments_of(chain, path_.odometry);
-    begin(bodies.front());
-    if (path_.odometry != nullptr && path_.odometry->covers(chain.front().at))
-      open_.up_B =
-          path_.odometry->pose_at(chain.front().at).q.conjugate() * Eigen::Vector3d::UnitZ();
-    open_.instances.back().images = seen_at(chain.front());
-    for (std::size_t i = 1; i < chain.size(); ++i) {
-      add(bodies[i], seen_at(chain[i]));
-      if (bodies[i].at - open_.begin().at < kSegmentLength && i + 1 < chain.size()) continue;
-      end();
-      if (i + 1 < chain.size()) begin(bodies[i]);
-    }
-    if (chain.size() == 1) {
-      BodyMoment after = bodies.front();
-      after.at += kShortest;
-      add(after, {});
-      end();
-    }
-    ++chain_;
+/// Appends the segments of one chain.
+void cut(const PlacedPath& path, std::span<const PlacedInstant> chain, int number,
+         std::vector<MotionSegment>& out) {
+  std::vector<BodyMoment> bodies = moments_of(chain, path.odometry);
+  // A segment has two ends.
+  if (chain.size() == 1) bodies.push_back(bodies.front());
+  if (chain.size() == 1) bodies.back().at += from_seconds(filter_rules::kStepWithoutImu_s);
+  MotionSegment open = path.head;
+  open.chain = number;
+  if (path.odometry != nullptr && path.odometry->covers(chain.front().at))
+    open.up_B = path.odometry->pose_at(chain.front().at).q.conjugate() * Eigen::Vector3d::UnitZ();
+  open.instances.push_back({bodies.front(), {}, chain.front().images});
+  for (std::size_t i = 1; i < bodies.size(); ++i) {
+    open.instances.push_back({bodies[i], steps_between(path, bodies[i - 1].at, bodies[i].at), {}});
+    if (i < chain.size()) open.instances.back().images = chain[i].images;
+    if (bodies[i].at - open.begin().at < kSegmentLength && i + 1 < bodies.size()) continue;
+    keep_placed(path.tags, open);
+    out.push_back(std::exchange(open, path.head));
+    open.chain = number;
+    open.instances.push_back({bodies[i], {}, {}});
   }
-  std::vector<MotionSegment> take() { return std::move(done_); }
-
- private:
-  void begin(const BodyMoment& body) {
-    open_ = {};
-    open_.body_id = path_.body_id;
-    open_.chain = chain_;
-    open_.anchored = path_.anchored;
-    open_.sensors = path_.sensors;
-    open_.cameras = path_.cameras;
-    open_.instances.push_back({body, {}, {}});
-  }
-
-  void add(const BodyMoment& body, std::vector<SegmentImage> images) {
-    std::vector<SegmentStep> steps;
-    if (path_.odometry != nullptr && path_.odometry->covers(open_.end().at) &&
-        path_.odometry->covers(body.at))
-      add_odometry(*path_.odometry, open_.end().at, body.at, steps);
-    else
-      add_steps(body.at - open_.end().at, path_.motion,
-                from_seconds(filter_rules::kStepWithoutImu_s), steps);
-    open_.instances.push_back({body, std::move(steps), std::move(images)});
-  }
-
-  void end() {
-    std::set<int> seen;
-    for (const MotionSegment::Instance& instance : open_.instances)
-      for (const SegmentImage& image : instance.images)
-        for (const SegmentSighting& sighting : image.tags) seen.insert(sighting.seen.tag_id);
-    for (const int tag_id : seen) open_.tags.push_back(path_.tags.at(tag_id));
-    done_.push_back(std::move(open_));
-  }
-
-  [[nodiscard]] std::vector<SegmentImage> seen_at(const PlacedInstant& instant) const {
-    std::vector<SegmentImage> images = instant.images;
-    for (SegmentImage& image : images)
-      std::erase_if(image.tags, [&](const auto& s) { return !path_.tags.contains(s.seen.tag_id); });
-    std::erase_if(images, [](const SegmentImage& image) { return image.tags.empty(); });
-    return images;
-  }
-
-  const PlacedPath& path_;
-  int chain_;
-  MotionSegment open_;
-  std::vector<MotionSegment> done_;
-};
+}
 }  // namespace
+
+void keep_placed(const std::map<int, KnownTag>& places, MotionSegment& segment) {
+  std::set<int> seen;
+  for (MotionSegment::Instance& instance : segment.instances) {
+    for (SegmentImage& image : instance.images) {
+      std::erase_if(image.tags, [&](const auto& s) { return !places.contains(s.seen.tag_id); });
+      for (const SegmentSighting& s : image.tags) seen.insert(s.seen.tag_id);
+    }
+    std::erase_if(instance.images, [](const SegmentImage& image) { return image.tags.empty(); });
+  }
+  for (const int tag_id : seen) segment.tags.push_back(places.at(tag_id));
+}
 
 void add_steps(Duration time, const InertialInput& input, Duration longest,
                std::vector<SegmentStep>& steps) {
@@ -142,7 +111,8 @@ void add_odometry(const Odometry& odometry, Instant from, Instant to,
 }
 
 std::vector<MotionSegment> cut_segments(const PlacedPath& path) {
-  Cutter cutter(path);
+  std::vector<MotionSegment> out;
+  int chain = path.head.chain;
   const auto& instants = path.instants;
   const auto is_covered = [&](const PlacedInstant& instant) {
     return path.odometry != nullptr && path.odometry->covers(instant.at);
@@ -155,10 +125,10 @@ std::vector<MotionSegment> cut_segments(const PlacedPath& path) {
   for (std::size_t first = 0; first < instants.size();) {
     std::size_t after = first + 1;
     while (after < instants.size() && is_connected(instants[after - 1], instants[after])) ++after;
-    cutter.cut(std::span(instants).subspan(first, after - first));
+    cut(path, std::span(instants).subspan(first, after - first), chain++, out);
     first = after;
   }
-  return cutter.take();
+  return out;
 }
 
 }  // namespace fiducap

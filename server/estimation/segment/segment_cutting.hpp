@@ -1,7 +1,6 @@
 #pragma once
 
 #include <map>
-#include <memory>
 #include <span>
 #include <vector>
 
@@ -22,6 +21,10 @@ void add_steps(Duration time, const InertialInput& input, Duration longest,
 void add_odometry(const Odometry& odometry, Instant from, Instant to,
                   std::vector<SegmentStep>& steps);
 
+/// Drops sightings of tags without a place, and images without other tags. Sets the tags of the
+/// segment.
+void keep_placed(const std::map<int, KnownTag>& places, MotionSegment& segment);
+
 /// Pose and images of a body without IMU at one instant.
 struct PlacedInstant {
   Instant at{};
@@ -31,13 +34,9 @@ struct PlacedInstant {
 
 /// Input of cut_segments().
 struct PlacedPath {
-  int body_id{};
-  int chain{};          ///< Of the first segment; increases.
-  bool anchored{true};  ///< Poses are in the workspace.
-  std::shared_ptr<const SegmentSensors> sensors;
+  MotionSegment head;  ///< Body, first chain, anchored, sensors, cameras of all segments.
   InertialInput motion;
-  const Odometry* odometry{};  ///< nullptr: none.
-  std::vector<CameraBelief> cameras;
+  const Odometry* odometry{};           ///< nullptr: none.
   std::map<int, KnownTag> tags;         ///< Sightings of others are dropped.
   std::vector<PlacedInstant> instants;  ///< In order of time.
 };

@@ -122,17 +122,8 @@ void SegmentRecorder::begin(const BodyEstimate& body) {
   is_open_ = true;
 }
 
-/// Drops tags without a pose, and images without other tags.
 void SegmentRecorder::end(const BodyFilter& filter) {
-  std::map<int, bool> is_seen;
-  for (MotionSegment::Instance& instance : open_.instances) {
-    for (SegmentImage& image : instance.images) {
-      std::erase_if(image.tags, [&](const auto& s) { return !places_.contains(s.seen.tag_id); });
-      for (const SegmentSighting& s : image.tags) is_seen[s.seen.tag_id] = true;
-    }
-    std::erase_if(instance.images, [](const SegmentImage& image) { return image.tags.empty(); });
-  }
-  for (const auto& [tag_id, seen] : is_seen) open_.tags.push_back(places_.at(tag_id));
+  keep_placed(places_, open_);
   places_.clear();
   open_.cameras = camera_beliefs(filter, sensors_.cameras);
   const BodyEstimate body = filter.estimate();

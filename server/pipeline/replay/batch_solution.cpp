@@ -15,8 +15,7 @@
 namespace fiducap {
 namespace {
 
-constexpr int kMostPlacements = 4;
-constexpr int kMostWithOdometry = 6;  // until its noise is known
+constexpr int kMostPlacements = 6;  // three without odometry, until its noise is known with it
 // Odometry may be worse than specified; at first its noise is inflated by this, and images decide.
 constexpr double kDoubtOfOdometry = 30;
 // Its noise has converged when it changes by no more than this factor.
@@ -31,7 +30,9 @@ class Placing final {
       if (!bodies[i].setup->sensors.imu) bodies_.push_back({bodies[i], i});
     for (Body& one : bodies_) {
       if (one.body.odometry == nullptr) continue;
-      if (!covers_any(*one.body.odometry, *one.body.log)) {
+      if (std::ranges::none_of(*one.body.log, [&](const LoggedInstant& instant) {
+            return one.body.odometry->covers(instant.at);
+          })) {
         one.body.odometry = nullptr;
         one.is_of_other_times = true;
         continue;
@@ -46,29 +47,25 @@ class Placing final {
   [[nodiscard]] bool is_empty() const { return bodies_.empty(); }
 
   BatchResult run(const std::function<void(int round)>& progress) {
-    ImagePlacement placement(to_place());
+    ImagePlacement placement(to_place(), bodies_.front().body.setup->estimator.branch_evidence);
     begin(placement);
-    BatchResult result;
-    result.last.is_at_rest = true;  // while there is nothing to solve for
-    const bool has_odometry =
-        std::ranges::any_of(bodies_, [](const Body& one) { return one.odometry.has_value(); });
-    const int most = has_odometry ? kMostWithOdometry : kMostPlacements;
+    result_.last.is_at_rest = true;  // while there is nothing to solve for
     bool has_moved = placement.settle();
     placement.define_workspace(bodies_.front().body.setup->gauge);
-    for (; has_moved && result.rounds < most; ++result.rounds) {
+    for (; has_moved && result_.rounds < kMostPlacements; ++result_.rounds) {
       for (std::size_t i = 0; i < bodies_.size(); ++i)
         replay_.refiner().replace_body(bodies_[i].body.id, segments_of(i, placement));
       const auto last = replay_.solve_to_rest(progress);
-      result.last.is_at_rest = last.is_at_rest;
-      result.last.has_found_workspace |= last.has_found_workspace;
+      result_.last.is_at_rest = last.is_at_rest;
+      result_.last.has_found_workspace |= last.has_found_workspace;
       const bool has_other_weights = learn(placement);
       // The first round changes all weights by the estimated noise.
-      has_moved = placement.settle() || result.rounds == 0 || has_other_weights;
+      has_moved = placement.settle() || result_.rounds == 0 || has_other_weights;
     }
-    result.is_by_odometry = !asks_filters_;
+    result_.is_by_odometry = !asks_filters_;
     for (const Body& one : bodies_)
-      if (auto text = doubt_of(one)) result.doubts.emplace(one.body.id, std::move(*text));
-    return result;
+      if (auto text = doubt_of(one)) result_.doubts.emplace(one.body.id, std::move(*text));
+    return result_;
   }
 
  private:
@@ -81,11 +78,6 @@ class Placing final {
     bool is_of_other_times{};            ///< The odometry covers none of the images.
   };
 
-  static bool covers_any(const Odometry& odometry, const ImageLog& log) {
-    return std::any_of(log.instants().begin(), log.instants().end(),
-                       [&](const LoggedInstant& instant) { return odometry.covers(instant.at); });
-  }
-
   [[nodiscard]] const BodyFilter& filter(const Body& one) const {
     return replay_.pipeline(one.index).filter();
   }
@@ -93,70 +85,46 @@ class Placing final {
   [[nodiscard]] std::vector<BodyToPlace> to_place() const {
     std::vector<BodyToPlace> out;
     for (const Body& one : bodies_) {
-      const auto& cameras = one.body.setup->sensors.cameras;
-      out.push_back({one.body.log, cameras, camera_beliefs(filter(one), cameras), one.body.odometry,
+      auto cameras = one.body.setup->sensors.cameras;
+      const auto beliefs = camera_beliefs(filter(one), cameras);
+      for (std::size_t c = 0; c < cameras.size(); ++c) cameras[c].X_BV = beliefs[c].X_BV;
+      out.push_back({one.body.log, std::move(cameras), one.body.odometry,
                      one.body.setup->estimator.corner_noise_px});
     }
     return out;
   }
 
-  /// With the tags of map, graph and filters.
+  /// With the tags of map and graph.
   void begin(ImagePlacement& placement) const {
-    const auto map = replay_.map().snapshot();
-    for (const MapTag& entry : map->tags) {
-      if (entry.state == TagState::kQuarantined || entry.component != 0) continue;
-      if (entry.state == TagState::kSurveyed)
-        placement.hold(entry.tag);
-      else if (asks_filters_)
-        placement.suggest(0, entry.tag);
+    for (const GraphTag& tag : replay_.graph().state().tags)
+      if (tag.component == kInWorkspace && (asks_filters_ || tag.sightings_before > 0))
+        placement.put({tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()}, false);
+    for (const MapTag& entry : replay_.map().snapshot()->tags) {
+      if (entry.state == TagState::kQuarantined || entry.component != kInWorkspace) continue;
+      const bool is_held = entry.state == TagState::kSurveyed;
+      if (is_held || asks_filters_) placement.put(entry.tag, is_held);
     }
     for (const Body& one : bodies_)
       for (const KnownTag& tag : one.body.setup->priors) placement.survey(tag);
-    if (!asks_filters_) return suggest_stored(placement);
-    int component = 0;  // the last suggested one
-    for (const GraphTag& tag : replay_.graph().state().tags) {
-      if (tag.sightings == tag.sightings_before) continue;
-      placement.suggest(tag.component, {tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()});
-      component = std::max(component, tag.component);
-    }
-    for (const Body& one : bodies_) {
-      if (one.odometry) continue;
-      std::vector<TagBelief> beliefs;
-      filter(one).own_tags(beliefs);
-      int most = component;
-      for (const TagBelief& belief : beliefs) {
-        const bool is_in_workspace = belief.component == TagBelief::kWorkspace;
-        const int own = is_in_workspace ? 0 : component + 1 + belief.component;
-        if (!is_in_workspace || map->find(belief.tag.tag_id) == nullptr)
-          placement.suggest(own, belief.tag);
-        most = std::max(most, own);
-      }
-      component = most;
-    }
-  }
-
-  /// Tags of earlier sessions.
-  void suggest_stored(ImagePlacement& placement) const {
-    for (const GraphTag& tag : replay_.graph().state().tags)
-      if (tag.sightings_before > 0 && tag.component == kInWorkspace)
-        placement.suggest(0, {tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()});
   }
 
   std::vector<MotionSegment> segments_of(std::size_t i, const ImagePlacement& placement) const {
     const Body& one = bodies_[i];
     const PipelineSetup& setup = *one.body.setup;
     PlacedPath path;
-    path.body_id = one.body.id;
-    path.sensors = std::make_shared<const SegmentSensors>(
+    path.head.body_id = one.body.id;
+    path.head.sensors = std::make_shared<const SegmentSensors>(
         SegmentSensors{setup.sensors.cameras, false, setup.sensors.gravity_m_s2,
                        setup.estimator.estimate_extrinsics, setup.estimator.estimate_clocks});
     path.motion = motion_without_imu(setup.estimator);
     if (one.odometry) path.odometry = &*one.odometry;
-    path.cameras = placement.cameras(i);
+    path.head.cameras = camera_beliefs(filter(one), setup.sensors.cameras);
+    for (const GraphBody& body : replay_.graph().state().bodies)
+      if (body.id == one.body.id) path.head.cameras = body.cameras;
     std::vector<MotionSegment> all;
     for (int region = 0; region < placement.regions(); ++region) {
-      path.anchored = region == 0;
-      path.chain = all.empty() ? 0 : all.back().chain + 1;
+      path.head.anchored = region == 0;
+      path.head.chain = all.empty() ? 0 : all.back().chain + 1;
       path.tags.clear();
       for (const auto& [tag_id, tag] : placement.tags())
         if (tag.region == region) path.tags.emplace(tag_id, tag.tag);
@@ -165,7 +133,7 @@ class Placing final {
       for (std::size_t k = 0; k < placed.size(); ++k) {
         if (placed[k].region != region) continue;
         path.instants.push_back({placed[k].at, placed[k].X_WB, {}});
-        for (const TagObservations& image : one.body.log->instants()[k].images)
+        for (const TagObservations& image : (*one.body.log)[k].images)
           path.instants.back().images.push_back(noted(i, image));
       }
       auto segments = cut_segments(path);
@@ -256,17 +224,15 @@ class Placing final {
   /// The camera's pose by odometry contradicts its configuration: one of both is wrong.
   [[nodiscard]] std::optional<std::string> camera_doubt(const Body& one) const {
     constexpr double kConfigured_sigma = 4.0;
-    // Less is never reported.
-    constexpr double kLeast_rad = 0.01;
-    constexpr double kLeast_m = 0.01;
+    constexpr double kLeast = 0.01;  // m and rad: less is never reported
     for (const GraphBody& body : replay_.graph().state().bodies) {
       if (body.id != one.body.id) continue;
       for (std::size_t k = 0; k < body.cameras.size(); ++k) {
         const CameraMount& mount = one.body.setup->sensors.cameras[k];
         const double turned = angle_between(mount.X_BV.q, body.cameras[k].X_BV.q);
         const double moved = (mount.X_BV.p - body.cameras[k].X_BV.p).norm();
-        if (turned > std::max(kLeast_rad, kConfigured_sigma * mount.rotation_sigma_rad) ||
-            moved > std::max(kLeast_m, kConfigured_sigma * mount.position_sigma_m))
+        if (turned > std::max(kLeast, kConfigured_sigma * mount.rotation_sigma_rad) ||
+            moved > std::max(kLeast, kConfigured_sigma * mount.position_sigma_m))
           return fmt::format(
               "by the odometry camera {} is {:.0f} mm and {:.1f}° from its configured pose; one of "
               "both is wrong. Check T_BS of the odometry and of the camera: attitudes of the body "
@@ -299,6 +265,7 @@ class Placing final {
   std::vector<Body> bodies_;
   /// False if all bodies have odometry, which is better than filters without it.
   bool asks_filters_{};
+  BatchResult result_;
 };
 
 }  // namespace

@@ -4,13 +4,26 @@
 #include <map>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "capture/recording/odometry.hpp"
 #include "mapping/graph/graph_covariance.hpp"
 #include "pipeline/replay/bodies_replay.hpp"
-#include "pipeline/replay/image_log.hpp"
 
 namespace fiducap {
+
+/// The images with tags of one body at one instant.
+struct LoggedInstant {
+  Instant at{};
+  std::vector<TagObservations> images;
+};
+using ImageLog = std::vector<LoggedInstant>;
+/// Appends an image with tags.
+inline void add_to(ImageLog& log, const TagObservations& seen) {
+  if (seen.tags.empty()) return;
+  if (log.empty() || log.back().at != seen.exposed_at) log.push_back({seen.exposed_at, {}});
+  log.back().images.push_back(seen);
+}
 
 /// One body of a replay that is over.
 struct BatchBody {

@@ -1,111 +1,85 @@
 #include "pipeline/replay/image_placement.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 
 #include "base/numeric.hpp"
-#include "detection/observe.hpp"
 #include "detection/tag_geometry.hpp"
+#include "estimation/filter/chi_square.hpp"
 #include "estimation/filter/filter_rules.hpp"
+#include "estimation/filter/heading_rule.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr std::size_t kProposingTags = 4;  // the largest ones
-// Evidence that decides a tag's branch, as in the filter (EstimatorConfig), and that revises it.
-constexpr double kBranchEvidence = 20.0;
-constexpr std::size_t kProposingSightings = 8;
-constexpr std::size_t kJudgingSightings = 100;
-constexpr double kLeastFitting = 0.5;  // of its sightings
+// Instants that propose a pose, and that judge it: more only cost time.
+constexpr std::size_t kProposing = 8;
+constexpr std::size_t kJudging = 40;
+// Instants without doubt by which a tag begins a region alone.
+constexpr std::ptrdiff_t kLeastSure = 5;
+// Of a relation found by iteration: enough for a start, m and rad.
+constexpr double kSameRelation = 1e-3;
+constexpr int kMostIterations = 5;
 // From one viewpoint, corners repeat themselves and show little noise.
 constexpr double kLeastNoise_px = 0.05;
 
-}  // namespace
+// Error of a neighbouring instant's pose, m and rad, beside the drift of odometry …
+constexpr double kOfNeighbour = 0.1;
+// … and of a body carried by hand without odometry: its motion within a second, which grows with
+// the root of time.
+constexpr double kMoves_m = 1.0;
+constexpr double kTurns_rad = 0.5;
 
-ImagePlacement::ImagePlacement(std::vector<BodyToPlace> bodies) : bodies_(std::move(bodies)) {
-  for (std::size_t b = 0; b < bodies_.size(); ++b) {
-    const auto& instants = bodies_[b].log->instants();
-    seen_.emplace_back(instants.size());
-    placed_.emplace_back();
-    for (const LoggedInstant& instant : instants)
-      placed_.back().push_back({.at = instant.at, .X_WB = {}});
-    waits_.emplace_back(instants.size(), true);
-    cameras_.emplace_back();
-    look_through(b);
-    for (std::size_t i = 0; i < instants.size(); ++i)
-      for (std::size_t k = 0; k < seen_[b][i].size(); ++k)
-        for (const TagObservation& tag : seen_[b][i][k].tags)
-          sightings_[tag.tag_id].push_back({b, i, k, &tag});
-  }
+// m and rad: no information.
+const PlaceGuess kAnywhere{{}, 1e6, 1e6};
+
+double size_px(const SightedTag& tag) {
+  return (tag.seen->corners_px[0] - tag.seen->corners_px[2]).norm();
 }
 
-/// Undistorts the corners by the present lenses.
-void ImagePlacement::look_through(std::size_t body) {
-  cameras_[body] = bodies_[body].cameras;
-  for (std::size_t c = 0; c < cameras_[body].size(); ++c) {
-    cameras_[body][c].X_BV = bodies_[body].beliefs[c].X_BV;
-    cameras_[body][c].model = bodies_[body].beliefs[c].lens.applied_to(cameras_[body][c].model);
-  }
-  const auto& instants = bodies_[body].log->instants();
-  for (std::size_t i = 0; i < instants.size(); ++i) {
-    const bool is_new = seen_[body][i].empty();
-    if (is_new) seen_[body][i] = instants[i].images;
-    for (std::size_t k = 0; k < seen_[body][i].size(); ++k) {
-      TagObservations& image = seen_[body][i][k];
-      const auto camera = static_cast<std::size_t>(image.camera);
-      if (is_new && bodies_[body].beliefs[camera].lens.is_none()) continue;
-      for (TagObservation& tag : image.tags) {
-        TagObservation other = tag;
-        if (undistort_tag(cameras_[body][camera].model, other)) tag = other;
-      }
+CornerResidual residual(const SightedTag& tag, const Pose& X_AB) {
+  return corner_residual(*tag.seen, (X_AB * tag.X_BV).inverse() * tag.X_AT, *tag.camera);
+}
+
+/// Squared residual in units of the noise; of a tag behind the camera: by the focal length.
+double square_of(const SightedTag& tag, const Pose& X_AB, double noise_px) {
+  const CornerResidual r = residual(tag, X_AB);
+  const double square = r.in_front ? r.y.squaredNorm() : 8 * tag.camera->fu * tag.camera->fu;
+  return square / (noise_px * noise_px);
+}
+
+const SightedTag& largest_of(const std::vector<SightedTag>& tags) {
+  return *std::ranges::max_element(tags, {}, size_px);
+}
+
+}  // namespace
+
+ImagePlacement::ImagePlacement(std::vector<BodyToPlace> bodies, double branch_evidence)
+    : bodies_(std::move(bodies)), branch_evidence_(branch_evidence) {
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    placed_.emplace_back();
+    for (const LoggedInstant& instant : *bodies_[b].log) {
+      const View& view = all_.emplace_back(View{b, placed_[b].size()});
+      placed_[b].push_back({.at = instant.at, .X_WB = {}});
+      std::set<int> ids;
+      for (const TagObservations& image : instant.images)
+        for (const TagObservation& tag : image.tags) ids.insert(tag.tag_id);
+      for (const int tag_id : ids) sightings_[tag_id].push_back(view);
     }
   }
 }
 
-/// By placed tags; the filter's come first.
-std::vector<PlaceProposal> ImagePlacement::proposals(std::size_t body, std::size_t instant,
-                                                     int region) const {
-  std::vector<std::pair<const TagObservation*, const CameraMount*>> seen;
-  for (const TagObservations& image : seen_[body][instant])
-    for (const TagObservation& tag : image.tags)
-      if (is_in(tag.tag_id, region))
-        seen.emplace_back(&tag, &cameras_[body][static_cast<std::size_t>(image.camera)]);
-  std::ranges::stable_sort(
-      seen, [](const auto& a, const auto& b) { return size_px(*a.first) > size_px(*b.first); });
-  if (seen.size() > kProposingTags) seen.resize(kProposingTags);
-  std::vector<PlaceProposal> all;
-  for (const PlaceProposal& one : bodies_[body].log->instants()[instant].proposals)
-    if (is_in(one.tag_id, region)) all.push_back(one);
-  for (const auto& [tag, camera] : seen)
-    for (const TagPose& pose : solve_tag_pose(*tag, camera->model))
-      if (std::isfinite(pose.rms_px))
-        all.push_back({tag->tag_id, (camera->X_BV * pose.X_VT).inverse()});
-  return all;
-}
-
-bool ImagePlacement::is_in(int tag_id, int region) const {
-  const auto tag = tags_.find(tag_id);
-  return tag != tags_.end() && tag->second.region == region;
-}
-
 void ImagePlacement::put(const KnownTag& tag, int region, bool is_held) {
+  if (const auto known = tags_.find(tag.tag_id); known != tags_.end() && known->second.is_held)
+    return;
   tags_[tag.tag_id] = {tag, region, is_held};
-  for (const Sighting& s : sightings_[tag.tag_id]) waits_[s.body][s.instant] = true;
-}
-
-void ImagePlacement::hold(const KnownTag& tag) { put(tag, 0, true); }
-
-void ImagePlacement::suggest(int component, const KnownTag& tag) {
-  const auto known = tags_.find(tag.tag_id);
-  if (known != tags_.end() && known->second.is_held) return;
-  if (component == 0) return put(tag, 0, false);
-  suggested_[component].emplace(tag.tag_id, tag);
+  for (const View& view : sightings_[tag.tag_id]) placed_[view.body][view.instant].waits = true;
 }
 
 void ImagePlacement::take(std::size_t body, const std::vector<CameraBelief>& cameras,
                           std::span<const StampedPose> poses) {
-  bodies_[body].beliefs = cameras;
-  look_through(body);
+  for (std::size_t c = 0; c < cameras.size(); ++c) bodies_[body].cameras[c].X_BV = cameras[c].X_BV;
   auto pose = poses.begin();
   for (Placed& placed : placed_[body]) {
     while (pose != poses.end() && pose->at < placed.at) ++pose;
@@ -114,189 +88,309 @@ void ImagePlacement::take(std::size_t body, const std::vector<CameraBelief>& cam
   }
 }
 
-void ImagePlacement::take(const KnownTag& tag) {
-  const auto known = tags_.find(tag.tag_id);
-  if (known != tags_.end() && known->second.region == 0 && !known->second.is_held)
-    known->second.tag.X_WT = tag.X_WT;
-}
-
 double ImagePlacement::learn_noise(std::size_t body) {
-  constexpr double kMedian = 7.344;  // of chi-square with 8 degrees of freedom
   std::vector<double> squares;
   for (std::size_t i = 0; i < placed_[body].size(); ++i) {
-    const Placed& placed = placed_[body][i];
-    for (const SightedTag& tag : sighted(body, i, placed.region)) {
-      const Pose X_VT = (placed.X_WB * tag.X_BV).inverse() * tag.X_AT;
-      const CornerResidual r = corner_residual(*tag.seen, X_VT, *tag.camera);
+    for (const SightedTag& tag : tags_at({body, i}, placed_[body][i].region)) {
+      const CornerResidual r = residual(tag, placed_[body][i].X_WB);
       if (r.in_front) squares.push_back(r.y.squaredNorm());
     }
   }
   double& noise_px = bodies_[body].corner_noise_px;
   if (!squares.empty())
-    noise_px = std::max(kLeastNoise_px, std::sqrt(quantile(std::move(squares), 0.5) / kMedian));
+    noise_px = std::max(kLeastNoise_px,
+                        std::sqrt(quantile(std::move(squares), 0.5) / chi_square_quantile(8, 0.5)));
   return noise_px;
 }
 
-/// The lowest region of the instant's tags.
-int ImagePlacement::region_of(std::size_t body, std::size_t instant) const {
-  int region = kNowhere;
-  for (const TagObservations& image : seen_[body][instant]) {
+std::vector<SightedTag> ImagePlacement::tags_at(const View& view, int axes) const {
+  std::vector<SightedTag> out;
+  for (const TagObservations& image : (*bodies_[view.body].log)[view.instant].images) {
+    const CameraMount& camera = bodies_[view.body].cameras[static_cast<std::size_t>(image.camera)];
     for (const TagObservation& seen : image.tags) {
       const auto tag = tags_.find(seen.tag_id);
-      if (tag == tags_.end()) continue;
-      if (region == kNowhere || tag->second.region < region) region = tag->second.region;
-    }
-  }
-  return region;
-}
-
-std::vector<SightedTag> ImagePlacement::sighted(std::size_t body, std::size_t instant,
-                                                int region) const {
-  std::vector<SightedTag> out;
-  for (const TagObservations& image : seen_[body][instant]) {
-    const CameraMount& camera = cameras_[body][static_cast<std::size_t>(image.camera)];
-    for (const TagObservation& seen : image.tags) {
-      if (is_in(seen.tag_id, region))
-        out.push_back({&seen, &camera.model, camera.X_BV, tags_.at(seen.tag_id).tag.X_WT});
+      if (alone(seen.tag_id) == axes)
+        out.push_back({&seen, &camera.model, camera.X_BV, {}});
+      else if (tag != tags_.end() && tag->second.region == axes)
+        out.push_back({&seen, &camera.model, camera.X_BV, tag->second.tag.X_WT});
     }
   }
   return out;
 }
 
-/// Distinguishes poses that explain an instant equally well by the instants before and after.
-double ImagePlacement::jump(std::size_t body, std::size_t instant, const Pose& X_WB) const {
-  const auto& placed = placed_[body];
-  const Placed& own = placed[instant];
-  double cost = 0;
-  const auto add = [&](const Placed& other) {
-    if (other.region == own.region)
-      cost += motion_misfit({other.at, other.X_WB}, {own.at, X_WB}, bodies_[body].odometry);
-  };
-  if (instant > 0) add(placed[instant - 1]);
-  if (instant + 1 < placed.size()) add(placed[instant + 1]);
-  return cost;
+/// The lowest region of the instant's tags.
+int ImagePlacement::region_of(const View& view) const {
+  int region = 0;
+  while (region < regions_ && tags_at(view, region).empty()) ++region;
+  return region < regions_ ? region : kNowhere;
 }
 
-/// @return whether it is elsewhere than before
-bool ImagePlacement::place_instant(std::size_t body, std::size_t instant) {
-  Placed& placed = placed_[body][instant];
-  const int region = region_of(body, instant);
-  if (region == kNowhere) return false;
-  const bool was_there = placed.region == region;
+/// By both neighbours in time: distinguishes poses that explain an instant equally well.
+PlaceGuess ImagePlacement::guess_of(const View& view, int region) const {
+  const auto& placed = placed_[view.body];
+  const Placed& own = placed[view.instant];
+  const Odometry* const odometry = bodies_[view.body].odometry;
+  PlaceGuess guess = kAnywhere;
+  for (const std::size_t i : {view.instant - 1, view.instant + 1}) {
+    if (i >= placed.size() || placed[i].region != region) continue;
+    const double root_s = std::sqrt(to_seconds(std::chrono::abs(placed[i].at - own.at)));
+    PlaceGuess by{placed[i].X_WB, kMoves_m * std::max(1.0, root_s),
+                  kTurns_rad * std::max(1.0, root_s)};
+    const auto moved =
+        odometry != nullptr ? odometry->motion(placed[i].at, own.at) : std::optional<Pose>{};
+    if (moved)
+      by = {placed[i].X_WB * *moved, std::hypot(kOfNeighbour, odometry->move_noise_m * root_s),
+            std::hypot(kOfNeighbour, odometry->turn_noise_rad * root_s)};
+    // The product of two distributions.
+    const double sum_rad = std::hypot(guess.rotation_sigma_rad, by.rotation_sigma_rad);
+    const double sum_m = std::hypot(guess.position_sigma_m, by.position_sigma_m);
+    const double of_turn = std::pow(guess.rotation_sigma_rad / sum_rad, 2);
+    const double of_place = std::pow(guess.position_sigma_m / sum_m, 2);
+    guess = {{guess.X_AB.q.slerp(of_turn, by.X_AB.q),
+              guess.X_AB.p + of_place * (by.X_AB.p - guess.X_AB.p)},
+             guess.position_sigma_m * by.position_sigma_m / sum_m,
+             guess.rotation_sigma_rad * by.rotation_sigma_rad / sum_rad};
+  }
+  return guess;
+}
+
+void ImagePlacement::place(const View& view) {
+  Placed& placed = placed_[view.body][view.instant];
+  placed.waits = false;
+  const int region = region_of(view);
+  if (region == kNowhere || (placed.region != kNowhere && placed.region < region)) return;
+  const auto found = find_place(tags_at(view, region), guess_of(view, region),
+                                bodies_[view.body].corner_noise_px, filter_rules::kOtherBranch_rad);
+  if (!found) return;
+  placed.is_sure = found->evidence > filter_rules::kEvidenceToFollow;
+  // It stays in its branch without evidence for another one.
+  if (!placed.is_sure && placed.region == region &&
+      angle_between(found->X_AB.q, placed.X_WB.q) > filter_rules::kOtherBranch_rad)
+    return;
   placed.region = region;
-  const double noise_px = bodies_[body].corner_noise_px;
-  const std::vector<SightedTag> tags = sighted(body, instant, region);
-  std::vector<Choice> choices;
-  const auto offer = [&](const Pose& X_WB) {
-    choices.push_back({X_WB, misfit(tags, X_WB, noise_px) + jump(body, instant, X_WB), false});
-  };
-  if (was_there) offer(improved(placed.X_WB, tags, noise_px));
-  for (const PlaceProposal& one : proposals(body, instant, region))
-    offer(improved(tags_.at(one.tag_id).tag.X_WT * one.X_TB, tags, noise_px));
-  const auto best = std::ranges::min_element(
-      choices, [](const auto& a, const auto& b) { return a.cost < b.cost; });
-  const bool stays =
-      was_there && choices.front().cost - filter_rules::kEvidenceToFollow < best->cost;
-  const Choice& chosen = stays ? choices.front() : *best;
-  placed.is_sure = std::ranges::all_of(choices, [&](const Choice& other) {
-    return other.cost > chosen.cost + filter_rules::kEvidenceToFollow ||
-           angle_between(other.X.q, chosen.X.q) < filter_rules::kOtherBranch_rad;
-  });
-  placed.X_WB = chosen.X;
-  return !stays;
+  placed.X_WB = found->X_AB;
 }
 
-std::vector<ImagePlacement::Sighting> ImagePlacement::usable(int tag_id, int region) const {
-  std::vector<Sighting> out;
-  for (const Sighting& s : sightings_.at(tag_id)) {
-    const Placed& placed = placed_[s.body][s.instant];
-    if (placed.region == region && placed.is_sure) out.push_back(s);
-  }
-  return out;
-}
-
-double ImagePlacement::cost_of(const std::vector<Sighting>& sightings, const Pose& X_WT) const {
-  double cost = 0;
-  for (const Sighting& s : sightings) {
-    const TagObservations& image = seen_[s.body][s.instant][s.image];
-    const CameraMount& camera = cameras_[s.body][static_cast<std::size_t>(image.camera)];
-    const SightedTag tag{s.seen, &camera.model, camera.X_BV, X_WT};
-    cost += misfit({&tag, 1}, placed_[s.body][s.instant].X_WB, bodies_[s.body].corner_noise_px);
-  }
-  return cost;
-}
-
-std::optional<ImagePlacement::Choice> ImagePlacement::best_place(
-    const std::vector<Sighting>& sightings, const std::optional<Pose>& now) const {
-  std::vector<Sighting> largest = sightings;
-  std::ranges::stable_sort(largest, [](const Sighting& a, const Sighting& b) {
-    return size_px(*a.seen) > size_px(*b.seen);
-  });
-  const std::vector<Sighting> judging = thinned(sightings, kJudgingSightings);
-  // Relative to the tag, all cameras are one rigid body.
-  std::vector<SightedTag> from_tag;
-  double noise_px = 0;
-  const auto camera_of = [&](const Sighting& s) -> const CameraMount& {
-    const TagObservations& image = seen_[s.body][s.instant][s.image];
-    return cameras_[s.body][static_cast<std::size_t>(image.camera)];
-  };
-  for (const Sighting& s : judging) {
-    const CameraMount& camera = camera_of(s);
-    from_tag.push_back({s.seen, &camera.model, placed_[s.body][s.instant].X_WB * camera.X_BV, {}});
-    noise_px = std::max(noise_px, bodies_[s.body].corner_noise_px);
-  }
-  std::vector<Choice> choices;
-  const auto offer = [&](const Pose& X_WT) {
-    const Pose better = improved(X_WT.inverse(), from_tag, noise_px).inverse();
-    choices.push_back({better, cost_of(judging, better), false});
-  };
-  if (now) offer(*now);
-  for (std::size_t i = 0; i < std::min(largest.size(), kProposingSightings); ++i) {
-    const Sighting& s = largest[i];
-    const Pose X_WV = placed_[s.body][s.instant].X_WB * camera_of(s).X_BV;
-    for (const TagPose& pose : solve_tag_pose(*s.seen, camera_of(s).model))
-      if (std::isfinite(pose.rms_px)) offer(X_WV * pose.X_VT);
-  }
-  if (choices.empty()) return std::nullopt;
-  Choice best = *std::ranges::min_element(
-      choices, [](const auto& a, const auto& b) { return a.cost < b.cost; });
-  if (now && choices.front().cost - kBranchEvidence < best.cost) best = choices.front();
-  best.is_sure = std::ranges::all_of(choices, [&](const Choice& other) {
-    return other.cost > best.cost + kBranchEvidence ||
-           angle_between(other.X.q, best.X.q) < filter_rules::kOtherBranch_rad;
-  });
-  const auto fitting = std::ranges::count_if(judging, [&](const Sighting& s) {
-    return cost_of({s}, best.X) < kSightingBend * std::log(2.0);
-  });
-  best.is_sure &=
-      static_cast<double>(fitting) >= kLeastFitting * static_cast<double>(judging.size());
-  return best;
-}
-
-/// @return whether it has got another place
-bool ImagePlacement::place_tag(int tag_id) {
-  const auto known = tags_.find(tag_id);
-  if (known != tags_.end()) {
-    if (known->second.is_held) return false;
-    const auto sightings = usable(tag_id, known->second.region);
-    const Pose was = known->second.tag.X_WT;
-    const auto best = best_place(sightings, was);
-    if (!best || !best->is_sure || angle_between(best->X.q, was.q) < filter_rules::kOtherBranch_rad)
-      return false;
-    KnownTag tag = known->second.tag;
-    tag.X_WT = best->X;
-    put(tag, known->second.region, false);
+/// Places instants beside a placed one by odometry, and their tags by them, in order of time: a tag
+/// is placed by its first visit, and later visits by the tag.
+/// @return whether anything was placed
+bool ImagePlacement::follow_odometry(std::size_t body) {
+  if (bodies_[body].odometry == nullptr) return false;
+  auto& placed = placed_[body];
+  const auto carry = [&](std::size_t from, std::size_t to) {
+    if (placed[to].region != kNowhere || placed[from].region == kNowhere) return false;
+    const auto moved = bodies_[body].odometry->motion(placed[from].at, placed[to].at);
+    if (!moved) return false;
+    placed[to] = {placed[to].at, placed[from].region, placed[from].X_WB * *moved, true};
+    place({body, to});
+    for (const TagObservations& image : (*bodies_[body].log)[to].images)
+      for (const TagObservation& seen : image.tags) (void)place_tag(seen.tag_id);
     return true;
-  }
+  };
+  bool is_new = false;
+  for (std::size_t i = 1; i < placed.size(); ++i) is_new |= carry(i - 1, i);
+  for (std::size_t i = placed.size(); i-- > 1;) is_new |= carry(i, i - 1);
+  return is_new;
+}
+
+/// @return whether it had no place before
+bool ImagePlacement::place_tag(int tag_id) {
+  if (tags_.contains(tag_id)) return false;
   for (int region = 0; region < regions_; ++region) {
-    const auto sightings = usable(tag_id, region);
-    if (sightings.empty()) continue;
-    const auto best = best_place(sightings, std::nullopt);
-    if (!best || !best->is_sure) return false;
-    put({tag_id, sightings.front().seen->edge_m, best->X, Matrix6d::Zero()}, region, false);
+    const auto X_WT = relate(region, alone(tag_id));
+    if (!X_WT) continue;
+    put(tag_at(tag_id, *X_WT), region, false);
     return true;
   }
   return false;
+}
+
+void ImagePlacement::grow() {
+  for (bool is_new = true; is_new;) {
+    is_new = false;
+    tried_.clear();
+    place_waiting();
+    for (std::size_t b = 0; b < bodies_.size(); ++b) is_new |= follow_odometry(b);
+    for (const auto& [tag_id, seen] : sightings_) is_new |= place_tag(tag_id);
+  }
+}
+
+bool ImagePlacement::settle() {
+  const auto before = minima();
+  begun_.clear();
+  tried_.clear();
+  for (auto& body : placed_)
+    for (Placed& placed : body) placed.waits = true;
+  place_waiting();
+  for (auto& [tag_id, tag] : tags_) {
+    if (tag.is_held) continue;
+    const auto X_WT = relate(tag.region, alone(tag_id));
+    if (!X_WT || angle_between(X_WT->q, tag.tag.X_WT.q) < filter_rules::kOtherBranch_rad) continue;
+    tag.tag.X_WT = *X_WT;
+    put(tag.tag, tag.region, false);
+  }
+  do grow();
+  while (begin() || join());
+  return !std::ranges::equal(before, minima(), [](const auto& a, const auto& b) {
+    return a.first == b.first &&
+           angle_between(a.second.q, b.second.q) < filter_rules::kOtherBranch_rad;
+  });
+}
+
+/// Begins with a surveyed tag, with odometry if there is nothing else, or with the tag that is seen
+/// most often.
+bool ImagePlacement::begin() {
+  withdraw(regions_ - 1);
+  for (const auto& [tag_id, tag] : surveyed_) {
+    if (tags_.contains(tag_id) || !sightings_.contains(tag_id)) continue;
+    put(tag, 0, false);
+    return true;
+  }
+  for (const View& view : all_) {
+    Placed& one = placed_[view.body][view.instant];
+    const Odometry* const odometry = bodies_[view.body].odometry;
+    if (!tags_.empty()) break;
+    if (one.region != kNowhere || odometry == nullptr || !odometry->covers(one.at)) continue;
+    one = {one.at, 0, odometry->pose_at(one.at), true};
+    return is_by_odometry_ = true;
+  }
+  int most = -1;
+  auto views = kLeastSure;
+  for (const auto& [tag_id, sightings] : sightings_) {
+    if (tags_.contains(tag_id) || begun_.contains(tag_id)) continue;
+    const auto own = std::ranges::count_if(
+        sightings, [&](const View& view) { return at(view).region == kNowhere; });
+    if (own < views || (most >= 0 && own == views)) continue;
+    most = tag_id;
+    views = own;
+  }
+  if (most < 0) return false;
+  begun_.insert(most);
+  put(tag_at(most, {}), tags_.empty() ? 0 : regions_++, false);
+  return true;
+}
+
+/// A region of one tag without enough instants that are sure.
+void ImagePlacement::withdraw(int region) {
+  std::vector<int> ids;
+  for (const auto& [tag_id, tag] : tags_)
+    if (tag.region == region) ids.push_back(tag_id);
+  if (ids.size() != 1 || !begun_.contains(ids.front())) return;
+  const auto& views = sightings_.at(ids.front());
+  const auto sure = std::ranges::count_if(
+      views, [&](const View& view) { return at(view).region == region && at(view).is_sure; });
+  if (sure >= kLeastSure) return;
+  tags_.erase(ids.front());
+  for (const View& view : views)
+    if (at(view).region == region) placed_[view.body][view.instant].region = kNowhere;
+  if (region > 0) --regions_;
+}
+
+void ImagePlacement::move(int region, int into, const Pose& T) {
+  for (auto& [tag_id, one] : tags_)
+    if (one.region == region) put(tag_at(tag_id, T * one.tag.X_WT), into, false);
+  for (std::vector<Placed>& body : placed_) {
+    for (Placed& placed : body) {
+      if (placed.region != region) continue;
+      placed.region = into;
+      placed.X_WB = T * placed.X_WB;
+    }
+  }
+}
+
+void ImagePlacement::define_workspace(const WorkspaceGauge& gauge) {
+  if (!is_by_odometry_) return;
+  const auto tag = gauge.reference_tag ? tags_.find(*gauge.reference_tag) : tags_.begin();
+  if (tag == tags_.end() || tag->second.region != 0) return;
+  const Pose& X_WT = tag->second.tag.X_WT;
+  const HeadingRule rule = make_heading_rule(gauge, X_WT.q);
+  // Odometry knows the vertical.
+  const Eigen::Quaterniond turn = turn_to_heading(rule, X_WT.q);
+  move(0, 0, {turn, rule.X_WT.p - turn * X_WT.p});
+  is_by_odometry_ = false;
+}
+
+/// Possible poses of a body.
+std::vector<Pose> ImagePlacement::bodies_at(const View& view, int axes) const {
+  if (at(view).region == axes && at(view).is_sure) return {at(view).X_WB};
+  const SightedTag tag = largest_of(tags_at(view, axes));
+  std::vector<Pose> out;
+  for (const TagPose& pose : solve_tag_pose(*tag.seen, *tag.camera))
+    if (std::isfinite(pose.rms_px)) out.push_back(tag.X_AT * (tag.X_BV * pose.X_VT).inverse());
+  return out;
+}
+
+/// Axes b in a, by instants that are in a and see a tag of b: the only pose that explains them.
+std::optional<Pose> ImagePlacement::relate(int a, int b) {
+  std::vector<View> views;
+  bool is_sure = false;
+  for (const View& view : b < kNowhere ? sightings_.at(alone(b)) : all_) {
+    if (at(view).region != a || tags_at(view, b).empty()) continue;
+    views.push_back(view);
+    is_sure |= at(view).is_sure;
+  }
+  // Nothing is learned of a tag by instants that are placed by it.
+  if (!is_sure && b < kNowhere && tags_.contains(alone(b))) return std::nullopt;
+  if (is_sure) std::erase_if(views, [&](const View& view) { return !at(view).is_sure; });
+  auto& tried = tried_[{a, b}];
+  if (views.empty() || tried == views.size()) return std::nullopt;
+  tried = views.size();
+  std::vector<View> near = views;
+  std::ranges::stable_sort(near, std::greater{},
+                           [&](const View& view) { return size_px(largest_of(tags_at(view, b))); });
+  near.resize(std::min(near.size(), kProposing));
+  std::vector<Way> ways;
+  for (const View& view : near)
+    for (const Pose& X_aB : bodies_at(view, a))
+      for (const Pose& X_bB : bodies_at(view, b)) ways.push_back({X_aB * X_bB.inverse(), 0, false});
+  views = thinned(views, kJudging);
+  for (Way& way : ways) judge(way, a, b, views);
+  if (ways.empty()) return std::nullopt;
+  const Way& best = *std::ranges::min_element(ways, {}, &Way::cost);
+  const bool is_only = std::ranges::all_of(ways, [&](const Way& way) {
+    return way.cost > best.cost + branch_evidence_ ||
+           angle_between(way.X.q, best.X.q) < filter_rules::kOtherBranch_rad;
+  });
+  return is_only && best.fits ? std::optional(best.X) : std::nullopt;
+}
+
+/// Improves a relation and sets its cost. Relative to b all cameras are one rigid body.
+void ImagePlacement::judge(Way& way, int a, int b, const std::vector<View>& views) const {
+  for (int iteration = 0;; ++iteration) {
+    std::vector<SightedTag> from_b;
+    double noise_px = 0;
+    way.cost = 0;
+    int fitting = 0;
+    for (const View& view : views) {
+      const double own_px = bodies_[view.body].corner_noise_px;
+      const std::vector<SightedTag> there = tags_at(view, b);
+      std::vector<SightedTag> all;
+      if (!at(view).is_sure) all = tags_at(view, a);
+      for (SightedTag tag : there) {
+        tag.X_AT = way.X * tag.X_AT;
+        all.push_back(tag);
+      }
+      Pose X_aB = at(view).X_WB;
+      if (!at(view).is_sure) {
+        if (const auto found = find_place(all, kAnywhere, own_px)) X_aB = found->X_AB;
+      }
+      for (const SightedTag& tag : all) {
+        const double bent = square_of(tag, X_aB, own_px) / filter_rules::kLossBend;
+        way.cost += filter_rules::kLossBend * std::log1p(bent);
+        fitting += bent < 1 ? 1 : -1;
+      }
+      for (const SightedTag& tag : there)
+        from_b.push_back({tag.seen, tag.camera, X_aB * tag.X_BV, tag.X_AT});
+      noise_px = std::max(noise_px, own_px);
+    }
+    way.fits = fitting >= 0;
+    if (iteration == kMostIterations) return;
+    Pose next = way.X.inverse();
+    for (const double sigmas : {50.0, 5.0}) next = resect(next, from_b, sigmas * noise_px);
+    const Pose step = way.X * next;
+    if (step.p.norm() < kSameRelation && angle_between(step.q, {}) < kSameRelation) return;
+    way.X = next.inverse();
+  }
 }
 
 }  // namespace fiducap

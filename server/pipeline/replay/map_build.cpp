@@ -5,10 +5,8 @@
 #include <set>
 #include <utility>
 
-#include "base/process.hpp"
 #include "mapping/graph/graph_terms.hpp"
 #include "pipeline/doubts.hpp"
-#include "pipeline/replay/batch_solution.hpp"
 
 namespace fiducap {
 namespace {
@@ -39,19 +37,6 @@ std::vector<Span> spans_of(std::span<const MapBuildBody> bodies) {
     return *std::ranges::min_element(a.members) < *std::ranges::min_element(b.members);
   });
   return spans;
-}
-
-void count(const BodyUpdate& update, BuiltRecording& recording) {
-  ++recording.images;
-  recording.images_with_tags += update.seen.tags.empty() ? 0 : 1;
-  for (const TagObservation& tag : update.seen.tags) ++recording.seen[tag.tag_id];
-}
-
-void note_moved(std::vector<MapEvent> events, MapBuild& build) {
-  for (MapEvent& event : events)
-    if (event.kind == MapEvent::Kind::kTagQuarantined || event.kind == MapEvent::Kind::kTagMoved ||
-        event.kind == MapEvent::Kind::kTagDisputed)
-      build.moved.push_back(std::move(event.text));
 }
 
 /// Results of the graph beside the map.
@@ -98,18 +83,9 @@ void evaluate(const GraphState& graph, const std::vector<MapBuildBody>& bodies, 
   }
 }
 
-void note_missing_tags(const std::vector<FewImages>& few, const std::vector<MapBuildBody>& bodies,
-                       MapBuild& build) {
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    const OfflineSetup& setup = bodies[i].body.setup;
-    if (build.recordings[i].images_with_tags == 0)
-      build.recordings[i].why_no_tag = why_no_tag(few[i].images(), setup.tags, setup.detector);
-  }
-}
-
-void note_mismatches(std::span<const GraphFinding> findings, const BatchResult& solved,
-                     const std::vector<MapBuildBody>& bodies, MapBuild& build) {
-  for (const GraphFinding& finding : findings) {
+void note_mismatches(const OfflineSession& session, const std::vector<MapBuildBody>& bodies,
+                     MapBuild& build) {
+  for (const GraphFinding& finding : session.findings) {
     const auto of = std::ranges::find_if(
         bodies, [&](const MapBuildBody& one) { return one.body.id == finding.body_id; });
     build.mismatches.push_back(
@@ -118,7 +94,8 @@ void note_mismatches(std::span<const GraphFinding> findings, const BatchResult& 
             : of->body.name + ": " + mismatch_text(finding.what, of->body.setup.sensors.cameras));
   }
   for (const MapBuildBody& one : bodies)
-    if (const auto doubt = solved.doubts.find(one.body.id); doubt != solved.doubts.end())
+    if (const auto doubt = session.solved.doubts.find(one.body.id);
+        doubt != session.solved.doubts.end())
       build.mismatches.push_back(one.body.name + ": " + doubt->second);
 }
 
@@ -135,62 +112,50 @@ std::vector<Duration> one_after_the_other(std::span<const MapBuildBody> bodies) 
   return later;
 }
 
-Expected<MapBuild> build_map(const std::vector<MapBuildBody>& bodies, const OfflineMap& map,
-                             const std::function<void(const MapBuildProgress&)>& progress) {
+Expected<MapBuild> build_map(
+    const std::vector<MapBuildBody>& bodies, OfflineMap map,
+    const std::function<void(double share, const OfflineProgress&)>& watch) {
   const auto later = one_after_the_other(bodies);
-  std::vector<ReplayedBody> replayed;
+  std::vector<OfflineBody> offline;
   bool has_imu = false;
   Instant first = Instant::max();
   Instant last = Instant::min();
   for (std::size_t i = 0; i < bodies.size(); ++i) {
-    const OfflineBody& body = bodies[i].body;
-    replayed.push_back({body.id, body.name, body.setup, body.source, later[i]});
-    has_imu |= body.setup.sensors.imu.has_value();
+    offline.push_back(bodies[i].body);
+    offline.back().later = later[i];
+    has_imu |= bodies[i].body.setup.sensors.imu.has_value();
     first = std::min(first, bodies[i].first + later[i]);
     last = std::max(last, bodies[i].last + later[i]);
   }
-  const double all_s = std::max(1e-3, to_seconds(last - first));
-  TagMap start = map.start;
-  for (const MapBuildBody& one : bodies) add_known(one.body.setup, start);
   // Segments of filters without IMU are replaced in the end (solve_all).
-  MapConfig config = map.config;
-  if (!has_imu) config.refine_period_s = 0;
-  BodiesReplay replay(std::move(replayed), config, std::move(start));
-  replay.refine_after_share();
+  if (!has_imu) map.config.refine_period_s = 0;
+  map.keeps_graph = true;
+  const double all_s = std::max(1e-3, to_seconds(last - first));
+  auto session = run_together(offline, map, [&](const OfflineProgress& at) {
+    if (watch) watch(std::clamp(to_seconds(at.at - first) / all_s, 0.0, 1.0), at);
+  });
+  if (!session) return tl::unexpected(session.error());
   MapBuild build;
-  build.recordings.resize(bodies.size());
-  std::vector<ImageLog> logs(bodies.size());
-  std::vector<FewImages> few(bodies.size());
-  replay.listen([&](std::size_t body, const SensorSample& sample) {
-    if (const auto* frame = std::get_if<CameraFrame>(&sample)) few[body].note(frame->image);
-  });
-  const Duration begin = thread_cpu_time();
-  const auto done = replay.run([&](std::size_t body, const BodyUpdate& update) {
-    count(update, build.recordings[body]);
-    if (!bodies[body].body.setup.sensors.imu) logs[body].add(update);
-    note_moved(replay.map().take_events(), build);
-    const double done_s = to_seconds(update.seen.exposed_at + later[body] - first);
-    if (progress)
-      progress({std::clamp(done_s / all_s, 0.0, 1.0), 0, replay.view().map->tags.size()});
-  });
-  if (!done) return tl::unexpected(done.error());
-  const Duration ran = thread_cpu_time();
-  note_missing_tags(few, bodies, build);
-  std::vector<BatchBody> batch;
-  for (std::size_t i = 0; i < bodies.size(); ++i)
-    batch.push_back(
-        {bodies[i].body.id, &bodies[i].body.setup, &logs[i], bodies[i].body.setup.odometry.get()});
-  replay.refiner().set_least_sightings(map.least_sightings.value_or(1));
-  const BatchResult solved = solve_all(replay, batch, [&](int round) {
-    if (progress) progress({1.0, round, replay.view().map->tags.size()});
-  });
-  build.last = solved.last;
-  note_moved(replay.map().take_events(), build);
-  note_mismatches(replay.refiner().findings(), solved, bodies, build);
-  build.run_cpu_s = to_seconds(ran - begin);
-  build.solve_cpu_s = to_seconds(thread_cpu_time() - ran);
-  build.map = *replay.map().snapshot();
-  evaluate(replay.graph().state(), bodies, build);
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    OfflineResult& result = session->bodies[i];
+    const OfflineSetup& setup = bodies[i].body.setup;
+    BuiltRecording& recording = build.recordings.emplace_back();
+    recording.images = result.statistics.frames;
+    recording.images_with_tags = result.statistics.frames_with_tags;
+    if (recording.images_with_tags == 0)
+      recording.why_no_tag = why_no_tag(result.few.images(), setup.tags, setup.detector);
+    recording.seen = std::move(result.seen);
+  }
+  for (const auto& [at, event] : session->map_events)
+    if (event.kind == MapEvent::Kind::kTagQuarantined || event.kind == MapEvent::Kind::kTagMoved ||
+        event.kind == MapEvent::Kind::kTagDisputed)
+      build.moved.push_back(event.text);
+  note_mismatches(*session, bodies, build);
+  build.last = session->solved.last;
+  build.run_cpu_s = session->run_cpu_s;
+  build.solve_cpu_s = session->resolve_cpu_s;
+  build.map = std::move(session->map);
+  evaluate(*session->graph, bodies, build);
   return build;
 }
 

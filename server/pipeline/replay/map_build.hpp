@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <map>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -12,19 +13,19 @@ namespace fiducap {
 
 /// One of the recordings of a map.
 struct MapBuildBody {
-  OfflineBody body;
-  Instant first{};  ///< Stamp of its first sample …
-  Instant last{};   ///< … and of its last.
+  OfflineBody body;  ///< Its `later` is set by build_map().
+  Instant first{};   ///< Stamp of its first sample …
+  Instant last{};    ///< … and of its last.
 };
 
 /// Result of one recording.
 struct BuiltRecording {
   int images{};
   int images_with_tags{};
-  std::string why_no_tag;   ///< Empty with tags, or without images.
-  std::map<int, int> seen;  ///< Number of images, by tag id.
-  int segments{};           ///< Of about a second, usable for the graph …
-  int segments_in_map{};    ///< … and those connected with the map.
+  std::string why_no_tag;  ///< Empty with tags, or without images.
+  std::set<int> seen;      ///< Ids of tags.
+  int segments{};          ///< Of about a second, usable for the graph …
+  int segments_in_map{};   ///< … and those connected with the map.
 };
 
 /// A component of the graph that is not connected with the map.
@@ -56,12 +57,6 @@ struct MapBuild {
   double solve_cpu_s{};  ///< Of the last solution, of everything.
 };
 
-struct MapBuildProgress {
-  double share{};  ///< Of all data.
-  int round{};     ///< Of the last solution; 0: still reading.
-  std::size_t tags{};
-};
-
 /// Delay for the samples of each recording, so that recordings without common time follow each
 /// other in the given order. Those that overlap keep their offsets.
 [[nodiscard]] std::vector<Duration> one_after_the_other(std::span<const MapBuildBody> bodies);
@@ -69,9 +64,10 @@ struct MapBuildProgress {
 /// One map of several recordings: all bodies share one live map that is refined, and solved once
 /// more at the end.
 /// @pre map.config.refine_period_s > 0
+/// @param watch  gets the share of all data, and the progress
 /// @return Error when a source is lost
 [[nodiscard]] Expected<MapBuild> build_map(
-    const std::vector<MapBuildBody>& bodies, const OfflineMap& map,
-    const std::function<void(const MapBuildProgress&)>& progress = {});
+    const std::vector<MapBuildBody>& bodies, OfflineMap map,
+    const std::function<void(double share, const OfflineProgress&)>& watch = {});
 
 }  // namespace fiducap

@@ -6,23 +6,12 @@
 
 #include "base/numeric.hpp"
 #include "base/process.hpp"
-#include "pipeline/replay/batch_solution.hpp"
 
 namespace fiducap {
 namespace {
 
 constexpr double kFixedPosition_m = 1e-3;
 constexpr double kFixedRotation_rad = 1e-3;
-
-/// One body after the batch solution.
-struct ResolvedBody {
-  std::vector<PathPose> path;
-  std::vector<CameraBelief> cameras;
-  std::map<int, Pose> tags;  ///< Of the workspace, also surveyed ones.
-  std::vector<std::string> doubts;
-  bool is_by_odometry{};  ///< It defines W and the vertical, instead of a filter.
-  std::vector<OfflinePart> parts;
-};
 
 /// Of one body, by component.
 std::vector<OfflinePart> parts_of(int body_id, const GraphState& graph) {
@@ -64,23 +53,18 @@ class BodyNotes final {
     count(update);
     for (const BodyEvent& event : update.events) take(event);
     add_pose(update);
-    if (!setup_.sensors.imu) log_.add(update);
+    if (!setup_.sensors.imu) add_to(log_, update.seen);
   }
 
-  /// @param resolved  nullptr: poses are those of the filter
-  Expected<OfflineResult> finish(const BodyPipeline& pipeline, const TagMap& map,
-                                 const ResolvedBody* resolved) {
+  /// @param resolves  tags are those of the map, and poses follow
+  OfflineResult finish(const BodyPipeline& pipeline, const TagMap& map, bool resolves) {
     finish_statistics(pipeline.statistics());
     place();  // uncontradicted, but too short for PoseTrust
     result_.known = setup_.known;
-    // Doubts of a filter without odometry do not concern poses by odometry.
-    if (resolved == nullptr || !resolved->is_by_odometry) result_.doubts = pipeline.doubts();
-    if (resolved != nullptr)
-      result_.doubts.insert(result_.doubts.end(), resolved->doubts.begin(), resolved->doubts.end());
+    result_.doubts = pipeline.doubts();
     result_.extrinsics = pipeline.cameras();
-    if (resolved == nullptr) pipeline.filter().tag_beliefs(result_.tags);
+    if (!resolves) pipeline.filter().tag_beliefs(result_.tags);
     add_tags_of(map);
-    if (resolved != nullptr) take(*resolved);
     return std::move(result_);
   }
   [[nodiscard]] const ImageLog& log() const { return log_; }
@@ -91,6 +75,7 @@ class BodyNotes final {
     OfflineStatistics& s = result_.statistics;
     ++s.frames;
     s.frames_with_tags += update.seen.tags.empty() ? 0 : 1;
+    for (const TagObservation& tag : update.seen.tags) result_.seen.insert(tag.tag_id);
     result_.images.push_back({update.seen.exposed_at, static_cast<int>(update.seen.tags.size())});
     s.tags_rejected += report.tags_rejected;
     s.tags_used += report.tags_used;
@@ -195,36 +180,6 @@ class BodyNotes final {
     }
   }
 
-  /// Keeps the live trajectory beside it.
-  void take(const ResolvedBody& resolved) {
-    result_.live = std::move(result_.trajectory);
-    result_.parts = resolved.parts;
-    result_.trajectory.clear();
-    result_.covariances.clear();
-    for (const PathPose& pose : resolved.path) {
-      result_.trajectory.push_back({pose.at, pose.X_WB});
-      result_.covariances.push_back({pose.at, pose.covariance});
-    }
-    for (std::size_t k = 0; k < resolved.cameras.size(); ++k) {
-      result_.extrinsics[k].X_BV = resolved.cameras[k].X_BV;
-      if (resolved.cameras[k].lens_is_open)
-        result_.extrinsics[k].lens.offset = resolved.cameras[k].lens;
-    }
-    // A survey is a measurement with its sigma.
-    for (KnownTag& known : result_.known)
-      if (const auto tag = resolved.tags.find(known.tag_id); tag != resolved.tags.end())
-        known.X_WT = tag->second;
-    OfflineStatistics& s = result_.statistics;
-    s.frames_with_pose = s.frames_with_tags_and_pose = s.frames_before_anchoring = 0;
-    auto pose = result_.trajectory.begin();
-    for (const auto& [at, tags] : result_.images) {
-      while (pose != result_.trajectory.end() && pose->at < at) ++pose;
-      if (pose == result_.trajectory.end() || pose->at != at) continue;
-      ++s.frames_with_pose;
-      s.frames_with_tags_and_pose += tags > 0 ? 1 : 0;
-    }
-  }
-
   const OfflineSetup& setup_;
   ImageLog log_;
   std::vector<double> reprojections_px_;
@@ -241,38 +196,68 @@ class BodyNotes final {
   OfflineResult result_;
 };
 
-Expected<std::vector<ResolvedBody>> resolve(BodiesReplay& replay,
-                                            const std::vector<OfflineBody>& bodies,
-                                            const std::vector<BodyNotes>& notes,
-                                            const OfflineMap& map, OfflineSession& session) {
+/// Replaces the poses of the filter by those of the batch solution; the former remain beside them.
+/// @param covariance  nullptr: nothing is in the workspace, there are no poses
+Expected<void> resolve(const OfflineBody& body, const GraphState& graph,
+                       const GraphCovariance* covariance, const BatchResult& solved,
+                       OfflineResult& result) {
+  // Doubts of a filter without odometry do not concern poses by odometry.
+  if (solved.is_by_odometry) result.doubts.clear();
+  if (const auto doubt = solved.doubts.find(body.id); doubt != solved.doubts.end())
+    result.doubts.push_back(doubt->second);
+  result.live = std::exchange(result.trajectory, {});
+  result.covariances.clear();
+  if (covariance != nullptr) {
+    const auto path = path_of(body.id, graph, covariance);
+    if (!path) return fail(ErrorCode::kInvalid, "the solution is not finite", body.name);
+    for (const PathPose& pose : *path) {
+      result.trajectory.push_back({pose.at, pose.X_WB});
+      result.covariances.push_back({pose.at, pose.covariance});
+    }
+    result.parts = parts_of(body.id, graph);
+    for (const GraphBody& one : graph.bodies) {
+      for (std::size_t k = 0; one.id == body.id && k < one.cameras.size(); ++k) {
+        result.extrinsics[k].X_BV = one.cameras[k].X_BV;
+        if (one.cameras[k].lens_is_open) result.extrinsics[k].lens.offset = one.cameras[k].lens;
+      }
+    }
+    // A survey is a measurement with its sigma.
+    for (KnownTag& known : result.known)
+      for (const GraphTag& tag : graph.tags)
+        if (tag.component == kInWorkspace && tag.tag_id == known.tag_id) known.X_WT = tag.X_WT;
+  }
+  OfflineStatistics& s = result.statistics;
+  s.frames_with_pose = s.frames_with_tags_and_pose = s.frames_before_anchoring = 0;
+  auto pose = result.trajectory.begin();
+  for (const auto& [at, tags] : result.images) {
+    while (pose != result.trajectory.end() && pose->at < at) ++pose;
+    if (pose == result.trajectory.end() || pose->at != at) continue;
+    ++s.frames_with_pose;
+    s.frames_with_tags_and_pose += tags > 0 ? 1 : 0;
+  }
+  return {};
+}
+
+std::vector<BatchBody> batch_of(const std::vector<OfflineBody>& bodies,
+                                const std::vector<BodyNotes>& notes) {
   std::vector<BatchBody> batch;
   for (std::size_t i = 0; i < bodies.size(); ++i)
     batch.push_back(
         {bodies[i].id, &bodies[i].setup, &notes[i].log(), bodies[i].setup.odometry.get()});
-  replay.refiner().set_least_sightings(map.least_sightings.value_or(1));
-  const BatchResult solved = solve_all(replay, batch, {});
-  session.is_at_rest = solved.last.is_at_rest;
-  const GraphState& graph = replay.graph().state();
-  const auto covariance = replay.graph().covariance();
-  std::vector<ResolvedBody> resolved(bodies.size());
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    resolved[i].is_by_odometry = solved.is_by_odometry;
-    if (const auto doubt = solved.doubts.find(bodies[i].id); doubt != solved.doubts.end())
-      resolved[i].doubts.push_back(doubt->second);
+  return batch;
+}
+
+/// Time that is no single body's is divided equally.
+void share_cpu(OfflineSession& session) {
+  double read_s = session.run_cpu_s;
+  for (const OfflineResult& result : session.bodies)
+    read_s -= result.statistics.detect_cpu_s + result.statistics.propagate_cpu_s +
+              result.statistics.update_cpu_s;
+  const auto count = static_cast<double>(session.bodies.size());
+  for (OfflineResult& result : session.bodies) {
+    result.statistics.read_cpu_s = std::max(0.0, read_s) / count;
+    result.statistics.resolve_cpu_s = session.resolve_cpu_s / count;
   }
-  // Nothing is in the workspace: there are no poses.
-  if (!covariance) return resolved;
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    auto path = path_of(bodies[i].id, graph, &*covariance);
-    if (!path) return fail(ErrorCode::kInvalid, "the solution is not finite", bodies[i].name);
-    resolved[i].path = std::move(*path);
-    resolved[i].parts = parts_of(bodies[i].id, graph);
-    for (const GraphBody& body : graph.bodies)
-      if (body.id == bodies[i].id) resolved[i].cameras = body.cameras;
-    for (const GraphTag& tag : graph.tags)
-      if (tag.component == kInWorkspace) resolved[i].tags[tag.tag_id] = tag.X_WT;
-  }
-  return resolved;
 }
 
 }  // namespace
@@ -310,64 +295,69 @@ OfflineSetup offline_setup(const RecordingInfo& info) {
 }
 
 Expected<OfflineSession> run_together(const std::vector<OfflineBody>& bodies, const OfflineMap& map,
-                                      const OfflineProgress& progress) {
+                                      const OfflineWatch& watch) {
   const Duration begin = thread_cpu_time();
   const bool alone_without_imu = bodies.size() == 1 && !bodies.front().setup.sensors.imu;
-  const bool resolves = map.resolve || alone_without_imu;
+  const bool resolves = !map.keeps_graph && (map.resolve || alone_without_imu);
   std::vector<ReplayedBody> replayed;
   std::vector<BodyNotes> notes;
+  TagMap start = map.start;
   for (const OfflineBody& body : bodies) {
-    replayed.push_back({body.id, body.name, body.setup, body.source});
+    replayed.push_back({body.id, body.name, body.setup, body.source, body.later});
     replayed.back().setup.segments_hold_every_image = resolves;
     notes.emplace_back(body.setup);
+    add_known(body.setup, start);
   }
-  TagMap start = map.start;
-  for (const OfflineBody& body : bodies) add_known(body.setup, start);
   BodiesReplay replay(std::move(replayed), map.config, std::move(start));
   replay.follow(map.turns, map.refinements);
-  if (resolves) replay.refine_after_share();
+  if (resolves || map.keeps_graph) replay.refine_after_share();
   replay.listen([&](std::size_t body, const SensorSample& sample) { notes[body].note(sample); });
   OfflineSession session;
+  OfflineProgress progress;
+  const auto note_events = [&] {
+    for (MapEvent& event : replay.map().take_events())
+      session.map_events.push_back({progress.at, std::move(event)});
+  };
   const auto done = replay.run([&](std::size_t body, const BodyUpdate& update) {
     notes[body].take(update);
-    for (MapEvent& event : replay.map().take_events())
-      session.map_events.push_back({update.seen.exposed_at, std::move(event)});
-    if (progress) progress(notes[body].data_seconds());
+    progress = {notes[body].data_seconds(), update.seen.exposed_at + bodies[body].later, 0,
+                replay.view().map->tags.size()};
+    note_events();
+    if (watch) watch(progress);
   });
   if (!done) return tl::unexpected(done.error());
-  const double total_s = to_seconds(thread_cpu_time() - begin);
+  session.run_cpu_s = to_seconds(thread_cpu_time() - begin);
   session.turns_missed = replay.turns_missed();
   session.agreement = replay.agreement();
-  std::vector<ResolvedBody> resolved;
-  if (resolves) {
-    auto all = resolve(replay, bodies, notes, map, session);
-    if (!all) return tl::unexpected(all.error());
-    resolved = std::move(*all);
+  if (resolves || map.keeps_graph) {
+    replay.refiner().set_least_sightings(map.least_sightings.value_or(1));
+    session.solved = solve_all(replay, batch_of(bodies, notes), [&](int round) {
+      progress.round = round;
+      if (watch) watch(progress);
+    });
   }
-  const double resolve_s = to_seconds(thread_cpu_time() - begin) - total_s;
+  if (map.keeps_graph) {
+    note_events();
+    session.graph = replay.graph().state();
+    session.findings = replay.refiner().findings();
+  }
   session.map = *replay.map().snapshot();
+  const auto covariance = resolves ? replay.graph().covariance() : std::nullopt;
   for (std::size_t body = 0; body < notes.size(); ++body) {
-    auto result = notes[body].finish(replay.pipeline(body), session.map,
-                                     resolves ? &resolved[body] : nullptr);
-    if (!result) return tl::unexpected(result.error());
-    session.bodies.push_back(std::move(*result));
+    session.bodies.push_back(notes[body].finish(replay.pipeline(body), session.map, resolves));
+    if (!resolves) continue;
+    const auto fault =
+        resolve(bodies[body], replay.graph().state(), covariance ? &*covariance : nullptr,
+                session.solved, session.bodies.back());
+    if (!fault) return tl::unexpected(fault.error());
   }
-  double worked_s = 0;
-  for (const OfflineResult& result : session.bodies) {
-    const OfflineStatistics& s = result.statistics;
-    worked_s += s.detect_cpu_s + s.propagate_cpu_s + s.update_cpu_s;
-  }
-  const auto count = static_cast<double>(session.bodies.size());
-  for (OfflineResult& result : session.bodies) {
-    result.statistics.read_cpu_s = std::max(0.0, total_s - worked_s) / count;
-    result.statistics.resolve_cpu_s = resolve_s / count;
-  }
+  session.resolve_cpu_s = to_seconds(thread_cpu_time() - begin) - session.run_cpu_s;
+  share_cpu(session);
   return session;
 }
 
-Expected<OfflineResult> run_offline(const OfflineSetup& setup, SensorSource& source,
-                                    const OfflineProgress& progress) {
-  auto session = run_together({{1, "body", setup, &source}}, {}, progress);
+Expected<OfflineResult> run_offline(const OfflineSetup& setup, SensorSource& source) {
+  auto session = run_together({{1, "body", setup, &source}}, {});
   if (!session) return tl::unexpected(session.error());
   return std::move(session->bodies.front());
 }

@@ -3,13 +3,14 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "base/pose.hpp"
 #include "capture/recording/recording.hpp"
 #include "detection/no_tag.hpp"
-#include "pipeline/replay/bodies_replay.hpp"
+#include "pipeline/replay/batch_solution.hpp"
 
 namespace fiducap {
 
@@ -83,12 +84,19 @@ struct OfflineResult {
   std::vector<std::string> doubts;  ///< Messages about tags (TagDoubts).
   std::vector<BodyEvent> events;    ///< In order.
   std::vector<SeenImage> images;    ///< All of them, in order.
+  std::set<int> seen;               ///< Ids of all tags.
   FewImages few;                    ///< Of the source, for why_no_tag.
   OfflineStatistics statistics;
 };
 
-/// Called from time to time with the processed seconds of data.
-using OfflineProgress = std::function<void(double data_s)>;
+/// Progress of a run, after each image and in the batch solution.
+struct OfflineProgress {
+  double data_s{};  ///< Of the image's body.
+  Instant at{};     ///< Of the image, with OfflineBody::later.
+  int round{};      ///< Of the last solution; 0: still reading.
+  std::size_t tags{};
+};
+using OfflineWatch = std::function<void(const OfflineProgress&)>;
 
 /// One robot of an offline session.
 struct OfflineBody {
@@ -96,6 +104,7 @@ struct OfflineBody {
   std::string name;
   OfflineSetup setup;
   SensorSource* source{};
+  Duration later{0};  ///< Added to its stamps for the order of the images.
 };
 
 /// The map that all bodies of a session share.
@@ -108,6 +117,8 @@ struct OfflineMap {
   /// Final poses by a batch solution after the last image (solve_all). Always so for a single body
   /// without IMU: its map improves until the last image, and early poses belong to another map.
   bool resolve{false};
+  /// The batch solution is for the map alone: OfflineSession::graph instead of final poses.
+  bool keeps_graph{false};
   /// Least sightings of tags in the resolved map. Nullopt: all tags whose branch is sure.
   std::optional<int> least_sightings{};
 };
@@ -123,7 +134,11 @@ struct OfflineSession {
   std::vector<OfflineMapEvent> map_events;
   std::uint64_t turns_missed{};  ///< See BodiesReplay.
   LiveAgreement agreement;
-  bool is_at_rest{true};  ///< Resolved: the last solution has converged.
+  BatchResult solved{.last = {.is_at_rest = true}};  ///< Of the batch solution.
+  std::vector<GraphFinding> findings;
+  std::optional<GraphState> graph;
+  double run_cpu_s{};
+  double resolve_cpu_s{};
 };
 
 /// Adds a body's known tags to the start map, as surveyed.
@@ -134,10 +149,9 @@ void add_known(const OfflineSetup& setup, TagMap& start);
 /// images gives an empty trajectory.
 [[nodiscard]] Expected<OfflineSession> run_together(const std::vector<OfflineBody>& bodies,
                                                     const OfflineMap& map,
-                                                    const OfflineProgress& progress = {});
+                                                    const OfflineWatch& watch = {});
 
 /// The same for one body and an empty map.
-[[nodiscard]] Expected<OfflineResult> run_offline(const OfflineSetup& setup, SensorSource& source,
-                                                  const OfflineProgress& progress = {});
+[[nodiscard]] Expected<OfflineResult> run_offline(const OfflineSetup& setup, SensorSource& source);
 
 }  // namespace fiducap

@@ -60,7 +60,7 @@ Sigmas sigmas_of(const TagMap& map) {
 std::set<int> all_seen(const MapBuild& build) {
   std::set<int> seen;
   for (const BuiltRecording& recording : build.recordings)
-    for (const auto& [tag_id, images] : recording.seen) seen.insert(tag_id);
+    seen.insert(recording.seen.begin(), recording.seen.end());
   return seen;
 }
 

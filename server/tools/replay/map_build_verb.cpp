@@ -104,14 +104,14 @@ Expected<OfflineMap> map_setup(const MapBuildArguments& arguments, const ReplayI
   return map;
 }
 
-std::string progress_text(const MapBuildProgress& at) {
+std::string progress_text(double share, const OfflineProgress& at) {
   const std::string tags = std::to_string(at.tags) + " tags";
   if (at.round > 0)
     return "solving for everything, round " + std::to_string(at.round) + ": " + tags;
   constexpr int kWidth = 30;
-  const auto filled = static_cast<std::size_t>(at.share * kWidth);
+  const auto filled = static_cast<std::size_t>(share * kWidth);
   return "building the map [" + std::string(filled, '=') + std::string(kWidth - filled, ' ') +
-         "] " + fixed(100 * at.share, 0) + " %: " + tags;
+         "] " + fixed(100 * share, 0) + " %: " + tags;
 }
 
 Expected<void> write(const MapBuildArguments& arguments, const TagMap& map,
@@ -151,8 +151,9 @@ int run_map_build(const MapBuildArguments& arguments, const Terminal& terminal) 
          input.last});
   auto build = [&] {
     ProgressLine line(terminal);
-    return build_map(bodies, *map,
-                     [&](const MapBuildProgress& at) { line.show(progress_text(at)); });
+    return build_map(bodies, *map, [&](double share, const OfflineProgress& at) {
+      line.show(progress_text(share, at));
+    });
   }();
   if (!build) return report(terminal, build.error());
   const MapBuildText text{*build, arguments.recordings, map->least_sightings.value_or(1)};

@@ -73,7 +73,7 @@ void print_summary(const Terminal& terminal, const ReplayArguments& arguments,
                    << " rad away";
     terminal.out << "\n";
   }
-  if (!session.is_at_rest)
+  if (!session.solved.last.is_at_rest)
     terminal.out << "  warning: the last solution did not converge: measurements contradict each "
                     "other, and its sigmas are too small\n";
   const ReplayInput& first = inputs.bodies.front();
@@ -186,8 +186,9 @@ int run_replay(const ReplayArguments& arguments, const Terminal& terminal) {
   }
   const auto session = [&] {
     ProgressLine line(terminal);
-    return run_together(bodies, inputs->map,
-                        [&](double data_s) { line.show(replay_progress(*inputs, data_s)); });
+    return run_together(bodies, inputs->map, [&](const OfflineProgress& at) {
+      line.show(replay_progress(*inputs, at.data_s));
+    });
   }();
   if (!session) return report(terminal, session.error());
   for (std::size_t i = 0; i < written.size(); ++i) {

@@ -111,11 +111,11 @@ TEST(InverseLeftJacobian, HasAnErrorBelowAThousandthAt300Milliradians) {
 class SegmentCuttingTest : public testing::Test {
  protected:
   SegmentCuttingTest() {
-    path_.body_id = 3;
-    path_.chain = 5;
-    path_.sensors = std::make_shared<const SegmentSensors>();
+    path_.head.body_id = 3;
+    path_.head.chain = 5;
+    path_.head.sensors = std::make_shared<const SegmentSensors>();
     path_.motion = motion_without_imu({});
-    path_.cameras.resize(1);
+    path_.head.cameras.resize(1);
     path_.tags[1] = {1, 0.2, {}, Matrix6d::Zero()};
   }
   void walk(int from_ms, int images) {
