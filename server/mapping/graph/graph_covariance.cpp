@@ -4,6 +4,7 @@
 
 #include <Eigen/LU>
 
+#include "estimation/segment/segment_smoother.hpp"
 #include "estimation/world/filter_state.hpp"
 
 namespace fiducap {

@@ -6,6 +6,7 @@
 
 #include "base/numeric.hpp"
 #include "base/process.hpp"
+#include "pipeline/replay/bodies_replay.hpp"
 
 namespace fiducap {
 namespace {
