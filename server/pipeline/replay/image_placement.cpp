@@ -331,7 +331,9 @@ std::optional<Pose> ImagePlacement::relate(int a, int b) {
   }
   // Nothing is learned of a tag by instants that are placed by it.
   if (!is_sure && b < kNowhere && tags_.contains(alone(b))) return std::nullopt;
-  if (is_sure) std::erase_if(views, [&](const View& view) { return !at(view).is_sure; });
+  // Between regions the body is placed by both: with a poor lens neither fits the other's poses.
+  const bool is_fixed = is_sure && b < kNowhere;
+  if (is_fixed) std::erase_if(views, [&](const View& view) { return !at(view).is_sure; });
   auto& tried = tried_[{a, b}];
   if (views.empty() || tried == views.size()) return std::nullopt;
   tried = views.size();
@@ -344,7 +346,7 @@ std::optional<Pose> ImagePlacement::relate(int a, int b) {
     for (const Pose& X_aB : bodies_at(view, a))
       for (const Pose& X_bB : bodies_at(view, b)) ways.push_back({X_aB * X_bB.inverse(), 0, false});
   views = thinned(views, kJudging);
-  for (Way& way : ways) judge(way, a, b, views);
+  for (Way& way : ways) judge(way, a, b, views, is_fixed);
   if (ways.empty()) return std::nullopt;
   const Way& best = *std::ranges::min_element(ways, {}, &Way::cost);
   const bool is_only = std::ranges::all_of(ways, [&](const Way& way) {
@@ -355,7 +357,8 @@ std::optional<Pose> ImagePlacement::relate(int a, int b) {
 }
 
 /// Improves a relation and sets its cost. Relative to b all cameras are one rigid body.
-void ImagePlacement::judge(Way& way, int a, int b, const std::vector<View>& views) const {
+void ImagePlacement::judge(Way& way, int a, int b, const std::vector<View>& views,
+                           bool is_fixed) const {
   for (int iteration = 0;; ++iteration) {
     std::vector<SightedTag> from_b;
     double noise_px = 0;
@@ -365,13 +368,13 @@ void ImagePlacement::judge(Way& way, int a, int b, const std::vector<View>& view
       const double own_px = bodies_[view.body].corner_noise_px;
       const std::vector<SightedTag> there = tags_at(view, b);
       std::vector<SightedTag> all;
-      if (!at(view).is_sure) all = tags_at(view, a);
+      if (!is_fixed) all = tags_at(view, a);
       for (SightedTag tag : there) {
         tag.X_AT = way.X * tag.X_AT;
         all.push_back(tag);
       }
       Pose X_aB = at(view).X_WB;
-      if (!at(view).is_sure) {
+      if (!is_fixed) {
         if (const auto found = find_place(all, kAnywhere, own_px)) X_aB = found->X_AB;
       }
       for (const SightedTag& tag : all) {

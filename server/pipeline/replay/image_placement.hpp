@@ -130,7 +130,7 @@ class ImagePlacement final {
   void put(const KnownTag& tag, int region, bool is_held);
   [[nodiscard]] std::optional<Pose> relate(int a, int b);
   [[nodiscard]] std::vector<Pose> bodies_at(const View& view, int axes) const;
-  void judge(Way& way, int a, int b, const std::vector<View>& views) const;
+  void judge(Way& way, int a, int b, const std::vector<View>& views, bool is_fixed) const;
 
   std::vector<BodyToPlace> bodies_;
   double branch_evidence_;
