@@ -19,13 +19,27 @@ constexpr double kBetterThanNone = 2.0;
 constexpr double kWrong = 0.001;
 }  // namespace
 
-CalibrationMonitor::Likelihood CalibrationMonitor::likelihood(const FilterState& state,
+/// Of the common parameters, of those of `camera`, and of the next cameras while there is room; the
+/// others have their present priors.
+CalibrationMonitor::Likelihood CalibrationMonitor::likelihood(const FilterState& state, int camera,
                                                               double dispersion) const {
   Likelihood out;
-  for (std::size_t i = 0; i < all_.size(); ++i) {
-    const bool is_free = all_[i].print >= 0 && watched_tag(state, all_[i]) < 0;
-    if (!all_[i].is_refined && !is_free && out.count < kMostRows) out.rows[out.count++] = i;
-  }
+  const auto take_rows_of = [&](int of_camera) {
+    const std::size_t before = out.count;
+    for (std::size_t i = 0; i < all_.size(); ++i) {
+      const bool is_free = all_[i].print >= 0 && watched_tag(state, all_[i]) < 0;
+      const bool is_tested = !all_[i].is_refined && all_[i].assumed_sigma == 0 && !is_free;
+      if (all_[i].camera != of_camera || !is_tested) continue;
+      if (out.count < kMostRows) {
+        out.rows[out.count++] = i;
+      } else {
+        out.count = before;
+        return;
+      }
+    }
+  };
+  take_rows_of(-1);
+  for (int k = 0; k < state.cameras(); ++k) take_rows_of((camera + k) % state.cameras());
   const auto k = static_cast<Eigen::Index>(out.count);
   RowMatrix P(k, k);
   RowVector offsets(k);
@@ -86,7 +100,6 @@ bool CalibrationMonitor::is_judged(const FilterState& state, const Parameter& pa
 /// Bayesian model average over the closed groups: second moment of each group's error, with the
 /// probability that the group is wrong.
 void CalibrationMonitor::average(const FilterState& state, const Likelihood& of) {
-  for (Doubt& doubt : doubts_) doubt.moment.setZero();
   if (of.count == 0) return;
   Opened now;
   for (std::size_t a = 0; a < of.count; ++a) now.set(a, state.parameter_tests[of.rows[a]].is_open);
@@ -100,7 +113,9 @@ void CalibrationMonitor::average(const FilterState& state, const Likelihood& of)
       at[static_cast<std::size_t>(count++)] = static_cast<Eigen::Index>(a);
       with.set(a);
     }
-    if (count < doubt.count || with == now) continue;  // not tested, or open
+    if (count < doubt.count) continue;  // not tested with this image
+    doubt.moment.setZero();
+    if (with == now) continue;  // open
     if (is_judged(state, all_[doubt.rows[0]])) continue;
     const Posterior open = posterior(of, with);
     const double odds = kWrong * std::exp(std::min(open.evidence - evidence, 50.0));

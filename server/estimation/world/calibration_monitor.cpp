@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "estimation/world/state_prior.hpp"
 
@@ -182,29 +183,31 @@ bool CalibrationMonitor::update_tests(FilterState& state, int camera, double dis
   images_since_test_ = 0;
   const double scale = std::sqrt(std::max(1.0, dispersion));
   bool opens = false;
+  int tested = next_camera_++ % state.cameras();
   for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
     ParameterTest& test = state.parameter_tests[i];
-    if (test.is_open) continue;
+    if (test.is_open || all_[i].assumed_sigma > 0) continue;
     test.score = score(state, all_[i]) / scale;
     const bool is_beyond = std::abs(test.score) > kOpen_sigma;
     test.images_beyond = is_beyond ? test.images_beyond + kTestEvery : 0;
-    opens |= test.images_beyond >= kOpenImages;
+    if (test.images_beyond < kOpenImages) continue;
+    opens = true;
+    if (all_[i].camera >= 0) tested = all_[i].camera;
   }
-  const Likelihood of = likelihood(state, scale * scale);
-  if (opens) opens = set_open(state, camera, select(state, of));
+  const Likelihood of = likelihood(state, tested, scale * scale);
+  if (opens) opens = set_open(state, camera, of, select(state, of));
   average(state, of);
   release_confirmed_prints(state);
   return opens;
 }
 
-/// Opens these parameters and closes all others. @return whether one was opened
-bool CalibrationMonitor::set_open(FilterState& state, int camera,
+/// Opens these of the tested parameters and closes the others. @return whether one was opened
+bool CalibrationMonitor::set_open(FilterState& state, int camera, const Likelihood& of,
                                   const std::vector<std::size_t>& opened) const {
   std::vector<std::size_t> newly;
-  for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
+  for (const std::size_t i : std::span(of.rows).first(opened.empty() ? 0 : of.count)) {
     const bool is_open = std::ranges::find(opened, i) != opened.end();
-    if (all_[i].is_refined || is_open == state.parameter_tests[i].is_open || opened.empty())
-      continue;
+    if (is_open == state.parameter_tests[i].is_open) continue;
     const ParameterSigmas& sigmas = all_[i].sigmas;
     exchange_prior(state, camera, derivative(state, all_[i]), offset(state, all_[i]),
                    is_open ? sigmas.closed : sigmas.open, is_open ? sigmas.open : sigmas.closed);

@@ -117,6 +117,7 @@ class CalibrationMonitor final {
   };
   /// Score of a likely error: 90 % of right parameters are below.
   static constexpr double kLikely_sigma = 2.0;
+  /// Rows of one test: two cameras of 15 and 15 common ones, with room.
   static constexpr int kMostRows = 64;
   static constexpr int kMostOfGroup = 6;
   using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostRows, kMostRows>;
@@ -172,7 +173,8 @@ class CalibrationMonitor final {
                    std::vector<FoundMismatch>& out) const;
   [[nodiscard]] bool are_significant(const FilterState& state,
                                      const std::vector<std::size_t>& rows) const;
-  [[nodiscard]] Likelihood likelihood(const FilterState& state, double dispersion) const;
+  [[nodiscard]] Likelihood likelihood(const FilterState& state, int camera,
+                                      double dispersion) const;
   [[nodiscard]] bool is_judged(const FilterState& state, const Parameter& parameter) const;
   [[nodiscard]] std::vector<std::size_t> select(const FilterState& state,
                                                 const Likelihood& of) const;
@@ -180,7 +182,8 @@ class CalibrationMonitor final {
   void average(const FilterState& state, const Likelihood& of);
   void list_doubts();
   void widen_opened(FilterState& state, const std::vector<std::size_t>& opened) const;
-  bool set_open(FilterState& state, int camera, const std::vector<std::size_t>& opened) const;
+  bool set_open(FilterState& state, int camera, const Likelihood& of,
+                const std::vector<std::size_t>& opened) const;
   void release_confirmed_prints(FilterState& state) const;
 
   const BodySensors& sensors_;
@@ -188,6 +191,7 @@ class CalibrationMonitor final {
   std::vector<Parameter> all_;
   std::vector<Doubt> doubts_;
   int images_since_test_{0};
+  int next_camera_{0};  ///< Whose rows are tested first.
 };
 
 }  // namespace fiducap::world

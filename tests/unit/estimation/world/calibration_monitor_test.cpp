@@ -71,6 +71,36 @@ TEST_F(CalibrationMonitorTest, ConfirmsOnceTheDataDetermineAllParameters) {
   EXPECT_FALSE(monitor_.are_confirmed(state_, 0));
 }
 
+TEST_F(CalibrationMonitorTest, TestsAllCamerasOfMany) {
+  constexpr int kCameras = 16;  // 15 rows each: more than one test holds
+  mounts_.assign(kCameras, {});
+  for (CameraMount& mount : mounts_) mount.position_sigma_m = mount.rotation_sigma_rad = 1e-4;
+  state_.reset(std::vector<Pose>(kCameras));
+  for (int c = 0; c < kCameras; ++c)
+    state_.P().diagonal().segment<6>(layout::camera(c)).setConstant(1e-8);
+  CalibrationMonitor monitor(sensors_, {});
+  monitor.begin(state_);
+  std::vector<WrongNumber> wrong;
+  for (const int camera : {15, 0, 7}) {  // what is open stays open
+    variance(layout::focal(camera)) /= 2;
+    state_.lenses[static_cast<std::size_t>(camera)].focal = 2e-3;
+    for (int i = 0; i < 25; ++i) monitor.update_tests(state_, 0, 1.0);
+    wrong.push_back({Kind::kFocalLength, camera});
+    for (const WrongNumber& one : wrong)
+      EXPECT_THAT(monitor.found_wrong(state_),
+                  testing::Contains(testing::FieldsAre(one.kind, one.camera)))
+          << camera;
+  }
+}
+
+TEST_F(CalibrationMonitorTest, AssumedErrorsAreNotOpened) {
+  CalibrationMonitor assuming = begin_again({.doubts = false, .assumes = true});
+  for (const int column : {size_, kFocal}) variance(column) /= 2;
+  state_.sizes.common = state_.lenses[0].focal = 1.0;
+  for (int i = 0; i < 25; ++i) EXPECT_FALSE(assuming.update_tests(state_, 0, 1.0));
+  EXPECT_THAT(state_.parameter_tests, Each(is_closed()));
+}
+
 TEST_F(CalibrationMonitorTest, ALensIsOpenOnlyWithAConfiguredSigmaOrToBeRefined) {
   const CalibrationMonitor tested = begin_again({});
   EXPECT_LT(sigma(kFocal), 1e-3);
