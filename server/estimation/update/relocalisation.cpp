@@ -20,8 +20,12 @@ constexpr int kSightingsToBeProven = 20;
 constexpr int kRejectedToDecide = 20;
 // Log odds (400 to 1) at which the other place is not kept any more.
 constexpr double kSettled = -6.0;
-// Time without contradiction after which the estimate is right, when no other tag comes into view.
+// Time without a tag after which one may have been moved meanwhile.
+constexpr double kGap_s = 0.5;
+// Time without contradiction after which an unlikely other place (1 to 4) is dropped, when no
+// other tag comes into view.
 constexpr Duration kDoubtLasts = std::chrono::seconds(30);
+constexpr double kUnlikely = -1.4;
 // Position uncertainty of a body that is not published (BodyLimits).
 constexpr double kPlaceUnknown_m = 0.25;
 // Relocalisations without a consistent period in between, before everything is restarted.
@@ -165,24 +169,28 @@ void TagFilter::weigh_places(const TagObservations& seen, UpdateReport& report) 
   const double grown_m2 = std::max(0.0, (P_before_ - P_at_fit_).trace() / 3);
   const Eigen::Matrix3d S =
       (grown_m2 + PlaceDoubt::kByOneTag_m * PlaceDoubt::kByOneTag_m) * Eigen::Matrix3d::Identity();
-  if (place_doubt_.is_open()) {
+  const bool opens = !place_doubt_.is_open();
+  if (!opens) {
     place_doubt_.move(state_.X_WB.p - p_before_);
     place_doubt_.grow(S);
   } else {
-    if (!contradicts && !(is_alone && is_proven(tags_.usable.front()))) return;
+    if (!contradicts && !(is_alone && gap_before_s_ > kGap_s)) return;
     place_doubt_.open(seen.exposed_at, p_before_ - state_.X_WB.p, S);
   }
   if (contradicts) contradicted_place_at_ = seen.exposed_at;
   for (std::size_t i = 0; i < tags_.usable.size(); ++i) {
     const TagToUse& tag = tags_.usable[i];
-    if (!is_proven(tag)) continue;
+    // A gate rejects some by chance.
+    const int rejected = health.rejected(tag.seen->tag_id);
+    if (rejected > 0 && rejected < TagHealth::kToDoubt) continue;
+    if (!is_proven(tag) && !(opens && is_alone)) continue;
     const auto shift_W = tags_.accepted[i] ? std::nullopt : shift_by(seen, tag);
     if (tags_.accepted[i] || shift_W) place_doubt_.add(tag.seen->tag_id, shift_W);
   }
   place_doubt_.weigh();
-  const bool is_over =
-      seen.exposed_at - std::max(contradicted_place_at_, *place_doubt_.opened_at()) > kDoubtLasts;
-  if (!contradicts && (place_doubt_.log_odds() < kSettled || is_over)) place_doubt_.close();
+  const Instant quiet_since = std::max(contradicted_place_at_, *place_doubt_.opened_at());
+  const double least = seen.exposed_at - quiet_since > kDoubtLasts ? kUnlikely : kSettled;
+  if (!contradicts && place_doubt_.log_odds() < least) place_doubt_.close();
 }
 
 void TagFilter::note_place_fit(const TagObservations& seen, UpdateReport& report) {

@@ -290,7 +290,7 @@ class Return {
     std::vector<bool> accepted;
     FilterState after = before;
     CornerUpdate update;
-    update.apply(after, 0, model_, tags, {.gate = kNoGate, .iterations = iterations}, noise,
+    update.apply(after, 0, model_, tags, {.gate = {kNoGate, 0}, .iterations = iterations}, noise,
                  accepted);
     return after;
   }

@@ -58,8 +58,8 @@ TEST(HeldTag, CorrectsTheBodyAndIsNotCorrected) {
   std::vector<bool> accepted;
   CornerUpdate update;
   CornerNoise noise(EstimatorConfig{}, false);
-  const UpdateReport report =
-      update.apply(state, 0, model, use, {.gate = chi_square_quantile(8, 0.999)}, noise, accepted);
+  const UpdateReport report = update.apply(
+      state, 0, model, use, {.gate = {chi_square_quantile(8, 0.999), 0}}, noise, accepted);
   EXPECT_EQ(report.tags_used, 1);
   EXPECT_LT((state.tags[held].X_WT.p - known.X_WT.p).norm(), 1e-15);
   EXPECT_LT((state.P().block<6, 6>(at, at) - own_before).norm(), 1e-12 * own_before.norm());
