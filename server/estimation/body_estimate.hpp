@@ -100,8 +100,8 @@ struct UpdateReport {
   bool start_is_open{};  ///< The start may still be replaced: its results must not be published.
   /// Relocalisation has begun after a long series of contradicting images.
   bool relocalised{};
-  /// All known tags in view contradict: either they were moved or the body is at another place.
-  /// Until another tag decides, the estimate's covariance includes both places.
+  /// A known tag contradicts: either it was moved or the body is at another place. Until another
+  /// tag decides, the estimate's covariance includes both places.
   struct AmbiguousPlace {
     int tag_id{};   ///< One of those tags.
     double by_m{};  ///< Distance between the two places.

@@ -116,19 +116,25 @@ const PlaceDoubt::Tag* PlaceDoubt::find(int tag_id) const {
 }
 
 int PlaceDoubt::contradicting_tag() const {
+  const Tag* nearest = nullptr;
+  const auto off_m = [&](const Tag& tag) { return (tag.position_W - other_W_).norm(); };
   for (std::size_t i = 0; i < count_; ++i)
-    if (!tags_[i].is_accepted) return tags_[i].tag_id;
-  return -1;
+    if (!tags_[i].is_accepted && (nearest == nullptr || off_m(tags_[i]) < off_m(*nearest)))
+      nearest = &tags_[i];
+  return nearest == nullptr ? -1 : nearest->tag_id;
 }
 
 void PlaceDoubt::add(int tag_id, const std::optional<Eigen::Vector3d>& position_W) {
   const Tag* known = find(tag_id);
-  if (known == nullptr && count_ == kMostTags) return;
+  if (known == nullptr && count_ == kMostTags) {  // a tag that contradicts replaces another
+    known = std::ranges::find(tags_, true, &Tag::is_accepted);
+    if (!position_W || known == tags_.end()) return;
+  }
   Tag& tag =
       known == nullptr ? tags_[count_++] : tags_[static_cast<std::size_t>(known - &tags_[0])];
   const bool is_accepted = !position_W.has_value();
   // Otherwise the map or the estimate has changed.
-  if (tag.is_accepted != is_accepted) tag.sightings = 0;
+  if (tag.tag_id != tag_id || tag.is_accepted != is_accepted) tag.sightings = 0;
   tag.tag_id = tag_id;
   tag.is_accepted = is_accepted;
   tag.position_W +=
@@ -138,13 +144,14 @@ void PlaceDoubt::add(int tag_id, const std::optional<Eigen::Vector3d>& position_
 /// @param is_in_place  nullopt: whichever is likelier
 void PlaceDoubt::take(const Tag& tag, std::optional<bool> is_in_place, Place& place) const {
   const Eigen::Vector3d y = tag.position_W - place.p_W;
-  const Eigen::Matrix3d S = place.covariance + even(kByOneTag_m);
-  const double in_place = std::log(1 - kMoved) + log_density(y, S);
-  const double moved = std::log(kMoved) + log_density(y, place.covariance + even(kMovedBy_m));
+  const Eigen::Matrix3d S_in_place = place.covariance + even(kByOneTag_m);
+  const Eigen::Matrix3d S_moved = place.covariance + even(kMovedBy_m);
+  const double in_place = std::log(1 - kMoved) + log_density(y, S_in_place);
+  const double moved = std::log(kMoved) + log_density(y, S_moved);
   const bool stands = is_in_place.value_or(in_place > moved);
   place.log_likelihood += stands ? in_place : moved;
-  if (!stands) return;
-  const Eigen::Matrix3d K = S.llt().solve(place.covariance).transpose();
+  const Eigen::Matrix3d K =
+      (stands ? S_in_place : S_moved).llt().solve(place.covariance).transpose();
   place.p_W += K * y;
   place.covariance -= (K * place.covariance).eval();
 }
@@ -154,16 +161,17 @@ PlaceDoubt::Place PlaceDoubt::place(const Tag* in_place, bool is_estimate) const
   Place best{.log_likelihood = kImpossible};
   for (const bool is_imu_wrong : {false, true}) {
     if (is_imu_wrong && is_by_imu) continue;
+    // Tags that contradict the IMU alone do so by the gate, which is finer than these positions.
+    if (!is_imu_wrong && !is_estimate && !has_accepted()) continue;
     Place one{by_imu_W_, S_, std::log(is_imu_wrong ? kImuWrong : 1 - kImuWrong)};
     if (is_imu_wrong) one.covariance += even(kMovedBy_m);
     if (in_place != nullptr) take(*in_place, true, one);
     for (std::size_t i = 0; i < count_; ++i)
       if (tags_[i].is_accepted) take(tags_[i], is_estimate, one);
-    if (is_estimate) {  // known to the filter much better than by these positions
+    if (is_estimate) {  // the filter's own place
       one.p_W.setZero();
       one.covariance.setZero();
     }
-    // Those that contradict the IMU alone do not stand where it says: the gate is finer than here.
     const auto is_in_place = is_estimate && is_by_imu ? std::optional(false) : std::nullopt;
     for (std::size_t i = 0; i < count_; ++i)
       if (!tags_[i].is_accepted && &tags_[i] != in_place) take(tags_[i], is_in_place, one);

@@ -16,10 +16,10 @@ namespace fiducap {
 /// Rejected sightings of each tag by id, and how often the tag was removed. The newest ids.
 class TagHealth final {
  public:
-  /// Consecutive rejections that are no chance. The gate rejects one of a hundred right sightings,
-  /// and errors last for some three images: ten of them outweigh a prior of 1e-6.
+  /// Consecutive rejections that are no chance. The gate rejects one of a thousand right sightings,
+  /// and errors last for some five images: ten of them outweigh a prior of 1e-6.
   static constexpr int kToDecide = 10;
-  /// The same for a comparison of the body's places, which says how likely either is.
+  /// Consecutive rejections after which the places of the body are compared.
   static constexpr int kToDoubt = 3;
 
   void note_sighting(int tag_id, bool is_accepted);
@@ -84,15 +84,15 @@ class Contradictions final {
   std::vector<int> contradicting_of_;  ///< Per camera.
 };
 
-/// Two places of the body that explain the same sightings: its estimate, and another one.
+/// The estimate of the body's place, and the likeliest other place that explains the sightings.
 ///
 /// A proven tag gives a position of the body. Each tag is in place, or was moved (probability
 /// kMoved, by kMovedBy_m); the motion since the last fit is as the IMU measured it, or not
 /// (kImuWrong, by as much). The places that compete are the estimate, where its accepted tags are
 /// in place; the place by each rejected tag, where the accepted ones were moved; and the place by
 /// the IMU alone, where all accepted ones were moved. The probability of each is the marginal
-/// likelihood of all positions, by one Kalman update per tag in place. A tag counts once, with the
-/// mean of its sightings: their errors are common. Positions are relative to the estimate, W axes.
+/// likelihood of all positions, by one Kalman update per tag. A tag counts once, with the mean of
+/// its sightings: their errors are common. Positions are relative to the estimate, W axes.
 class PlaceDoubt final {
  public:
   static constexpr double kByOneTag_m = 0.05;  ///< 1-sigma per axis of a position by a few images.
@@ -120,16 +120,17 @@ class PlaceDoubt final {
   void grow(const Eigen::Matrix3d& S) {
     if (S.trace() > S_.trace()) S_ = S;
   }
-  /// Axes were turned.
+  /// The axes were turned. (A shift of them does not change relative positions.)
   void turn(const Eigen::Quaterniond& q_new_old);
 
   /// Log odds of the other place.
   [[nodiscard]] double log_odds() const { return log_odds_; }
   [[nodiscard]] double probability() const;
   [[nodiscard]] const Eigen::Vector3d& other_place_W() const { return other_W_; }
-  /// What the mixture of both places has beyond the covariance of the estimate.
+  /// What the second moment about the estimate, of the mixture of both places, has beyond the
+  /// covariance of the estimate.
   [[nodiscard]] Eigen::Matrix3d covariance() const;
-  /// A rejected tag; -1: none.
+  /// The rejected tag nearest to the other place; -1: none.
   [[nodiscard]] int contradicting_tag() const;
   [[nodiscard]] bool contradicts(int tag_id) const {
     const Tag* const tag = find(tag_id);

@@ -17,7 +17,7 @@ namespace {
 constexpr int kSightingsToBeProven = 20;
 // Consecutive images with usable tags and none accepted, before the places are decided: a jump of
 // the clock is found within one second.
-constexpr int kRejectedToDecide = 20;
+constexpr int kImagesToDecide = 20;
 // Log odds (400 to 1) at which the other place is not kept any more.
 constexpr double kSettled = -6.0;
 // Time without a tag after which one may have been moved meanwhile.
@@ -101,13 +101,17 @@ void TagFilter::handle_outliers(const TagObservations& seen, UpdateReport& repor
     contradictions_.tags().forgive_all();
     memory_.forget_all();
   }
-  if (contradictions_.images_without_fit() < images_to_decide()) return;
-  if (!has_imu() || !is_start_over_) return restart();
-  decide_place(seen, report);
-}
-
-int TagFilter::images_to_decide() const {
-  return may_have_jumped_ ? 2 * kRejectedToDecide : kRejectedToDecide;
+  const int images = may_have_jumped_ ? 2 * kImagesToDecide : kImagesToDecide;
+  if (contradictions_.images_without_fit() >= images) {
+    if (!has_imu() || !is_start_over_) return restart();
+    return decide_place(seen, report);
+  }
+  // Another camera, or other images, show tags that fit.
+  if (!has_imu() || !is_start_over_ || report.tags_used > 0) return;
+  if (std::ranges::any_of(tags_.usable, [&](const TagToUse& tag) {
+        return contradictions_.tags().rejected(tag.seen->tag_id) >= images;
+      }))
+    decide_place(seen, report);
 }
 
 void TagFilter::note_clock_jump(int camera, Duration shift) {
@@ -126,7 +130,9 @@ void TagFilter::begin_relocalisation(const TagObservations& seen, UpdateReport& 
     if (is_own(i) && state_.tags[i].first_seen > since)
       discard_tag(state_.tags[i].tag_id, seen.exposed_at, report);
   if (state_.tags.empty() && map_.tags.empty() && map_.whole == nullptr) return restart();
+  const PlaceDoubt doubt = place_doubt_;  // goes on at the new place
   lose_motion(false);
+  place_doubt_ = doubt;
   contradictions_.reset();
 }
 
@@ -206,11 +212,13 @@ Eigen::Matrix3d TagFilter::position_covariance() const {
   return J * state_.P().topLeftCorner<6, 6>() * J.transpose();
 }
 
-/// The likelier place: tags that contradict it were moved. The other one stays in the covariance.
+/// The likelier place becomes the estimate. Tags of this image that have contradicted it often are
+/// removed. The other place stays in the covariance.
 void TagFilter::decide_place(const TagObservations& seen, UpdateReport& report) {
-  // A tag that has just joined where the body put it contradicts only a body that is wrong.
+  // A tag that has joined again where the body put it contradicts a body that is wrong, if no other
+  // tag fits.
   const bool is_wrong_again = std::ranges::any_of(tags_.usable, [&](const TagToUse& tag) {
-    return place_doubt_.is_open() && is_moved(tag.seen->tag_id) &&
+    return report.tags_used == 0 && place_doubt_.is_open() && is_moved(tag.seen->tag_id) &&
            contradictions_.tags().was_removed(tag.seen->tag_id, *place_doubt_.opened_at());
   });
   if (place_doubt_.contradicting_tag() >= 0 && (place_doubt_.log_odds() > 0 || is_wrong_again)) {

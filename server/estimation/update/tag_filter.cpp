@@ -223,6 +223,7 @@ void TagFilter::follow_map(UpdateReport& report) {
   state_.forget_clones();
   anchor_.give_to_map();
   report.map_shift = moved;
+  P_at_fit_ = position_covariance();
   const Eigen::Vector3d& p_WB = state_.X_WB.p;
   if ((p_WB - moved->inverse() * p_WB).norm() > kNoticeable_m) jump_search_.forget_all();
 }
@@ -296,6 +297,7 @@ void TagFilter::shift_axes(const std::optional<Pose>& X_new_old, UpdateReport& r
   memory_.move_axes(*X_new_old);
   image_update_.lose_motion();  // covariance in the old axes
   place_doubt_.turn(X_new_old->q);
+  P_at_fit_ = position_covariance();
   jump_search_.forget_all();
   if (!has_imu()) candidates_.forget_all();  // views in the old axes
 }

@@ -136,7 +136,6 @@ class TagFilter final : public StartingFilter {
   [[nodiscard]] Eigen::Matrix3d position_covariance() const;
   void decide_place(const TagObservations& seen, UpdateReport& report);
   [[nodiscard]] bool is_moved(int tag_id) const;
-  [[nodiscard]] int images_to_decide() const;
   bool relocalise(const TagObservations& seen);
   [[nodiscard]] bool is_relocalisation_doubtful(const Pose& X_WB, Instant at) const;
   bool relocalise_by_views(const TagObservations& seen);
@@ -184,7 +183,7 @@ class TagFilter final : public StartingFilter {
   PlaceDoubt place_doubt_;
   Instant contradicted_place_at_{};         ///< Last image with a proven tag that contradicts.
   std::optional<Instant> contradicted_at_;  ///< Last contradicting image: a clock may have jumped.
-  bool may_have_jumped_{false};             ///< A clock, or a tag was moved.
+  bool may_have_jumped_{false};             ///< A clock, or a tag was moved: not decided yet.
   double gap_before_s_{0};                  ///< Without an accepted tag, before the present image.
   Eigen::Vector3d p_before_{Eigen::Vector3d::Zero()};  ///< Before the present correction …
   Eigen::Matrix3d P_before_{Eigen::Matrix3d::Zero()};  ///< … and its covariance.

@@ -47,6 +47,7 @@ void TagFilter::lose_motion(bool is_turn_lost) {
   if (!is_following()) return;
   if (!running()) return restart();
   mode_ = FilterMode::kLost;
+  place_doubt_.close();
   propagator_.restart();
   image_update_.lose_motion();
   memory_.forget_all();

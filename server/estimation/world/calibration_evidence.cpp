@@ -17,6 +17,7 @@ constexpr double kAsGood = 5.0;
 constexpr double kBetterThanNone = 2.0;
 // Prior probability that a group of parameters differs from the configuration by its wide prior.
 constexpr double kWrong = 0.001;
+constexpr double kImpossible = -1e9;  // log evidence
 }  // namespace
 
 /// Of the common parameters, of those of `camera`, and of the next cameras while there is room; the
@@ -77,7 +78,8 @@ CalibrationMonitor::Posterior CalibrationMonitor::posterior(const Likelihood& of
   RowMatrix scaled = sigmas.asDiagonal() * of.information * sigmas.asDiagonal();
   scaled.diagonal().array() += 1;
   const Eigen::LLT<RowMatrix> llt(scaled);
-  Posterior out;
+  Posterior out{RowVector::Zero(k), RowMatrix::Zero(k, k), kImpossible};
+  if (llt.info() != Eigen::Success) return out;
   out.mean = sigmas.cwiseProduct(of.score);
   llt.matrixL().solveInPlace(out.mean);
   out.evidence = 0.5 * out.mean.squaredNorm() - llt.matrixLLT().diagonal().array().log().sum();
@@ -105,19 +107,19 @@ void CalibrationMonitor::average(const FilterState& state, const Likelihood& of)
   for (std::size_t a = 0; a < of.count; ++a) now.set(a, state.parameter_tests[of.rows[a]].is_open);
   const double evidence = posterior(of, now).evidence;
   for (Doubt& doubt : doubts_) {
-    Opened with = now;
+    Opened group;
     std::array<Eigen::Index, kMostOfGroup> at{};
     int count = 0;
     for (std::size_t a = 0; a < of.count && count < doubt.count; ++a) {
       if (of.rows[a] != doubt.rows[static_cast<std::size_t>(count)]) continue;
       at[static_cast<std::size_t>(count++)] = static_cast<Eigen::Index>(a);
-      with.set(a);
+      group.set(a);
     }
     if (count < doubt.count) continue;  // not tested with this image
     doubt.moment.setZero();
-    if (with == now) continue;  // open
+    if ((group & now).any()) continue;  // open
     if (is_judged(state, all_[doubt.rows[0]])) continue;
-    const Posterior open = posterior(of, with);
+    const Posterior open = posterior(of, now | group);
     const double odds = kWrong * std::exp(std::min(open.evidence - evidence, 50.0));
     const double share = odds / (1 + odds);
     for (int a = 0; a < count; ++a)

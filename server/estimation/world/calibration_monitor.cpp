@@ -214,8 +214,8 @@ bool CalibrationMonitor::set_open(FilterState& state, int camera, const Likeliho
     state.parameter_tests[i] = {.is_open = is_open};
     if (is_open) newly.push_back(i);
   }
-  for (const std::size_t i : opened)
-    state.parameter_tests[i].opened_with = 1 + static_cast<int>(opened.front());
+  for (const std::size_t i : newly)
+    state.parameter_tests[i].opened_with = 1 + static_cast<int>(newly.front());
   widen_opened(state, newly);
   // An error of one parameter may have raised the scores of the others.
   for (ParameterTest& other : state.parameter_tests) other.images_beyond = 0;

@@ -117,7 +117,8 @@ class CalibrationMonitor final {
   };
   /// Score of a likely error: 90 % of right parameters are below.
   static constexpr double kLikely_sigma = 2.0;
-  /// Rows of one test: two cameras of 15 and 15 common ones, with room.
+  /// Rows of one test: 15 common ones and those of four cameras (three with a mount given as
+  /// exact).
   static constexpr int kMostRows = 64;
   static constexpr int kMostOfGroup = 6;
   using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostRows, kMostRows>;

@@ -108,7 +108,7 @@ TEST(PlaceDoubt, AReturnBySingleTagIsUnsureByWhatAMovedTagWouldExplain) {
   lost.add(7, std::nullopt);
   lost.weigh();
   EXPECT_NEAR(lost.probability(), PlaceDoubt::kMoved, 0.01) << "nothing is known but that";
-  EXPECT_GT(sigma_m(lost), 1.0);
+  EXPECT_NEAR(sigma_m(lost), std::sqrt(PlaceDoubt::kMoved) * PlaceDoubt::kMovedBy_m, 0.02);
 }
 
 TEST(PlaceDoubt, AnotherTagDecidesWhetherTheFirstWasMoved) {
@@ -130,6 +130,7 @@ TEST(PlaceDoubt, AnotherTagDecidesWhetherTheFirstWasMoved) {
 
 TEST(PlaceDoubt, TagsThatAgreeOutweighTheImu) {
   EXPECT_LT(contradicted({kForth}).log_odds(), 0) << "one tag was moved";
+  EXPECT_LT(contradicted({0.25 * kForth}).log_odds(), 0) << "by a little";
   EXPECT_GT(contradicted({kForth}).probability(), 1.0 / 16) << "4 sigma of the mixture";
   EXPECT_GT(contradicted({kForth, kForth}).log_odds(), 3) << "the body is there";
   EXPECT_LT(contradicted({kForth, -kForth}).log_odds(), 0) << "two prints were exchanged";
@@ -142,6 +143,16 @@ TEST(PlaceDoubt, TheOtherPlaceBecomesTheEstimate) {
   EXPECT_FALSE(doubt.contradicts(0));
   EXPECT_TRUE(doubt.contradicts(2)) << "it was moved";
   EXPECT_FALSE(doubt.contradicts(9)) << "never seen";
+}
+
+TEST(PlaceDoubt, ATagThatContradictsIsAmongTheComparedOnes) {
+  PlaceDoubt doubt;
+  doubt.open(at_s(1), Eigen::Vector3d::Zero(), 1e-4 * Eigen::Matrix3d::Identity());
+  for (int tag_id = 0; tag_id < 20; ++tag_id) doubt.add(tag_id, std::nullopt);
+  doubt.add(20, kForth);
+  doubt.weigh();
+  EXPECT_EQ(doubt.contradicting_tag(), 20);
+  EXPECT_LT(doubt.log_odds(), -6);
 }
 
 TEST(PlaceDoubt, FollowsTheEstimateAndTheAxes) {
