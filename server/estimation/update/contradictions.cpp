@@ -137,8 +137,10 @@ void PlaceDoubt::add(int tag_id, const std::optional<Eigen::Vector3d>& position_
   if (tag.tag_id != tag_id || tag.is_accepted != is_accepted) tag.sightings = 0;
   tag.tag_id = tag_id;
   tag.is_accepted = is_accepted;
-  tag.position_W +=
-      (position_W.value_or(Eigen::Vector3d::Zero()) - tag.position_W) / ++tag.sightings;
+  constexpr int kLastFew = 5;
+  const Eigen::Vector3d p_W = position_W.value_or(Eigen::Vector3d::Zero());
+  tag.position_W += (p_W - tag.position_W) / ++tag.sightings;
+  tag.newest_W += (p_W - tag.newest_W) / std::min(tag.sightings, kLastFew);
 }
 
 /// @param is_in_place  nullopt: whichever is likelier
@@ -205,13 +207,19 @@ void PlaceDoubt::change_place() {
 void PlaceDoubt::move(const Eigen::Vector3d by_W) {
   by_imu_W_ -= by_W;
   other_W_ -= by_W;
-  for (Tag& tag : tags_) tag.position_W -= by_W;
+  for (Tag& tag : tags_) {
+    tag.position_W -= by_W;
+    tag.newest_W -= by_W;
+  }
 }
 
 void PlaceDoubt::turn(const Eigen::Quaterniond& q_new_old) {
   by_imu_W_ = q_new_old * by_imu_W_;
   other_W_ = q_new_old * other_W_;
-  for (Tag& tag : tags_) tag.position_W = q_new_old * tag.position_W;
+  for (Tag& tag : tags_) {
+    tag.position_W = q_new_old * tag.position_W;
+    tag.newest_W = q_new_old * tag.newest_W;
+  }
 }
 
 double PlaceDoubt::probability() const { return is_open() ? 1 / (1 + std::exp(-log_odds_)) : 0.0; }

@@ -132,6 +132,12 @@ class PlaceDoubt final {
   [[nodiscard]] Eigen::Matrix3d covariance() const;
   /// The rejected tag nearest to the other place; -1: none.
   [[nodiscard]] int contradicting_tag() const;
+  /// The position of the body by this tag moves: the tag was not moved once. The error of single
+  /// tags is common to both means.
+  [[nodiscard]] bool drifts(int tag_id) const {
+    const Tag* const tag = find(tag_id);
+    return tag != nullptr && (tag->newest_W - tag->position_W).norm() > kByOneTag_m;
+  }
   [[nodiscard]] bool contradicts(int tag_id) const {
     const Tag* const tag = find(tag_id);
     return tag != nullptr && !tag->is_accepted;
@@ -145,6 +151,7 @@ class PlaceDoubt final {
     bool is_accepted{};  ///< By its newest sighting.
     int sightings{};
     Eigen::Vector3d position_W{Eigen::Vector3d::Zero()};  ///< Mean.
+    Eigen::Vector3d newest_W{Eigen::Vector3d::Zero()};    ///< Mean of the last few.
   };
   struct Place {
     Eigen::Vector3d p_W{Eigen::Vector3d::Zero()};

@@ -215,13 +215,17 @@ Eigen::Matrix3d TagFilter::position_covariance() const {
 /// The likelier place becomes the estimate. Tags of this image that have contradicted it often are
 /// removed. The other place stays in the covariance.
 void TagFilter::decide_place(const TagObservations& seen, UpdateReport& report) {
-  // A tag that has joined again where the body put it contradicts a body that is wrong, if no other
-  // tag fits.
-  const bool is_wrong_again = std::ranges::any_of(tags_.usable, [&](const TagToUse& tag) {
-    return report.tags_used == 0 && place_doubt_.is_open() && is_moved(tag.seen->tag_id) &&
-           contradictions_.tags().was_removed(tag.seen->tag_id, *place_doubt_.opened_at());
-  });
-  if (place_doubt_.contradicting_tag() >= 0 && (place_doubt_.log_odds() > 0 || is_wrong_again)) {
+  // Where no tag fits, the IMU is wrong if a tag drifts away from the body, or contradicts again
+  // after it has joined where the body put it.
+  const TagHealth& health = contradictions_.tags();
+  const bool is_imu_wrong =
+      report.tags_used == 0 && place_doubt_.is_open() &&
+      std::ranges::any_of(tags_.usable, [&](const TagToUse& tag) {
+        const int tag_id = tag.seen->tag_id;
+        return is_moved(tag_id) && (place_doubt_.drifts(tag_id) ||
+                                    health.was_removed(tag_id, *place_doubt_.opened_at()));
+      });
+  if (place_doubt_.contradicting_tag() >= 0 && (place_doubt_.log_odds() > 0 || is_imu_wrong)) {
     place_doubt_.change_place();
     image_update_.note_clock_jump(state_);
     for (const TagToUse& tag : tags_.usable)

@@ -155,6 +155,17 @@ TEST(PlaceDoubt, ATagThatContradictsIsAmongTheComparedOnes) {
   EXPECT_LT(doubt.log_odds(), -6);
 }
 
+TEST(PlaceDoubt, ATagThatWasMovedOnceDoesNotDrift) {
+  PlaceDoubt doubt = contradicted({kForth, kForth});
+  for (int i = 0; i < 20; ++i) {
+    doubt.add(0, kForth);
+    doubt.add(1, (1 + 0.05 * i) * kForth);
+  }
+  EXPECT_FALSE(doubt.drifts(0));
+  EXPECT_TRUE(doubt.drifts(1)) << "by 0.4 m in 20 images, as in a lift";
+  EXPECT_FALSE(doubt.drifts(2)) << "never seen";
+}
+
 TEST(PlaceDoubt, FollowsTheEstimateAndTheAxes) {
   PlaceDoubt doubt = contradicted({kForth});
   const double odds = doubt.log_odds();
