@@ -17,7 +17,6 @@ constexpr double kAsGood = 5.0;
 constexpr double kBetterThanNone = 2.0;
 // Prior probability that a group of parameters differs from the configuration by its wide prior.
 constexpr double kWrong = 0.001;
-constexpr double kImpossible = -1e9;  // log evidence
 }  // namespace
 
 /// Of the common parameters, of those of `camera`, and of the next cameras while there is room; the
@@ -78,8 +77,7 @@ CalibrationMonitor::Posterior CalibrationMonitor::posterior(const Likelihood& of
   RowMatrix scaled = sigmas.asDiagonal() * of.information * sigmas.asDiagonal();
   scaled.diagonal().array() += 1;
   const Eigen::LLT<RowMatrix> llt(scaled);
-  Posterior out{RowVector::Zero(k), RowMatrix::Zero(k, k), kImpossible};
-  if (llt.info() != Eigen::Success) return out;
+  Posterior out;
   out.mean = sigmas.cwiseProduct(of.score);
   llt.matrixL().solveInPlace(out.mean);
   out.evidence = 0.5 * out.mean.squaredNorm() - llt.matrixLLT().diagonal().array().log().sum();
@@ -122,6 +120,7 @@ void CalibrationMonitor::average(const FilterState& state, const Likelihood& of)
     const Posterior open = posterior(of, now | group);
     const double odds = kWrong * std::exp(std::min(open.evidence - evidence, 50.0));
     const double share = odds / (1 + odds);
+    if (!std::isfinite(share) || !open.covariance.allFinite()) continue;
     for (int a = 0; a < count; ++a)
       for (int b = 0; b < count; ++b) {
         const Eigen::Index i = at[static_cast<std::size_t>(a)];
