@@ -51,7 +51,7 @@ int TagHealth::rejected(int tag_id) const {
   return known == nullptr ? 0 : known->rejected;
 }
 
-void TagHealth::forgive_all() {
+void TagHealth::reset_rejections() {
   for (Record& one : records_) one.rejected = 0;
 }
 
@@ -90,7 +90,7 @@ void Contradictions::count(int camera, Instant exposed_at, std::span<const TagTo
 }
 
 void Contradictions::reset() {
-  tags_.forgive_all();
+  tags_.reset_rejections();
   images_without_fit_ = 0;
   contradicting_images_ = 0;
   std::ranges::fill(contradicting_of_, 0);

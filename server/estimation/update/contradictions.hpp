@@ -26,7 +26,7 @@ class TagHealth final {
   /// @return consecutive rejections
   [[nodiscard]] int rejected(int tag_id) const;
   /// The rejections had another cause.
-  void forgive_all();
+  void reset_rejections();
   void forget_all() { records_.clear(); }
 
   /// The tag was removed. From the second time on (a door, an id used twice; a tag is moved once)

@@ -1,6 +1,6 @@
 // TagFilter: contradicting images, removal of tags and relocalisation.
 #include <algorithm>
-#include <array>
+#include <cmath>
 
 #include "base/pose.hpp"
 #include "estimation/filter/filter_rules.hpp"
@@ -76,7 +76,7 @@ void TagFilter::look_for_jump(const TagObservations& seen, UpdateReport& report)
 
 /// Sets a clock after a jump and discards the noise learned from the last images.
 void TagFilter::set_clock(int camera, double shift_s, double sigma_s) {
-  image_update_.note_clock_jump(state_);
+  image_update_.discard_recent_noise(state_);
   if (!config_.estimate_clocks || !has_imu()) return;
   state_.clocks[static_cast<std::size_t>(camera)].shift_s = shift_s;
   open_clock(state_, sensors_, config_, camera, sigma_s);
@@ -98,7 +98,7 @@ void TagFilter::handle_outliers(const TagObservations& seen, UpdateReport& repor
   if (is_start_over_ && contradictions_.contradicting_images() == kContradictionsToReopenClock) {
     const auto camera = static_cast<std::size_t>(seen.camera);
     open_clock(state_, sensors_, config_, seen.camera, sensors_.cameras[camera].time_shift_sigma_s);
-    contradictions_.tags().forgive_all();
+    contradictions_.tags().reset_rejections();
     memory_.forget_all();
   }
   const int images = may_have_jumped_ ? 2 * kImagesToDecide : kImagesToDecide;
@@ -227,7 +227,7 @@ void TagFilter::decide_place(const TagObservations& seen, UpdateReport& report) 
       });
   if (place_doubt_.contradicting_tag() >= 0 && (place_doubt_.log_odds() > 0 || is_imu_wrong)) {
     place_doubt_.change_place();
-    image_update_.note_clock_jump(state_);
+    image_update_.discard_recent_noise(state_);
     for (const TagToUse& tag : tags_.usable)
       if (place_doubt_.contradicts(tag.seen->tag_id))
         discard_tag(tag.seen->tag_id, seen.exposed_at, report);

@@ -119,7 +119,7 @@ void TagFilter::end_start() {
   const auto& cameras = sensors_.cameras;
   for (std::size_t k = 0; k < cameras.size(); ++k)
     open_clock(state_, sensors_, config_, static_cast<int>(k), cameras[k].time_shift_sigma_s);
-  contradictions_.tags().forgive_all();
+  contradictions_.tags().reset_rejections();
   memory_.forget_all();  // its states have held clocks
   clocks_.spread = 1.0;
 }

@@ -99,8 +99,8 @@ class ImageUpdate final {
   }
   /// The motion is unknown, or expressed in other axes.
   void lose_motion() { noise_watch_.lose_motion(); }
-  /// Discards the noise learned from the last images: a clock has jumped.
-  void note_clock_jump(FilterState& state) {
+  /// Discards the noise learned from the last images: a clock has jumped, or the place was wrong.
+  void discard_recent_noise(FilterState& state) {
     noise_watch_.take_back();
     apply_jitter(state);
   }

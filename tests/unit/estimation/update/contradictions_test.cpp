@@ -24,7 +24,7 @@ TEST(TagHealth, CountsConsecutiveRejections) {
   EXPECT_EQ(health.rejected(9), 0);
   health.note_sighting(7, true);
   EXPECT_EQ(health.rejected(7), 0) << "one fit resets it";
-  health.forgive_all();
+  health.reset_rejections();
   EXPECT_EQ(health.rejected(8), 0);
 }
 
