@@ -24,11 +24,13 @@ inline constexpr int kBiasW = 12;  ///< gyro bias, rad/s, B axes (without IMU: m
 }  // namespace estimate_block
 
 /// Deterministic errors of the IMU beyond its biases: f_measured = (1 + accel_scale) f + bias and
-/// w_measured = exp(gyro_turn) (1 + gyro_scale) w + bias, scales per axis.
+/// w_measured = exp(gyro_turn) (1 + gyro_scale) w + bias, scales per axis; the gyro's bias changes
+/// by gyro_drift per second, as with temperature.
 struct ImuIntrinsics {
   Eigen::Vector3d accel_scale{Eigen::Vector3d::Zero()};
   Eigen::Vector3d gyro_turn{Eigen::Vector3d::Zero()};  ///< Against the accelerometer, rad.
   Eigen::Vector3d gyro_scale{Eigen::Vector3d::Zero()};
+  Eigen::Vector3d gyro_drift{Eigen::Vector3d::Zero()};  ///< rad/s².
 
   /// @param measured  bias removed
   [[nodiscard]] Eigen::Vector3d force(const Eigen::Vector3d& measured) const {

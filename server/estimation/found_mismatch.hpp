@@ -39,6 +39,7 @@ struct FoundMismatch {
     kAccelScale,     ///< `axes`: the accelerometer reads this much more, relative.
     kGyroTurn,       ///< `axes`: rotation of the gyroscope against the accelerometer, rad.
     kGyroScale,      ///< `axes`: the gyroscope reads this much more, relative.
+    kGyroDrift,      ///< `axes`: change of the gyroscope's bias, rad/s².
     kMountPosition,  ///< `axes`: position of the camera on the body beyond the configured one, m.
     kMountRotation,  ///< `axes`: its rotation vector, B axes, rad.
   } kind{};

@@ -68,7 +68,7 @@ BodyPipeline::BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filt
       filter_(
           filter ? std::move(filter)
                  : make_body_filter(setup_.filter, setup_.sensors, setup_.gauge, setup_.estimator)),
-      doubts_(setup_.sensors, setup_.estimator, setup_.gauge, !setup_.priors.empty()),
+      doubts_(setup_.sensors, setup_.gauge, !setup_.priors.empty()),
       agreement_(setup_.sensors, setup_.estimator.corner_noise_px),
       late_(setup_.sensors.cameras.size()) {
   const bool all = setup_.segments_hold_every_image;
@@ -153,7 +153,6 @@ void BodyPipeline::take_imu(const ImuSample& imu) {
   filter_->propagate(imu);
   if (segments_) segments_->add(imu);
   if (search_) search_->add_imu(imu);
-  doubts_.add(imu);
   plausibility_.add(imu);
   imu_silence_.reading_used(imu.sampled_at);
   ++statistics_.imu_samples;
@@ -278,7 +277,6 @@ void BodyPipeline::refresh_cameras() {
   if (cameras_at_ && now >= *cameras_at_ && now - *cameras_at_ < kCamerasPeriod) return;
   cameras_at_ = now;
   update_.cameras = filter_->extrinsics();
-  doubts_.learn(update_.cameras);
 }
 
 BodyEvent& BodyPipeline::note(BodyEvent::Kind kind, std::string text) {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <mutex>
 #include <optional>
 #include <span>
@@ -9,7 +11,6 @@
 #include "base/time.hpp"
 #include "capture/lens/camera_model.hpp"
 #include "estimation/body_filter.hpp"
-#include "estimation/checks/size_check.hpp"
 #include "estimation/found_mismatch.hpp"
 
 /// Messages about a configuration that does not fit the measurements. Nothing is corrected here.
@@ -71,9 +72,30 @@ class UpCheck final {
   std::optional<Instant> guessed_at_;
 };
 
-/// Example: `tag 7 looks 12 % larger than its configured 0.100 m (0.112 ± 0.002 m): measure it, or
-/// set tags.sizes_m`.
-[[nodiscard]] std::string size_text(const SizeFinding& finding);
+/// Detects that a large share of the tags in view is rejected over many seconds: a common cause is
+/// wrong (sizes, lens, extrinsics), not a single tag.
+class RejectionWatch final {
+ public:
+  /// Adds an image, in order of time.
+  /// @return the share, once when above 30 % over ten seconds; again only after it was below 15 %
+  [[nodiscard]] std::optional<double> add(const UpdateReport& report);
+
+ private:
+  static constexpr std::size_t kSeconds = 10;
+
+  struct Second {
+    int used{0};
+    int rejected{0};
+  };
+  [[nodiscard]] std::optional<double> judge();
+
+  std::array<Second, kSeconds> seconds_{};
+  std::size_t full_{0};  ///< Complete seconds.
+  std::optional<Instant> begun_at_;
+  Second now_{};
+  bool reported_{false};
+};
+
 /// @param share  of rejected sightings
 [[nodiscard]] std::string rejection_text(double share, bool has_imu);
 
@@ -81,17 +103,10 @@ class UpCheck final {
 class TagDoubts final {
  public:
   /// @param is_surveyed  tag poses are configured
-  TagDoubts(const BodySensors& sensors, const EstimatorConfig& config,
-            const WorkspaceGauge& gauge = {}, bool is_surveyed = false)
-      : sizes_(sensors, config.corner_noise_px),
-        up_(sensors.imu.has_value(), gauge, is_surveyed),
-        has_imu_(sensors.imu.has_value()) {}
+  explicit TagDoubts(const BodySensors& sensors, const WorkspaceGauge& gauge = {},
+                     bool is_surveyed = false)
+      : up_(sensors.imu.has_value(), gauge, is_surveyed), has_imu_(sensors.imu.has_value()) {}
 
-  void add(const ImuSample& imu) { sizes_.add(imu); }
-  /// The present estimates of the cameras.
-  void learn(std::span<const ExtrinsicsEstimate> cameras) {
-    for (std::size_t k = 0; k < cameras.size(); ++k) sizes_.set_lens(k, cameras[k].lens.offset);
-  }
   /// @param estimate  nullopt: the filter does not run
   /// @return a new message of one line; usually empty
   [[nodiscard]] std::string add(const TagObservations& seen, const UpdateReport& report,
@@ -104,7 +119,6 @@ class TagDoubts final {
   [[nodiscard]] std::string branch_text(const UpdateReport& report, bool has_pose);
   [[nodiscard]] std::string conflict_text(const UpdateReport& report);
 
-  SizeCheck sizes_;
   RejectionWatch rejections_;
   UpCheck up_;
   bool has_imu_;

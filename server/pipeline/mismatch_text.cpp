@@ -14,6 +14,7 @@ using Kind = FoundMismatch::Kind;
 
 constexpr double kInPercent = 100.0;
 constexpr double kMilli = 1e3;
+constexpr double kSecondsPerMinute = 60.0;
 // A mismatch is reported when it has lasted this long, and again when it has changed by this
 // factor.
 constexpr Duration kLasting = std::chrono::seconds(3);
@@ -104,6 +105,10 @@ std::string motion_text(const FoundMismatch& found) {
   if (found.kind == Kind::kGyroScale)
     return fmt::format("the gyro seems to read too much by {}{}", axes_text(found, kInPercent, "%"),
                        kAdvice);
+  if (found.kind == Kind::kGyroDrift)
+    return fmt::format("the gyro's bias seems to drift by {}{}",
+                       axes_text(found, kSecondsPerMinute * kDegreesPerRadian, "°/s per minute"),
+                       "; this is corrected for. Let the IMU warm up before you measure");
   return fmt::format("the gyro's axes seem turned against the accelerometer's by {}{}",
                      axes_text(found, kDegreesPerRadian, "°"), kAdvice);
 }
@@ -188,6 +193,7 @@ std::string mismatch_text(const FoundMismatch& found, const std::vector<CameraMo
     case Kind::kAccelScale:
     case Kind::kGyroTurn:
     case Kind::kGyroScale:
+    case Kind::kGyroDrift:
       return motion_text(found);
     case Kind::kMountPosition:
     case Kind::kMountRotation:

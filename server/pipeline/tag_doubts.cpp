@@ -68,6 +68,20 @@ constexpr Duration kBranchReportedAfter = std::chrono::seconds(5);
 constexpr Duration kConflictReportedAfter = std::chrono::seconds(1);
 constexpr double kReportedConflict_m = 0.05;
 
+// Share of rejected tags that is reported, and below which it is reported anew.
+constexpr double kLarge = 0.3;
+constexpr double kSmallAgain = 0.15;
+// Fewest tags in ten seconds.
+constexpr int kFewest = 50;
+constexpr Duration kSecond = std::chrono::seconds(1);
+// Most of the seconds must have a large share.
+constexpr double kBadSecond = 0.2;
+constexpr int kBadSeconds = 7;
+
+double share_of(int rejected, int used) {
+  return static_cast<double>(rejected) / std::max(1, rejected + used);
+}
+
 }  // namespace
 
 std::optional<UpGuess> guess_up(std::span<const TagBelief> tags) {
@@ -145,26 +159,44 @@ std::string UpCheck::wait_for_floor(Instant at, std::span<const TagBelief> own) 
       missing);
 }
 
-std::string size_text(const SizeFinding& finding) {
-  if (!finding.tag_id)
-    return fmt::format(
-        "all tags look {:.2f} (± {:.2f}) times their configured size: is tags.size_m the edge of "
-        "the black square?",
-        finding.ratio, finding.sigma);
-  return fmt::format(
-      "tag {} looks {:.0f} % {} than its configured {:.3f} m ({:.3f} ± {:.3f} m): measure it, or "
-      "set tags.sizes_m",
-      *finding.tag_id, kPercent * std::abs(finding.ratio - 1),
-      finding.ratio > 1 ? "larger" : "smaller", finding.edge_m, finding.ratio * finding.edge_m,
-      finding.sigma * finding.edge_m);
-}
-
 std::string rejection_text(double share, bool has_imu) {
   return fmt::format(
       "{:.0f} % of the tags seen within ten seconds contradicted the rest. Check, in this order: "
       "printed sizes (tags.size_m, tags.sizes_m); the camera's calibration (lens, resolution){}; "
       "tags that move or exist twice",
       kPercent * share, has_imu ? "; the pose of the camera on the IMU; the clocks" : "");
+}
+
+std::optional<double> RejectionWatch::add(const UpdateReport& report) {
+  if (!begun_at_) begun_at_ = report.exposed_at;
+  const Duration since = report.exposed_at - *begun_at_;
+  std::optional<double> finding;
+  if (since >= kSecond || since < Duration{0}) {
+    begun_at_ = report.exposed_at;
+    seconds_[full_++ % kSeconds] = now_;
+    now_ = {};
+    finding = judge();
+  }
+  now_.used += report.tags_used;
+  now_.rejected += report.tags_rejected;
+  return finding;
+}
+
+std::optional<double> RejectionWatch::judge() {
+  if (full_ < kSeconds) return std::nullopt;
+  Second sum;
+  int bad = 0;
+  for (const Second& second : seconds_) {
+    sum.used += second.used;
+    sum.rejected += second.rejected;
+    if (share_of(second.rejected, second.used) > kBadSecond) ++bad;
+  }
+  const double share = share_of(sum.rejected, sum.used);
+  if (share < kSmallAgain) reported_ = false;
+  if (reported_ || bad < kBadSeconds || share < kLarge || sum.used + sum.rejected < kFewest)
+    return std::nullopt;
+  reported_ = true;
+  return share;
 }
 
 std::string TagDoubts::add(const TagObservations& seen, const UpdateReport& report,
@@ -175,10 +207,6 @@ std::string TagDoubts::add(const TagObservations& seen, const UpdateReport& repo
     if (!more.empty()) text += (text.empty() ? "" : "; ") + more;
   };
   if (const auto share = rejections_.add(report)) append(rejection_text(*share, has_imu_));
-  if (estimate) {
-    sizes_.add({seen, *estimate, report, own, known});
-    if (const auto finding = sizes_.take_event()) append(size_text(*finding));
-  }
   append(up_.add(seen.exposed_at, estimate, own, known));
   append(branch_text(report, estimate.has_value()));
   append(conflict_text(report));

@@ -33,7 +33,7 @@ const std::map<std::string, std::string> kListed{
      "video[lens]"},
     {"detection", "points sheet"},
     {"estimation",
-     "imu filter start[imu filter] checks[imu] world[imu filter start] "
+     "imu filter start[imu filter] world[imu filter start] "
      "rcars[imu filter start] update[imu filter start world] "
      "segment[imu filter world]"},
     {"mapping", "formats graph store"},

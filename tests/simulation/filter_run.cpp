@@ -3,7 +3,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "base/expected.hpp"
 #include "base/pose.hpp"
@@ -80,17 +79,8 @@ std::optional<NamedCause> cause_of(const BodyEvent& event, const BodyPipeline& p
     case Kind::kMismatch:
       for (const FoundMismatch& found : pipeline.mismatches())
         if (mismatch_text(found, pipeline.setup().sensors.cameras) == event.text)
-          return NamedCause{found.kind, found.tag_id};
+          return NamedCause{found.kind, found.tag_id, found.is_ambiguous};
       return {};
-    case Kind::kDoubt: {  // of these, size_text names a cause
-      if (event.text.starts_with("all tags look"))
-        return NamedCause{FoundMismatch::Kind::kAllPrints};
-      int tag_id = -1;
-      if (std::sscanf(event.text.c_str(), "tag %d looks", &tag_id) != 1 ||
-          event.text.find("tags.sizes_m") == std::string::npos)
-        return {};
-      return NamedCause{FoundMismatch::Kind::kOnePrint, tag_id};
-    }
     case Kind::kTurnsDisagree:  // that of PoseTrust names none
       if (event.text == contradiction_text(true) || event.text == contradiction_text(false))
         return {};

@@ -72,6 +72,7 @@ struct Nees {
 struct NamedCause {
   std::variant<FoundMismatch::Kind, BodyEvent::Kind> what;
   int tag_id{-1};
+  bool is_ambiguous{false};  ///< As one of several.
 
   bool operator==(const NamedCause&) const = default;
 };

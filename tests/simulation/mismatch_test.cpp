@@ -6,7 +6,6 @@
 #include <algorithm>
 
 #include "base/numeric.hpp"
-#include "estimation/checks/size_check.hpp"
 #include "simulation/filter_run.hpp"
 #include "simulation/mismatch_changes.hpp"
 #include "simulation/mismatch_worlds.hpp"
@@ -251,68 +250,6 @@ TEST(CalibratedLens, WithConfiguredErrorContradictsNoTag) {
   EXPECT_LT(configured.pose_nees, 1.6);
   // Assumed exact, the same lens makes the map overconfident and wrong by millimetres.
   EXPECT_GT(with_lens_error(0).map_nees, 3.0);
-}
-
-/// Reports of a size check that gets the images of a pipeline.
-struct SizeReports {
-  int tag{};  ///< The one seen most.
-  std::vector<SizeFinding> findings;
-  bool of_rejections{false};
-};
-
-SizeReports size_reports(const std::function<void(EstimationData&, int tag)>& misprint,
-                         const SimulatedDataSetup& world = {.seconds = 40, .seed = 2}) {
-  EstimationData data = simulate(world);
-  SizeReports out{.tag = most_seen_tag(data)};
-  misprint(data, out.tag);
-  const PipelineSetup setup = pipeline_of(data, kLive);
-  BodyPipeline pipeline(setup);
-  SizeCheck check(setup.sensors, data.corner_noise_px);
-  RejectionWatch rejections;
-  const MapView empty{std::make_shared<const TagMap>()};
-  for (const SensorSample& sample : data.samples) {
-    pipeline.push(sample);
-    while (const SensorSample* next = pipeline.next()) {
-      if (const auto* imu = std::get_if<ImuSample>(next)) check.add(*imu);
-      const BodyUpdate* update = pipeline.take(empty);
-      if (update == nullptr) continue;
-      out.of_rejections |= rejections.add(update->report).has_value();
-      if (!update->estimate) continue;
-      check.add({update->seen, *update->estimate, update->report, update->beliefs, {}});
-      if (const auto event = check.take_event()) out.findings.push_back(*event);
-    }
-  }
-  return out;
-}
-
-constexpr auto kRight = [](EstimationData&, int) {};
-constexpr double kRatio = 0.03;
-
-TEST(SizeCheckSimulation, ReportsNeitherRightSizesNorWrongStamps) {
-  SimulatedDataSetup without_imu{.seconds = 40, .seed = 2, .has_imu = false};
-  SimulatedDataSetup late{.seconds = 40, .seed = 2};
-  late.faults.image_stamp_error_s = 0.05;
-  for (const SizeReports& all :
-       {size_reports(kRight), size_reports(kRight, without_imu), size_reports(kRight, late)}) {
-    EXPECT_TRUE(all.findings.empty());
-    EXPECT_FALSE(all.of_rejections);
-  }
-}
-
-TEST(SizeCheckSimulation, ReportsThatAllTagsAreAQuarterLarger) {
-  const SizeReports all =
-      size_reports([](EstimationData& data, int) { mismatch::print_larger(data, 1.25); });
-  ASSERT_FALSE(all.findings.empty());
-  EXPECT_FALSE(all.findings.back().tag_id);
-  EXPECT_NEAR(all.findings.back().ratio, 1.25, kRatio);
-}
-
-TEST(SizeCheckSimulation, NamesTheTagThatIsTenPercentSmaller) {
-  const SizeReports one =
-      size_reports([](EstimationData& data, int tag) { mismatch::print_larger(data, 0.9, tag); });
-  ASSERT_FALSE(one.findings.empty());
-  for (const SizeFinding& found : one.findings) EXPECT_EQ(found.tag_id, one.tag);
-  EXPECT_NEAR(one.findings.back().ratio, 0.9, kRatio);
 }
 
 }  // namespace

@@ -92,7 +92,11 @@ std::vector<Mismatch> of_sensors() {
       {"IMU x5", [](Setup& s, const Data&) { s.imu_noise_factor = 5; }},
       changed("stamps 3 ms", [](Data& d, Seed s) { jitter_stamps(d, 0.003, s); }),
       changed("prints 2 %", [](Data& d, Seed) { print_larger(d, 1.02); }),
+      changed("prints 25 %", [](Data& d, Seed) { print_larger(d, 1.25); }),
+      changed("prints -20 %", [](Data& d, Seed) { print_larger(d, 0.8); }),
       changed("one print 2 %", [](Data& d, Seed) { print_larger(d, 1.02, most_seen_tag(d)); }),
+      changed("one print 10 %", [](Data& d, Seed) { print_larger(d, 1.1, most_seen_tag(d)); }),
+      changed("one print 25 %", [](Data& d, Seed) { print_larger(d, 1.25, most_seen_tag(d)); }),
       changed("focal 1 %", [](Data& d, Seed) { lengthen_configured_lens(d, 1.01); }),
       changed("centre 5 px",
               [](Data& d, Seed) {
@@ -207,17 +211,19 @@ const std::map<std::string, std::vector<Cause>>& right_causes() {
     std::map<std::string, std::vector<Cause>> right{
         {"IMU x5", {Kind::kImuNoise}},
         {"IMU x5 and moved tag", {Kind::kImuNoise}},
-        {"gyro drift 1 deg/s/min", {Kind::kImuNoise}},  // its bias walks more than configured
-        {"gyro drift 5 deg/s/min", {Kind::kImuNoise}},
+        {"gyro drift 1 deg/s/min", {Kind::kGyroDrift}},
+        {"gyro drift 5 deg/s/min", {Kind::kGyroDrift}},
         {"IMU clipped", {Kind::kGyroRange}},
         {"stamps 3 ms", {Kind::kStampJitter}},
         {"readout 15 ms", {Kind::kReadout}},
-        {"prints 2 %", {Kind::kAllPrints}},
-        {"one print 2 %", {Kind::kOnePrint}},
         {"focal 1 % and prints 2 %", kLens},
     };
     for (const char* name : {"accel scale 0.5 %", "accel scale 2 %", "accel z scale 1 %"})
       right[name] = {Kind::kAccelScale};
+    for (const char* name : {"prints 2 %", "prints 25 %", "prints -20 %"})
+      right[name] = {Kind::kAllPrints};
+    for (const char* name : {"one print 2 %", "one print 10 %", "one print 25 %"})
+      right[name] = {Kind::kOnePrint};
     right["gyro scale 1 %"] = {Kind::kGyroScale};
     right["gyro turned 1 deg"] = {Kind::kGyroTurn};
     for (const char* name : {"mount 0.5 deg exact", "mount 2 deg exact", "mount exact and 20 ms"})

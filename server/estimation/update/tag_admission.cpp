@@ -140,8 +140,10 @@ void TagFilter::follow_again(long from, UpdateReport& report) {
 }
 
 void TagFilter::join(const TagObservations& seen, const TagObservation& tag, const Pose& X_VT) {
+  // A tag that was removed has another size, if it was not moved.
+  image_update_.calibration().watch_print(
+      state_, tag.tag_id, contradictions_.tags().was_removed(tag.tag_id, Instant::min()));
   augment(state_, seen.camera, model_of(seen.camera), tag, X_VT, image_update_.noise(seen.camera));
-  image_update_.watch_print(state_, tag.tag_id);
   WorldTag& joined = state_.tags.back();
   joined.first_seen = seen.exposed_at;
   joined.last_seen = seen.exposed_at;

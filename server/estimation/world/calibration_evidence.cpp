@@ -93,7 +93,7 @@ CalibrationMonitor::Posterior CalibrationMonitor::posterior(const Likelihood& of
 bool CalibrationMonitor::is_judged(const FilterState& state, const Parameter& parameter) const {
   using Kind = FoundMismatch::Kind;
   const bool is_of_imu = parameter.kind == Kind::kAccelScale || parameter.kind == Kind::kGyroTurn ||
-                         parameter.kind == Kind::kGyroScale;
+                         parameter.kind == Kind::kGyroScale || parameter.kind == Kind::kGyroDrift;
   return state.time < state.judged_until && !is_of_imu && !parameter.is_of_mount();
 }
 

@@ -13,10 +13,10 @@ using Kind = FoundMismatch::Kind;
 
 // Tight priors are without effect but sufficient for a test: 2e-4 of the focal length would change
 // the heading along a loop by milliradians, 5e-5 of distortion costs 3 % of accuracy with sharp
-// corners. Open ones cover a guessed lens, a careless print, a cheap camera, an IMU that was not
-// calibrated (imu_part: scales of 0.5 to 3 %, axes to 1 or 2 degrees), and a camera by eye.
-constexpr ParameterSigmas kAllSizes{4e-4, 0.05, 5e-4};
-constexpr ParameterSigmas kOneSize{4e-4, 0.1, 5e-4};
+// corners. Open ones cover a guessed lens, a print measured across its white border, a cheap
+// camera, an IMU that was not calibrated (imu_part: scales of 0.5 to 3 %, axes to 1 or 2 degrees),
+// and a camera by eye.
+constexpr ParameterSigmas kSize{4e-4, 0.15, 5e-4};
 constexpr ParameterSigmas kFocal{5e-5, 0.05, 1e-3};
 constexpr ParameterSigmas kCentre_px{0.1, 20.0, 0.5};
 constexpr ParameterSigmas kDistortion{1e-5, 0.1, 2e-3};
@@ -24,6 +24,7 @@ constexpr ParameterSigmas kReadout_s{5e-5, 0.02, 3e-4};
 constexpr ParameterSigmas kAccelScale{2e-5, 0.03, 2e-3};
 constexpr ParameterSigmas kGyroTurn_rad{2e-5, 0.03, 2e-3};
 constexpr ParameterSigmas kGyroScale{2e-5, 0.03, 2e-3};
+constexpr ParameterSigmas kGyroDrift_rad_s2{1e-7, 2e-3, 5e-5};
 constexpr double kOpenMount_m = 0.05;
 constexpr double kSettledMount_m = 1e-3;
 constexpr double kOpenMount_rad = 0.05;
@@ -70,7 +71,7 @@ void CalibrationMonitor::begin(FilterState& state) {
       all_.push_back({Kind::kReadout, c, -1, layout::readout(c), kReadout_s});
   }
   if (rules_.doubts || rules_.assumes)
-    all_.push_back({Kind::kAllPrints, -1, -1, layout::sizes(state.cameras()), kAllSizes});
+    all_.push_back({Kind::kAllPrints, -1, -1, layout::sizes(state.cameras()), kSize});
   if (rules_.assumes) assume(all_.back(), kAssumedScale);
   if (rules_.doubts) add_motion(state);
   for (const Parameter& parameter : all_)
@@ -80,11 +81,12 @@ void CalibrationMonitor::begin(FilterState& state) {
   for (int c = 0; rules_.doubts && c < state.cameras(); ++c)
     if (state.P()(layout::camera(c), layout::camera(c)) > 0) add_mount(c);
   for (int k = 0; rules_.doubts && k < layout::kWatchedPrints; ++k)
-    all_.push_back({Kind::kOnePrint, -1, k, layout::print(state.cameras(), k), kOneSize});
+    all_.push_back({Kind::kOnePrint, -1, k, layout::print(state.cameras(), k), kSize});
   list_doubts();
   state.parameter_tests.assign(all_.size(), {});
   for (std::size_t i = 0; i < all_.size(); ++i)
     state.parameter_tests[i].is_open = all_[i].is_refined;
+  set_drift_prior(state);
 }
 
 void CalibrationMonitor::assume(Parameter& parameter, double sigma) {
@@ -131,6 +133,7 @@ void CalibrationMonitor::add_motion(const FilterState& state) {
   add(Kind::kAccelScale, layout::accel_scale(cameras), kAccelScale);
   add(Kind::kGyroTurn, layout::gyro_turn(cameras), kGyroTurn_rad);
   add(Kind::kGyroScale, layout::gyro_scale(cameras), kGyroScale);
+  add(Kind::kGyroDrift, layout::gyro_drift(cameras), kGyroDrift_rad_s2);
 }
 
 bool CalibrationMonitor::is_same_group(const Parameter& a, const Parameter& b) {
@@ -150,7 +153,7 @@ void CalibrationMonitor::list_doubts() {
   }
 }
 
-void CalibrationMonitor::watch_print(FilterState& state, int tag_id) const {
+void CalibrationMonitor::watch_print(FilterState& state, int tag_id, bool is_doubted) const {
   if (!state.has_tested_parameters() || !rules_.doubts) return;
   // A free slot, or that of the tag unseen for longest without a likely error. (The error of a
   // visible tag that is not watched would be attributed to its neighbours.)
@@ -173,9 +176,9 @@ void CalibrationMonitor::watch_print(FilterState& state, int tag_id) const {
     room = i;
   }
   if (room == all_.size()) return;
-  state.parameter_tests[room] = {};
+  state.parameter_tests[room] = {.is_open = is_doubted};
   state.sizes.watched[static_cast<std::size_t>(all_[room].print)] = {tag_id, 0.0};
-  state.clear_column(all_[room].at, kOneSize.closed);
+  state.clear_column(all_[room].at, is_doubted ? kSize.open : kSize.closed);
 }
 
 bool CalibrationMonitor::update_tests(FilterState& state, int camera, double dispersion) {
@@ -217,6 +220,7 @@ bool CalibrationMonitor::set_open(FilterState& state, int camera, const Likeliho
   for (const std::size_t i : newly)
     state.parameter_tests[i].opened_with = 1 + static_cast<int>(newly.front());
   widen_opened(state, newly);
+  set_drift_prior(state);
   // An error of one parameter may have raised the scores of the others.
   for (ParameterTest& other : state.parameter_tests) other.images_beyond = 0;
   return !newly.empty();

@@ -57,8 +57,8 @@ class CalibrationMonitor final {
   void open_found(FilterState& state, std::span<const WrongNumber> wrong) const;
   /// Parameters of cameras and IMU that were opened.
   [[nodiscard]] std::vector<WrongNumber> found_wrong(const FilterState& state) const;
-  /// Watches the size of a new tag, if possible.
-  void watch_print(FilterState& state, int tag_id) const;
+  /// Watches the size of the next tag, if possible. @param is_doubted  it was given up before
+  void watch_print(FilterState& state, int tag_id, bool is_doubted = false) const;
   /// After an image of `camera` has corrected the state.
   /// @param dispersion  mean normalised innovation squared per degree of freedom
   /// @return whether a parameter was opened: its effect was taken for noise until now
@@ -185,6 +185,8 @@ class CalibrationMonitor final {
   void widen_opened(FilterState& state, const std::vector<std::size_t>& opened) const;
   bool set_open(FilterState& state, int camera, const Likelihood& of,
                 const std::vector<std::size_t>& opened) const;
+  /// Stationary sigma of the drift, which the propagation uses.
+  void set_drift_prior(FilterState& state) const;
   void release_confirmed_prints(FilterState& state) const;
 
   const BodySensors& sensors_;

@@ -39,7 +39,7 @@ int row_of(Kind kind, int axis) { return (kind == Kind::kMountRotation ? 3 : 0) 
 /// A parameter with one number per axis.
 bool has_axes(Kind kind) {
   return kind == Kind::kAccelScale || kind == Kind::kGyroTurn || kind == Kind::kGyroScale ||
-         kind == Kind::kMountPosition || kind == Kind::kMountRotation;
+         kind == Kind::kGyroDrift || kind == Kind::kMountPosition || kind == Kind::kMountRotation;
 }
 }  // namespace
 
@@ -64,6 +64,8 @@ double CalibrationMonitor::value(const FilterState& state, const Parameter& one)
       return state.imu.gyro_turn(one.at - layout::gyro_turn(state.cameras()));
     case Kind::kGyroScale:
       return state.imu.gyro_scale(one.at - layout::gyro_scale(state.cameras()));
+    case Kind::kGyroDrift:
+      return state.imu.gyro_drift(one.at - layout::gyro_drift(state.cameras()));
     default:
       return state.sizes.watched[static_cast<std::size_t>(one.print)].scale;
   }
@@ -157,6 +159,15 @@ void CalibrationMonitor::open_found(FilterState& state, std::span<const WrongNum
                      one.sigmas.closed, one.sigmas.open);
     else
       state.clear_column(one.at, one.sigmas.open);
+  }
+  set_drift_prior(state);
+}
+
+void CalibrationMonitor::set_drift_prior(FilterState& state) const {
+  for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
+    const ParameterSigmas& sigmas = all_[i].sigmas;
+    if (all_[i].kind == Kind::kGyroDrift)
+      state.gyro_drift_sigma = state.parameter_tests[i].is_open ? sigmas.open : sigmas.closed;
   }
 }
 

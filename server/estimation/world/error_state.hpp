@@ -41,12 +41,14 @@ inline constexpr int kWatchedPrints = 5;
 [[nodiscard]] constexpr int sizes(int cameras) { return kBodySize + kCameraSize * cameras; }
 [[nodiscard]] constexpr int print(int cameras, int watched) { return sizes(cameras) + 1 + watched; }
 /// Parameters of the motion, in sequence: gravity minus the configured value, m/s²; the errors of
-/// the IMU (ImuIntrinsics): accelerometer scale, rotation and scale of the gyroscope, three each.
-inline constexpr int kMotionSize = 10;
+/// the IMU (ImuIntrinsics): accelerometer scale, rotation, scale and drift of the gyroscope, three
+/// each.
+inline constexpr int kMotionSize = 13;
 [[nodiscard]] constexpr int gravity(int cameras) { return sizes(cameras) + 1 + kWatchedPrints; }
 [[nodiscard]] constexpr int accel_scale(int cameras) { return gravity(cameras) + 1; }
 [[nodiscard]] constexpr int gyro_turn(int cameras) { return gravity(cameras) + 4; }
 [[nodiscard]] constexpr int gyro_scale(int cameras) { return gravity(cameras) + 7; }
+[[nodiscard]] constexpr int gyro_drift(int cameras) { return gravity(cameras) + 10; }
 /// Tag i: ρ, φ.
 [[nodiscard]] constexpr int tag(int cameras, int i) {
   return gravity(cameras) + kMotionSize + kPoseSize * i;

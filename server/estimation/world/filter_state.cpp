@@ -129,6 +129,7 @@ void FilterState::add_error(const ErrorRef& error) {
   imu.accel_scale += error.segment<3>(layout::accel_scale(cameras()));
   imu.gyro_turn += error.segment<3>(layout::gyro_turn(cameras()));
   imu.gyro_scale += error.segment<3>(layout::gyro_scale(cameras()));
+  imu.gyro_drift += error.segment<3>(layout::gyro_drift(cameras()));
   bias_f += error.segment<3>(layout::kBiasF);
   bias_w += error.segment<3>(layout::kBiasW);
   for (std::size_t i = 0; i < clones.size(); ++i)
@@ -161,8 +162,9 @@ Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
     error(layout::print(cameras(), static_cast<int>(k))) =
         other.sizes.watched[k].scale - sizes.watched[k].scale;
   error(layout::gravity(cameras())) = other.gravity_offset_m_s2 - gravity_offset_m_s2;
-  error.segment<9>(layout::accel_scale(cameras())) << other.imu.accel_scale - imu.accel_scale,
-      other.imu.gyro_turn - imu.gyro_turn, other.imu.gyro_scale - imu.gyro_scale;
+  error.segment<12>(layout::accel_scale(cameras())) << other.imu.accel_scale - imu.accel_scale,
+      other.imu.gyro_turn - imu.gyro_turn, other.imu.gyro_scale - imu.gyro_scale,
+      other.imu.gyro_drift - imu.gyro_drift;
   for (std::size_t i = 0; i < clones.size(); ++i)
     error.segment<6>(clone_at(i)) = world_error_between(clones[i].X_WV, other.clones[i].X_WV);
   for (std::size_t i = 0; i < tags.size(); ++i)

@@ -112,9 +112,6 @@ class ImageUpdate final {
   /// After an exchange with the map. @param before  statistics before it
   void follow_map(FilterState& state, const KnownMap& map, int body_id, const Pose& moved,
                   std::span<const CalibrationMonitor::TestStatistics> before);
-  void watch_print(FilterState& state, int tag_id) const {
-    calibration_monitor_.watch_print(state, tag_id);
-  }
   [[nodiscard]] const CalibrationMonitor& calibration() const { return calibration_monitor_; }
 
   [[nodiscard]] InitialisationPriors initialisation_priors(const FilterState& state) const;

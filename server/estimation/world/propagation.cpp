@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "estimation/filter/dense_kernels.hpp"
 #include "estimation/filter/filter_rules.hpp"
@@ -13,6 +14,8 @@ using namespace layout;  // NOLINT: block names
 namespace {
 // Random walk of a clock with temperature: below a millisecond per hour.
 constexpr double kShiftWalk_s_rts = 1e-5;
+// The temperature of a board settles in ten minutes.
+constexpr double kDriftLasts_s = 600.0;
 // Error of speed and rate between two odometry poses.
 constexpr double kOdometrySpeed_m_s = 0.3;
 constexpr double kOdometryRate_rad_s = 0.01;
@@ -67,6 +70,22 @@ void add_parameters(const MotionSinceImage& motion, dense::ConstView C, Eigen::R
   for (const int to : {kPosition, kAttitude, kVelocity})
     dense::add_product(C, kMotionSize, {&motion.by_parameters(to, 0), kBiasF},
                        {M.col(to).data(), M.outerStride()}, M.rows(), dense::Width::kThree);
+  for (int axis = 0; axis < 3; ++axis) {
+    const double* const drift = C.data + C.stride * (gyro_drift(0) - gravity(0) + axis);
+    for (Eigen::Index k = 0; k < M.rows(); ++k) M(k, kBiasW + axis) += motion.seconds * drift[k];
+  }
+}
+
+/// The drift of the gyro is a Gauss-Markov process with its prior as stationary distribution.
+void propagate_drift(FilterState& state, double seconds) {
+  const double left = std::exp(-seconds / kDriftLasts_s);
+  const int at = gyro_drift(state.cameras());
+  auto P = state.P();
+  P.middleCols<3>(at) *= left;
+  P.middleRows<3>(at) *= left;
+  P.diagonal().segment<3>(at).array() +=
+      (1 - left * left) * state.gyro_drift_sigma * state.gyro_drift_sigma;
+  state.imu.gyro_drift *= left;
 }
 }  // namespace
 
@@ -138,6 +157,7 @@ StepJacobians step_mean(MovingBody& state, const InertialInput& input,
   state.X_WB.p += dt * state.v_WB + dt2 * a_W;
   state.v_WB += dt * a_W;
   state.X_WB.q = (state.X_WB.q * exp_so3(dt * w_B)).normalized();
+  state.bias_w += dt * state.imu.gyro_drift;
 
   // The gyro bias rotates the body at the end of the step and the force in its middle.
   const Eigen::Matrix3d turn = -dt * (state.X_WB.rotation() * right_jacobian_so3(dt * w_B));
@@ -173,10 +193,12 @@ void propagate(MovingBody& state, MotionSinceImage& motion, const InertialInput&
   if (dt <= 0) return;
   if (!motion.begun) motion.X_WB_before = state.X_WB;
   motion.begun = true;
-  motion.seconds += dt;
+  const double before_s = std::exchange(motion.seconds, motion.seconds + dt);
   if (input.v_B) return propagate_by_odometry(state, motion, input, dt);
   const StepJacobians j = step_mean(state, input, gravity_W, dt);
   add_step(j, motion.by_parameters);
+  motion.by_parameters.middleCols<3>(gyro_drift(0) - gravity(0)) +=
+      before_s * j.F.topRows<kBiasF>().middleCols<3>(kBiasW);
   add_step(j.F, motion.Phi);
   move_both_ways(j.F, motion.Q);
   Eigen::Matrix<double, kBiasF, 6> white;
@@ -204,6 +226,7 @@ void apply(FilterState& state, MotionSinceImage& motion) {
   P.topLeftCorner<kBodySize, kBodySize>() = body + motion.Q;
   for (Eigen::Index k = kBodySize; k < P.cols(); ++k)
     P.col(k).head<kBodySize>() = P.row(k).head<kBodySize>().transpose();
+  propagate_drift(state, motion.seconds);
   for (int c = 0; c < state.cameras(); ++c) {
     double& shift = P(layout::clock(c), layout::clock(c));
     if (shift > 0) shift += kShiftWalk_s_rts * kShiftWalk_s_rts * motion.seconds;

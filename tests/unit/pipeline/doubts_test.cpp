@@ -14,19 +14,9 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Not;
+using testing::SizeIs;
 
 Instant at_s(double seconds) { return Instant{} + from_seconds(seconds); }
-
-TEST(TagDoubts, NameTheTagsOfAnotherSizeAndTheRemedy) {
-  EXPECT_EQ(size_text({7, 0.1, 1.12, 0.02}),
-            "tag 7 looks 12 % larger than its configured 0.100 m (0.112 ± 0.002 m): measure it, or "
-            "set tags.sizes_m");
-  EXPECT_THAT(size_text({7, 0.1, 0.9, 0.02}),
-              HasSubstr("tag 7 looks 10 % smaller than its configured 0.100 m (0.090"));
-  EXPECT_EQ(size_text({std::nullopt, 0.0, 1.25, 0.01}),
-            "all tags look 1.25 (± 0.01) times their configured size: is tags.size_m the edge of "
-            "the black square?");
-}
 
 TEST(TagDoubts, NameTheCausesOfRejectionsInOrder) {
   const std::string with = rejection_text(0.41, true);
@@ -40,7 +30,7 @@ TEST(TagDoubts, NameTheCausesOfRejectionsInOrder) {
 /// A body with one camera, 20 images a second.
 struct DoubtingBody {
   explicit DoubtingBody(std::optional<ImuNoise> imu)
-      : doubts(BodySensors{.cameras = {CameraMount{}}, .imu = imu}, EstimatorConfig{}) {}
+      : doubts(BodySensors{.cameras = {CameraMount{}}, .imu = imu}) {}
 
   /// @return the messages of that many images with this report
   std::vector<std::string> messages(int images, UpdateReport report) {
@@ -57,11 +47,24 @@ struct DoubtingBody {
   int image{0};
 };
 
-TEST(TagDoubts, ReportRejectionsOnceAndKeepTheText) {
+TEST(TagDoubts, ReportOnceThatHalfOfTheTagsContradictForTenSeconds) {
   DoubtingBody body(std::nullopt);
-  const auto texts = body.messages(299, {.tags_used = 2, .tags_rejected = 2});
+  const UpdateReport contradicts{.tags_used = 2, .tags_rejected = 2};
+  EXPECT_THAT(body.messages(9 * 20, contradicts), IsEmpty());
+  const auto texts = body.messages(299, contradicts);
   EXPECT_THAT(texts, ElementsAre(rejection_text(0.5, false)));
   EXPECT_EQ(body.doubts.texts(), texts);
+  EXPECT_THAT(body.messages(20 * 20, {.tags_used = 4}), IsEmpty());
+  EXPECT_THAT(body.messages(20 * 20, contradicts), SizeIs(1)) << "again after an improvement";
+}
+
+TEST(TagDoubts, ReportNeitherOneTagInTenNorAFewBadSecondsNorNoTags) {
+  DoubtingBody body(std::nullopt);
+  EXPECT_THAT(body.messages(60 * 20, {.tags_used = 9, .tags_rejected = 1}), IsEmpty());
+  EXPECT_THAT(body.messages(20 * 20, {.tags_used = 4}), IsEmpty());
+  EXPECT_THAT(body.messages(4 * 20, {.tags_rejected = 4}), IsEmpty());
+  EXPECT_THAT(body.messages(20 * 20, {.tags_used = 4}), IsEmpty());
+  EXPECT_THAT(DoubtingBody(std::nullopt).messages(60 * 20, {}), IsEmpty());
 }
 
 TEST(TagDoubts, ReportOnceThatAnUndecidedBranchWithholdsThePose) {
@@ -122,6 +125,8 @@ TEST(MismatchText, NamesTheParameterItsValueAndTheRemedy) {
       {{Kind::kAllPrints, -1, -1, 0.021, 0.002}, {"2.1 ± 0.2 % larger", "tags.size_m"}},
       {{Kind::kOnePrint, -1, 12, -0.03, 0.004}, {"tag 12", "3.0 ± 0.4 % smaller", "sizes_m"}},
       {{Kind::kImuNoise, -1, -1, 5.1, 0.2}, {"5.1 times as noisy", "calibrate imu"}},
+      {{.kind = Kind::kGyroDrift, .axes = {1e-3, 0, 0}},
+       {"gyro's bias", "3.44 ± 0.00", "°/s per minute", "warm up"}},
       {{Kind::kGyroRange, -1, -1, 8.73, 0}, {"gyro", "8.7 rad/s", "wider range"}},
       {{Kind::kAccelRange, -1, -1, 39.2, 0}, {"accelerometer", "39 m/s²"}},
       {{Kind::kStampJitter, -1, -1, 0.0031, 0}, {"jitter by 3.1 ms"}}};

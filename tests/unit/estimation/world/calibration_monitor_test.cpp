@@ -242,6 +242,13 @@ TEST_F(CalibrationMonitorTest, WatchesEachNewTagUpToItsLimit) {
   EXPECT_EQ(variance(column), 0);
 }
 
+TEST_F(CalibrationMonitorTest, EstimatesTheSizeOfATagThatHasContradicted) {
+  monitor_.watch_print(state_, 3);
+  monitor_.watch_print(state_, 4, true);
+  EXPECT_LT(variance(state_.print_at(3)), 1e-6) << "as configured";
+  EXPECT_NEAR(variance(state_.print_at(4)), 0.15 * 0.15, 1e-9);
+}
+
 TEST_F(CalibrationMonitorTest, WatchesATagInsteadOfTheOneUnseenTheLongest) {
   state_.time = Instant{} + std::chrono::seconds(60);
   for (int id = 0; id < layout::kWatchedPrints; ++id) {

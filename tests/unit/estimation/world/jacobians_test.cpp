@@ -38,23 +38,44 @@ TEST_P(WorldStepJacobian, MatchesDifferences) {
   }
 }
 
-TEST(WorldStepByImu, MatchesDifferencesByGravityAndIntrinsics) {
-  const InertialInput input = example_input(true);
+TEST(WorldMotion, MatchesDifferencesByParameters) {
   FilterState start = example_state();
-  start.imu = {{0.01, -0.02, 0.015}, {0.02, -0.01, 0.03}, {-0.01, 0.02, 0.005}};
-  for (const double dt : {1e-6, 0.005, 0.05}) {
-    FilterState mean = start;
-    const StepJacobians jacobians = step_mean(mean, input, kGravity, dt);
-    const auto f = [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
-      Eigen::VectorXd error = Eigen::VectorXd::Zero(mean.size());
-      error.segment<kMotionSize>(gravity(mean.cameras())) = d;
-      FilterState state = with_error(start, error);
-      step_mean(state, input, kGravity, dt);
-      return mean.error_to(state).head<kBiasF>();
-    };
-    // Of the gyroscope to first order in w dt, as above.
-    expect_jacobian(jacobians.by_parameters, f, dt < 0.01 ? 1e-6 : 2e-4);
+  start.imu = {
+      {0.01, -0.02, 0.015}, {0.02, -0.01, 0.03}, {-0.01, 0.02, 0.005}, {0.01, 0.02, -0.03}};
+  const auto move = [](FilterState& state) {
+    MotionSinceImage motion;
+    for (int i = 0; i < 100; ++i) propagate(state, motion, example_input(true), kGravity, 0.002);
+    return motion;
+  };
+  FilterState mean = start;
+  const MotionSinceImage motion = move(mean);
+  const Eigen::Vector3d drifted = start.bias_w + motion.seconds * start.imu.gyro_drift;
+  EXPECT_LT((mean.bias_w - drifted).norm(), 1e-12);
+  expect_jacobian(
+      motion.by_parameters,
+      [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+        Eigen::VectorXd error = Eigen::VectorXd::Zero(mean.size());
+        error.segment<kMotionSize>(gravity(mean.cameras())) = d;
+        FilterState state = with_error(start, error);
+        move(state);
+        return mean.error_to(state).head<kBiasF>();
+      },
+      1e-4);
+}
+
+TEST(WorldMotion, KeepsTheStationaryVarianceOfTheDrift) {
+  FilterState state = example_state();
+  state.gyro_drift_sigma = 2e-3;
+  const int at = gyro_drift(state.cameras());
+  state.clear_column(at, state.gyro_drift_sigma);
+  state.imu.gyro_drift = {0, 1e-3, 0};
+  MotionSinceImage motion;
+  for (int second = 0; second < 600; ++second) {
+    propagate(state, motion, example_input(true), kGravity, 1.0);
+    apply(state, motion);
   }
+  EXPECT_NEAR(state.P()(at, at), 4e-6, 1e-12);
+  EXPECT_NEAR(state.imu.gyro_drift.y(), 1e-3 * std::exp(-1.0), 1e-9);
 }
 
 TEST_P(WorldStepJacobian, MapsAShiftOfTheRoomOntoItself) {
