@@ -1,5 +1,6 @@
 // CalibrationMonitor: likelihood of the parameters, and which of them explain the data.
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -15,6 +16,8 @@ constexpr double kNeedsOne = 5.0;
 constexpr double kNeedsBoth = 8.0;
 constexpr double kAsGood = 5.0;
 constexpr double kBetterThanNone = 2.0;
+// Smallest variance in units of the prior: that of an open size is 1e-5.
+constexpr double kSmallest = 1e-12;
 // Prior probability that a group of parameters differs from the configuration by its wide prior.
 constexpr double kWrong = 0.001;
 }  // namespace
@@ -51,17 +54,13 @@ CalibrationMonitor::Likelihood CalibrationMonitor::likelihood(const FilterState&
     offsets(a) = offset(state, all_[i]);
     unit(a) = 1 / prior_sigma(state, i);
   }
-  // In units of the priors, where P is nearly the identity.
-  const Eigen::LLT<RowMatrix> llt(unit.asDiagonal() * P * unit.asDiagonal());
-  if (llt.info() != Eigen::Success) return {};
-  RowMatrix inverse = RowMatrix::Identity(k, k);
-  llt.solveInPlace(inverse);
-  inverse.diagonal().array() -= 1;
-  out.information = unit.asDiagonal() * inverse * unit.asDiagonal();
-  out.information /= dispersion;
-  out.score = unit.cwiseProduct(offsets);
-  llt.solveInPlace(out.score);
-  out.score = (unit.cwiseProduct(out.score) / dispersion).eval();
+  // In units of the priors. No direction is more uncertain than they are, but for rounding.
+  const Eigen::SelfAdjointEigenSolver<RowMatrix> eigen(unit.asDiagonal() * P * unit.asDiagonal());
+  const RowVector inverse = eigen.eigenvalues().cwiseMin(1.0).cwiseMax(kSmallest).cwiseInverse();
+  const RowVector gained = (inverse.array() - 1) / dispersion;
+  const RowMatrix V = unit.asDiagonal() * eigen.eigenvectors();
+  out.information = V * gained.asDiagonal() * V.transpose();
+  out.score = V * (inverse.cwiseProduct(V.transpose() * offsets) / dispersion);
   return out;
 }
 

@@ -208,15 +208,14 @@ bool CalibrationMonitor::update_tests(FilterState& state, int camera, double dis
 bool CalibrationMonitor::set_open(FilterState& state, int camera, const Likelihood& of,
                                   const std::vector<std::size_t>& opened) const {
   std::vector<std::size_t> newly;
+  std::vector<std::size_t> changed;
   for (const std::size_t i : std::span(of.rows).first(opened.empty() ? 0 : of.count)) {
     const bool is_open = std::ranges::find(opened, i) != opened.end();
     if (is_open == state.parameter_tests[i].is_open) continue;
-    const ParameterSigmas& sigmas = all_[i].sigmas;
-    exchange_prior(state, camera, derivative(state, all_[i]), offset(state, all_[i]),
-                   is_open ? sigmas.closed : sigmas.open, is_open ? sigmas.open : sigmas.closed);
-    state.parameter_tests[i] = {.is_open = is_open};
+    changed.push_back(i);
     if (is_open) newly.push_back(i);
   }
+  change_priors(state, camera, changed);
   for (const std::size_t i : newly)
     state.parameter_tests[i].opened_with = 1 + static_cast<int>(newly.front());
   widen_opened(state, newly);
@@ -224,6 +223,27 @@ bool CalibrationMonitor::set_open(FilterState& state, int camera, const Likeliho
   // An error of one parameter may have raised the scores of the others.
   for (ParameterTest& other : state.parameter_tests) other.images_beyond = 0;
   return !newly.empty();
+}
+
+/// Opens closed parameters and closes open ones.
+void CalibrationMonitor::change_priors(FilterState& state, int camera,
+                                       const std::vector<std::size_t>& rows) const {
+  if (rows.empty()) return;
+  const auto k = static_cast<Eigen::Index>(rows.size());
+  Numbers numbers{Eigen::MatrixXd(state.size(), k), Eigen::VectorXd(k)};
+  Eigen::VectorXd from(k);
+  Eigen::VectorXd to(k);
+  for (Eigen::Index a = 0; a < k; ++a) {
+    const std::size_t row = rows[static_cast<std::size_t>(a)];
+    const ParameterSigmas& sigmas = all_[row].sigmas;
+    const bool is_open = state.parameter_tests[row].is_open;
+    from(a) = is_open ? sigmas.open : sigmas.closed;
+    to(a) = is_open ? sigmas.closed : sigmas.open;
+    state.parameter_tests[row] = {.is_open = !is_open};
+    numbers.L.col(a) = derivative(state, all_[row]);
+    numbers.values(a) = offset(state, all_[row]);
+  }
+  exchange_priors(state, camera, numbers, from, to);
 }
 
 void CalibrationMonitor::release_confirmed_prints(FilterState& state) const {

@@ -117,8 +117,7 @@ class CalibrationMonitor final {
   };
   /// Score of a likely error: 90 % of right parameters are below.
   static constexpr double kLikely_sigma = 2.0;
-  /// Rows of one test: 15 common ones and those of four cameras (three with a mount given as
-  /// exact).
+  /// Rows of one test: 18 common ones, and of four cameras (three with exact mounts).
   static constexpr int kMostRows = 64;
   static constexpr int kMostOfGroup = 6;
   using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostRows, kMostRows>;
@@ -185,8 +184,8 @@ class CalibrationMonitor final {
   void widen_opened(FilterState& state, const std::vector<std::size_t>& opened) const;
   bool set_open(FilterState& state, int camera, const Likelihood& of,
                 const std::vector<std::size_t>& opened) const;
-  /// Stationary sigma of the drift, which the propagation uses.
-  void set_drift_prior(FilterState& state) const;
+  void change_priors(FilterState& state, int camera, const std::vector<std::size_t>& rows) const;
+  void set_drift_prior(FilterState& state) const;  ///< For the propagation.
   void release_confirmed_prints(FilterState& state) const;
 
   const BodySensors& sensors_;

@@ -153,12 +153,7 @@ void CalibrationMonitor::open_found(FilterState& state, std::span<const WrongNum
       return number.kind == one.kind && number.camera == one.camera;
     };
     if (one.is_refined || std::ranges::none_of(wrong, is_this)) continue;
-    state.parameter_tests[i].is_open = true;
-    if (one.is_of_mount())
-      exchange_prior(state, one.camera, derivative(state, one), offset(state, one),
-                     one.sigmas.closed, one.sigmas.open);
-    else
-      state.clear_column(one.at, one.sigmas.open);
+    change_priors(state, std::max(0, one.camera), {i});
   }
   set_drift_prior(state);
 }

@@ -222,6 +222,11 @@ class PriorExchange : public testing::Test {
     return Eigen::VectorXd::Unit(state_.size(), column_);
   }
 
+  void exchange(double from_sigma, double to_sigma) {
+    const auto one = [](double x) { return Eigen::VectorXd::Constant(1, x); };
+    exchange_priors(state_, 0, {unit(), one(kTiny)}, one(from_sigma), one(to_sigma));
+  }
+
   FilterState state_;
   Eigen::MatrixXd held_;  ///< Selects the held tags' numbers.
   Eigen::MatrixXd rest_;  ///< Selects all others.
@@ -235,7 +240,7 @@ TEST_F(PriorExchange, ChangesTheStatesCorrelatedWithHeldTagsButNotTheTags) {
   for (const double to_sigma : {30 * sigma_, 0.2 * sigma_}) {
     const FilterState before = state_;
     replace_prior(to_sigma, kTiny);
-    exchange_prior(state_, 0, unit(), kTiny, sigma_, to_sigma);
+    exchange(sigma_, to_sigma);
     const Eigen::MatrixXd P = state_.P();
     EXPECT_LT((P - expected_).norm(), 1e-5 * expected_.norm());
     EXPECT_NEAR(state_.lenses[0].focal - before.lenses[0].focal, moved_(column_), 1e-12);
@@ -264,9 +269,16 @@ TEST_F(PriorExchange, DoesNotMoveTheBodyAlongWithAnErrorOfTheWholeMap) {
   P(column_, layout::kPosition) += 5e-7;
   const Eigen::Vector3d p = state_.X_WB.p;
   const double among_tags = 5e-7 / 1e-6 * kTiny;  // with the column, when that is free
-  exchange_prior(state_, 0, unit(), kTiny, 1.1e-3, 1.0);
+  exchange(1.1e-3, 1.0);
   const double expected_m = among_tags * (1 / (1 - 1e-6 / (1.1e-3 * 1.1e-3)) - 1);
   EXPECT_NEAR((state_.X_WB.p - p).x(), expected_m, 0.1 * expected_m);
+}
+
+// By linearisation a variance may exceed its prior: the data say nothing about the number.
+TEST_F(PriorExchange, OpensANumberThatIsMoreUncertainThanItsPrior) {
+  state_.clear_column(column_, sigma_);
+  exchange(0.97 * sigma_, 30 * sigma_);
+  EXPECT_NEAR(std::sqrt(state_.P()(column_, column_)), 31 * sigma_, sigma_);
 }
 
 TEST_F(PriorExchange, WideningDoesNotChangeHeldTagsAndClosedParameters) {
