@@ -15,8 +15,7 @@ TOP = "ServerConfig"
 # Structs with a member for each word of their `type`; the keys of the chosen one are beside `type`.
 VISITED = ("SourceConfig", "CameraSourceConfig", "ImuSourceConfig")
 # By struct and key, or by key alone.
-DEFAULTS = {("MapSettings", "refine_period_s"): "2, or 0 with one body",
-            ("RoomConfig", "gravity_m_s2"): "9.81"}
+DEFAULTS = {("RoomConfig", "gravity_m_s2"): "9.81"}
 # Words of the code, which a user of the file does not know.
 FOREIGN = r"nullopt|\w::\w|\bk[A-Z][a-z]+"
 

@@ -126,7 +126,7 @@ class Server::Impl final {
   std::optional<CameraPreview> views_;  ///< Only with a page that may show cameras.
   BodyThreads bodies_;
   std::optional<MapKeeper> keeper_;
-  std::optional<RefinementLoop> refinement_;  ///< Only when the map is refined.
+  std::optional<RefinementLoop> refinement_;
   SessionRecorder recorder_;
   std::optional<OperatorService> operators_;
   StreamLoop frames_{"streaming"};
@@ -157,9 +157,8 @@ Expected<void> Server::Impl::build() {
     doubt_learned_lenses(start->learned, body_ids, start->map);
   }
   map_.emplace(config_.map.builder, std::move(start->map));
-  if (config_.map.builder.refine_period_s > 0)
-    refinement_.emplace(*map_, config_.map.builder.refine_period_s, clock_, events_,
-                        [this](const RefinementTurn& turn) { recorder_.take_refinement(turn); });
+  refinement_.emplace(*map_, config_.map.builder.refine_period_s, clock_, events_,
+                      [this](const RefinementTurn& turn) { recorder_.take_refinement(turn); });
   if (start->store)
     keeper_.emplace(std::move(*start->store), *map_, config_.map.builder.commit_period_s, clock_,
                     events_, [this] { return bodies_.learned(); });
@@ -185,7 +184,6 @@ Expected<void> Server::Impl::build() {
 void Server::Impl::build_scene(const Bodies& bodies) {
   RampConfig ramp;
   ramp.seconds = config_.map.correction_ramp_s;
-  ramp.follows_images = config_.map.builder.refine_period_s > 0;
   ramp.frame_s = std::max(ramp.frame_s, 1 / config_.streaming.rate_hz);
   std::vector<SceneBody> described;
   for (std::size_t i = 0; i < bodies.size(); ++i) {
@@ -225,8 +223,7 @@ void Server::Impl::build_workers(Bodies bodies) {
             i, config.id, config.name, std::move(setup), std::move(bodies[i].sources), {}, views},
         shared));
   }
-  recorder_.set_surroundings({print_config(recorded), [this] { return map_->published(); },
-                              config_.map.builder.refine_period_s > 0});
+  recorder_.set_surroundings({print_config(recorded), [this] { return map_->published(); }});
 }
 
 Expected<void> Server::Impl::build_streaming() {
@@ -266,8 +263,7 @@ void Server::Impl::start_threads() {
   if (views_) viewing_ = named("views", [this](std::stop_token stop) { views_->run(stop); });
   if (setup_) setting_up_ = named("set-up", [this](std::stop_token stop) { setup_->run(stop); });
   if (keeper_) keeping_ = named("map", [this](std::stop_token stop) { keeper_->run(stop); });
-  if (refinement_)
-    refining_ = named("refine", [this](std::stop_token stop) { refinement_->run(stop); });
+  refining_ = named("refine", [this](std::stop_token stop) { refinement_->run(stop); });
   recording_ = named("recorder", [this](std::stop_token stop) { recorder_.run(stop); });
   publishing_ = named("publisher", [this](std::stop_token stop) { publisher_->run(stop); });
   watching_ = named("watch", [this](std::stop_token stop) { watch_->run(stop); });

@@ -113,10 +113,6 @@ class BodyFilter {
   /// configured shift. The body is relocalised.
   virtual void note_clock_jump(int /*camera*/, Duration /*shift*/) { lose_motion(); }
 
-  /// The map keeps this tag: the filter may remove it and gets it back as a known tag. No effect on
-  /// the tag that defines the workspace or while the filter is not anchored.
-  virtual void release_tag(int tag_id) = 0;
-
   [[nodiscard]] virtual bool running() const = 0;
   /// @pre running()
   [[nodiscard]] virtual BodyEstimate estimate() const = 0;

@@ -25,8 +25,7 @@ struct EstimatorConfig {
   /// Also track image points other than tags; needs images, an IMU and filter `world`.
   bool landmarks{false};
   double gate_probability{0.999};  ///< Quantile of chi-square below which a tag is used.
-  int max_local_tags{200};   ///< Tags in the state; further ones are ignored and reported once.
-  int hand_over_above{120};  ///< With more tags in the state the map takes the one unseen longest.
+  int max_local_tags{200};  ///< Tags in the state; further ones are ignored and reported once.
   /// Chi-square by which the second planar pose must be worse before a tag is accepted.
   double branch_evidence{20.0};
   int branch_views{10};       ///< Views of a tag that are compared while its branch is open.
@@ -36,7 +35,6 @@ struct EstimatorConfig {
 
   [[nodiscard]] std::vector<ConfigError> check() const {
     return Checker{"estimator."}
-        .within("hand_over_above", hand_over_above, 1, 1000)
         .positive("corner_noise_px", corner_noise_px)
         .within("gate_probability", gate_probability, 0.9, 0.999999)
         .within("max_local_tags", max_local_tags, 1, 1000)

@@ -56,6 +56,10 @@ struct KnownMap {
   std::uint64_t revision{};      ///< Changes with the map.
   std::vector<KnownTag> tags;    ///< Sorted by id.
   std::vector<KnownPair> pairs;  ///< Sorted by both ids.
+  /// The body whose images alone have made the map; nullopt: several, or an earlier session.
+  std::optional<int> made_by{};
+  /// Sorted by id: surveyed, or of a map without correlations.
+  std::vector<KnownTag> uncorrelated;
   /// Tags found to have another size than configured; kAllPrints: all. Their poses are right.
   std::vector<int> wrong_prints;
   static constexpr int kAllPrints = -1;
@@ -66,14 +70,13 @@ struct KnownMap {
     FoundMismatch::Kind kind{};
   };
   std::vector<WrongLens> wrong_lenses;
-  /// Lenses, readouts and tag sizes were tested with the images of all bodies; all others are as
-  /// configured. False: not tested.
-  bool is_judged{false};
 
   [[nodiscard]] const KnownTag* find(int tag_id) const {
-    const auto at = std::ranges::lower_bound(tags, tag_id, {}, &KnownTag::tag_id);
-    return at != tags.end() && at->tag_id == tag_id ? &*at : nullptr;
+    const KnownTag* found = find(tag_id, tags);
+    return found != nullptr ? found : find(tag_id, uncorrelated);
   }
+  /// Its error is joint with that of other tags.
+  [[nodiscard]] bool is_joint(int tag_id) const { return find(tag_id, tags) != nullptr; }
   /// Cross-covariance of one tag's numbers (rows) with another's; nullopt: not known.
   [[nodiscard]] std::optional<Matrix6d> between(int row_id, int column_id) const {
     if (row_id > column_id) {
@@ -85,6 +88,12 @@ struct KnownMap {
     const auto at = std::ranges::lower_bound(pairs, key, {}, ids);
     if (at == pairs.end() || ids(*at) != key) return std::nullopt;
     return at->covariance;
+  }
+
+ private:
+  static const KnownTag* find(int tag_id, const std::vector<KnownTag>& in) {
+    const auto at = std::ranges::lower_bound(in, tag_id, {}, &KnownTag::tag_id);
+    return at != in.end() && at->tag_id == tag_id ? &*at : nullptr;
   }
 };
 

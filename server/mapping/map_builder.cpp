@@ -22,6 +22,14 @@ bool same_content(const TagMap& a, const TagMap& b) {
                     });
 }
 
+/// Completes what filters know of a map.
+void add_uncorrelated(const TagMap& map, KnownMap& known) {
+  known.uncorrelated.clear();
+  for (const MapTag& entry : map.tags)
+    if (entry.is_usable() && !known.is_joint(entry.tag.tag_id))
+      known.uncorrelated.push_back(entry.tag);
+}
+
 /// Passes the findings to the filters.
 void note_wrong(std::span<const GraphFinding> findings, KnownMap& known) {
   using Kind = FoundMismatch::Kind;
@@ -37,10 +45,8 @@ void note_wrong(std::span<const GraphFinding> findings, KnownMap& known) {
 
 std::vector<ConfigError> MapConfig::check() const {
   return Checker{"map."}
-      .positive("publish_position_sigma_m", publish_position_sigma_m)
-      .positive("publish_rotation_sigma_rad", publish_rotation_sigma_rad)
       .within("publish_sightings", publish_sightings, 1, 1'000'000)
-      .not_negative("refine_period_s", refine_period_s)
+      .positive("refine_period_s", refine_period_s)
       .positive("commit_period_s", commit_period_s)
       .errors;
 }
@@ -51,13 +57,11 @@ MapBuilder::MapBuilder(const MapConfig& config, TagMap start)
       working_(std::move(start)),
       starts_with_workspace_(working_.has_workspace()),
       has_workspace_(starts_with_workspace_) {
-  if (working_.known) {
-    KnownMap known = *working_.known;
-    known.is_judged = false;  // that was of the session before
-    working_.known = has_graph() ? std::make_shared<const KnownMap>(known) : nullptr;
-    snapshot_ = std::make_shared<const TagMap>(working_);
-  }
-  owners_ = owners_in(working_);
+  KnownMap known = working_.known ? *working_.known : KnownMap{};
+  add_uncorrelated(working_, known);
+  known.made_by.reset();
+  working_.known = std::make_shared<const KnownMap>(std::move(known));
+  snapshot_ = std::make_shared<const TagMap>(working_);
 }
 
 // --- the workspace ---
@@ -65,7 +69,7 @@ MapBuilder::MapBuilder(const MapConfig& config, TagMap start)
 /// The reference tag *is* the workspace, for every body. Without one the first body defines it, and
 /// no other may.
 bool MapBuilder::may_define_locked(int body_id) const {
-  if (working_.known != nullptr) return false;  // once solved, the graph defines W
+  if (is_solved_) return false;  // the graph defines W
   if (working_.reference_tag)
     return working_.find(*working_.reference_tag) == nullptr && !starts_with_workspace_;
   return !has_workspace_ && (!founder_ || *founder_ == body_id) &&
@@ -78,7 +82,6 @@ MapView MapBuilder::view(int body_id) {
   if (may_define && !working_.reference_tag) defining_ = body_id;
   MapView view{snapshot(), may_define, revision_};
   view.body_id = body_id;
-  pending_.add_to(view);
   return view;
 }
 
@@ -102,25 +105,15 @@ std::uint64_t MapBuilder::absorb(const MapContribution& contribution, std::int64
   }
   const std::uint64_t number = contributions_++;
   newest_at_ = std::max(newest_at_, contribution.at);
-  if (pending_.is_outdated(contribution.body_id)) return number;
-  bool follow = has_graph() && watch_locked(contribution, utc_now_ns);
-  if (config_.mode == MapMode::kFrozen) {
-    if (has_graph()) return number;
-    for (const int tag_id : contribution.contradicted)
-      note_contradicted_once_locked(contribution.body_id, tag_id, "the map is frozen");
-    return number;
-  }
-  if (!has_graph()) {
-    for (const int tag_id : contribution.contradicted)
-      follow |= quarantine_locked(contribution, tag_id);
-    for (const TagBelief& belief : contribution.beliefs)
-      follow |= absorb_locked(contribution.body_id, belief, utc_now_ns);
-  }
+  if (contribution.revision < replaced_at_) return number;
+  const bool has_changed = watch_locked(contribution, utc_now_ns);
+  if (config_.mode == MapMode::kFrozen) return number;
   if (contribution.segment != nullptr) {
+    contributors_.insert(contribution.body_id);
     segments_.push_back({contribution.body_id, contribution.segment});
     if (segments_.size() > kKeptSegments) segments_.erase(segments_.begin());
   }
-  if (follow) publish_locked(utc_now_ns);
+  if (has_changed) publish_locked(utc_now_ns);
   return number;
 }
 
@@ -131,13 +124,13 @@ void MapBuilder::note_contradicted_once_locked(int body_id, int tag_id, const ch
                   std::to_string(body_id) + "; its place is kept: " + reason);
 }
 
-MapTag& MapBuilder::insert_locked(const KnownTag& tag, const std::string& seen_by) {
+MapTag& MapBuilder::insert_locked(const KnownTag& tag) {
   note_locked(MapEvent::Kind::kTagAdded, tag.tag_id,
-              "tag " + std::to_string(tag.tag_id) + " joined the map" + seen_by);
+              "tag " + std::to_string(tag.tag_id) + " joined the map");
   return working_.insert({.tag = tag});
 }
 
-// --- with a graph ---
+// --- the graph ---
 
 MapBuilder::Waiting MapBuilder::take_segments() {
   const std::lock_guard lock(mutex_);
@@ -148,10 +141,14 @@ MapBuilder::Waiting MapBuilder::take_segments() {
 /// @return true when the map is to be published
 bool MapBuilder::watch_locked(const MapContribution& contribution, std::int64_t utc_now_ns) {
   if (!contribution.anchored) return false;
-  std::vector<int> contradicted;
+  std::vector<Contradiction> contradicted;
   for (const int tag_id : contribution.contradicted) {
     const MapTag* entry = working_.find(tag_id);
-    if (entry != nullptr && entry->component == 0) contradicted.push_back(tag_id);
+    if (entry == nullptr || entry->component != 0) continue;
+    const auto own = std::ranges::find(contribution.beliefs, tag_id,
+                                       [](const TagBelief& belief) { return belief.tag.tag_id; });
+    contradicted.push_back(
+        {entry->tag, own == contribution.beliefs.end() ? std::nullopt : std::optional(*own)});
   }
   bool follow = false;
   for (const TagDisplacement& displacement :
@@ -166,7 +163,7 @@ bool MapBuilder::displace_locked(const TagDisplacement& displacement, std::int64
   MapTag& entry = *working_.find(tag_id);
   const bool is_frozen = config_.mode == MapMode::kFrozen;
   if (is_frozen || entry.state == TagState::kSurveyed) {
-    note_contradicted_once_locked(*displacement.by.begin(), tag_id,
+    note_contradicted_once_locked(displacement.body_id, tag_id,
                                   is_frozen ? "the map is frozen" : "it was surveyed");
     return false;
   }
@@ -181,7 +178,6 @@ bool MapBuilder::displace_locked(const TagDisplacement& displacement, std::int64
 
 /// No filter uses the tag any more.
 void MapBuilder::exclude_from_known_locked(int tag_id) {
-  if (working_.known == nullptr) return;
   drop_correlations(working_, tag_id);
   replace_known_locked(*working_.known);
 }
@@ -195,7 +191,7 @@ const MapTag* MapBuilder::place_locked(const GraphTagEstimate& tag,
   if (fault_in(MapTag{.tag = placed})) return nullptr;
   MapTag* entry = working_.find(tag.tag_id);
   if (entry == nullptr) {
-    entry = &insert_locked(placed, "");
+    entry = &insert_locked(placed);
     entry->first_seen_utc_ns = utc_now_ns - (newest - tag.first_seen).count();
   }
   if (entry->state == TagState::kSurveyed) return nullptr;
@@ -220,7 +216,6 @@ const MapTag* MapBuilder::place_locked(const GraphTagEstimate& tag,
 std::uint64_t MapBuilder::adopt(GraphSolution solution, std::int64_t utc_now_ns) {
   KnownMap known;
   known.pairs = std::move(solution.pairs);
-  known.is_judged = true;
   note_wrong(solution.findings, known);
   Instant newest = Instant::min();
   for (const GraphTagEstimate& tag : solution.tags) newest = std::max(newest, tag.last_seen);
@@ -234,6 +229,7 @@ std::uint64_t MapBuilder::adopt(GraphSolution solution, std::int64_t utc_now_ns)
     known.tags.push_back(entry->tag);
     has_workspace_ = true;
   }
+  is_solved_ = true;
   replace_known_locked(std::move(known));
   publish_locked(utc_now_ns);
   return contributions_;
@@ -241,7 +237,10 @@ std::uint64_t MapBuilder::adopt(GraphSolution solution, std::int64_t utc_now_ns)
 
 /// With a new revision: filters adopt it once.
 void MapBuilder::replace_known_locked(KnownMap known) {
-  known.revision = 1 + std::max(revision_, working_.known ? working_.known->revision : 0);
+  add_uncorrelated(working_, known);
+  known.made_by.reset();
+  if (!starts_with_workspace_ && contributors_.size() == 1) known.made_by = *contributors_.begin();
+  known.revision = 1 + std::max(revision_, working_.known->revision);
   working_.known = std::make_shared<const KnownMap>(std::move(known));
 }
 

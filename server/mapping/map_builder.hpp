@@ -26,46 +26,27 @@ enum class MapMode {
   kFrozen,   ///< The map never changes: no control loop sees a jump.
 };
 
-inline constexpr double kRefinePeriod_s = 2;
-
-/// Default of MapConfig::refine_period_s. A single body identifies errors of its lens and its tag
-/// sizes better without a graph (docs/design/map-graph.md).
-[[nodiscard]] constexpr double refine_period_for(std::size_t bodies) {
-  return bodies > 1 ? kRefinePeriod_s : 0;
-}
-
 struct MapConfig {
   MapMode mode{MapMode::kMapping};
-  /// A belief joins the map when its tag is known better than this …
-  double publish_position_sigma_m{0.05};
-  double publish_rotation_sigma_rad{0.05};  ///< … and this (worst axis).
-  int publish_sightings{10};                ///< … and was seen at least this often.
-  /// Period of the joint solution over all bodies, in seconds of their data: it places every tag
-  /// with enough sightings, for any sigma. 0: none; the body with the best estimate owns the tag.
-  double refine_period_s{0.0};
+  int publish_sightings{10};  ///< A tag joins the map when it was seen this often.
+  /// Period of the joint solution over the measurements of all bodies, in seconds of their data.
+  double refine_period_s{2.0};
   double commit_period_s{10.0};  ///< A changed map is written to the store this often.
 
   [[nodiscard]] std::vector<ConfigError> check() const;
 };
 
-/// Joins the tag beliefs of all bodies into the one shared map, and owns the workspace.
+/// The one shared map of all bodies, as their map graph solves it. Owns the workspace.
 ///
 /// The workspace is defined once: by the reference tag or, without one, by the first body that
 /// anchors itself while the map is empty; all others wait for a tag of the map. A body asks for a
 /// `view` before each image and contributes after it; in between it alone may define the workspace.
 ///
-/// Surveyed tags are never changed. With a graph (`refine_period_s`) its solution places all others
-/// (adopt), and TagWatch detects which have left their places. Without one a tag belongs to the
-/// body with the best estimate: its belief is copied, never averaged (beliefs share known tags, so
-/// they are not independent); another body takes it over when its position variance is 30 %
-/// smaller. A tag that a body contradicts is quarantined until it is estimated again; found less
-/// than 0.1 m and 0.1 rad away, its place is kept, and contradictions count again a minute later.
-/// Beliefs do not keep the correlations (TagMap::known) valid: they are dropped.
+/// Surveyed tags are never changed. Solutions of the graph place all others (adopt), and TagWatch
+/// detects which have left their places.
 ///
-/// A snapshot is published when a tag is new, moved by 0.1 mm or 0.01°, changed its state, or its
-/// sigma changed by a tenth, each against the published map; sightings and times are updated with
-/// the next one. The snapshot keeps the version it came from; its `hash` is empty as soon as it
-/// differs from that version. Thread-safe; reading a snapshot never waits for a copy of the map.
+/// The snapshot keeps the version it came from; its `hash` is empty as soon as it differs from that
+/// version. Thread-safe; reading a snapshot never waits for a copy of the map.
 class MapBuilder final {
  public:
   MapBuilder(const MapConfig& config, TagMap start);
@@ -88,8 +69,7 @@ class MapBuilder final {
     std::uint64_t contributions{};  ///< Number of all so far.
   };
   [[nodiscard]] Waiting take_segments();
-  /// Publishes the solution of all segments so far: it places its tags, and beliefs are ignored
-  /// from now on.
+  /// Publishes the solution of all segments so far.
   /// @return number of contributions before
   std::uint64_t adopt(GraphSolution solution, std::int64_t utc_now_ns);
   /// No more contributions come from this body; its right to define the workspace is released.
@@ -119,42 +99,19 @@ class MapBuilder final {
   void align(const Pose& X_RW, std::int64_t utc_now_ns);
   /// The tag is kept and not used, until it is forgotten or this map is replaced.
   Expected<void> quarantine(int tag_id, std::int64_t utc_now_ns);
-  /// The map and all bodies discard the tag; seen again, it is a new one.
+  /// Seen again, it is a new tag.
   /// @return Error when the map is frozen, does not have the tag, or the tag defines the workspace
   Expected<void> forget(int tag_id, std::int64_t utc_now_ns);
 
  private:
-  /// Of a tag that may still move, without a graph.
-  struct Owner {
-    std::optional<int> body_id{};  ///< nullopt: a local tag of the starting map.
-    Instant last_seen{};
-    std::optional<Instant> still_since{};  ///< Last change of the published place.
-    std::optional<Instant> quarantined_at{};
-    TagState before{TagState::kLocal};  ///< State before the quarantine.
-    std::optional<Instant> kept_at{};   ///< Contradicted, but not moved: its place is kept.
-  };
-  using Owners = std::map<int, Owner>;  ///< By tag.
-  [[nodiscard]] static Owners owners_in(const TagMap& start);
   static constexpr int kSightingsToSettle = 100;
 
-  [[nodiscard]] bool has_graph() const { return config_.refine_period_s > 0; }
   [[nodiscard]] bool may_define_locked(int body_id) const;
   void note_contradicted_once_locked(int body_id, int tag_id, const char* reason);
   void note_locked(MapEvent::Kind kind, int tag_id, std::string text);
   [[nodiscard]] Expected<MapTag*> tag_locked(int tag_id);
-  MapTag& insert_locked(const KnownTag& tag, const std::string& seen_by);
+  MapTag& insert_locked(const KnownTag& tag);
   void publish_locked(std::int64_t utc_now_ns);
-
-  // Without a graph (map_beliefs.cpp). @return true when the map is to be published
-  bool absorb_locked(int body_id, const TagBelief& belief, std::int64_t utc_now_ns);
-  bool quarantine_locked(const MapContribution& contribution, int tag_id);
-  bool settle_locked(MapTag& entry, Owner& owner, bool moved);
-  [[nodiscard]] bool is_good(const TagBelief& belief) const;
-  [[nodiscard]] bool accept_locked(int body_id, const TagBelief& belief, const MapTag& entry,
-                                   Owner& owner);
-  bool find_moved_locked(int body_id, const TagBelief& belief, MapTag& entry, Owner& owner);
-
-  // With a graph.
   bool watch_locked(const MapContribution& contribution, std::int64_t utc_now_ns);
   bool displace_locked(const TagDisplacement& displacement, std::int64_t utc_now_ns);
   [[nodiscard]] const MapTag* place_locked(const GraphTagEstimate& tag,
@@ -168,14 +125,15 @@ class MapBuilder final {
   mutable std::mutex snapshot_mutex_;  ///< Guards the pointer only; taken last.
   std::shared_ptr<const TagMap> snapshot_;
   TagMap working_;
-  Owners owners_;
-  TagWatch watch_;                             ///< With a graph …
-  MovedTags moved_;                            ///< … also this.
-  PendingChanges pending_;                     ///< For bodies.
+  TagWatch watch_;
+  MovedTags moved_;
   std::shared_ptr<const TagMap> replacement_;  ///< For the graph, until it takes it.
+  std::uint64_t replaced_at_{0};               ///< Revision; contributions to older ones are void.
   std::set<int> contradicted_;                 ///< Tags whose contradiction was reported.
   bool starts_with_workspace_;                 ///< The starting map defines it …
   bool has_workspace_;                         ///< … or a body has since.
+  bool is_solved_{false};                      ///< By the graph, in this session.
+  std::set<int> contributors_;                 ///< Bodies with segments in the graph.
   std::optional<int> founder_;   ///< The body that defined the workspace, without a reference tag.
   std::optional<int> defining_;  ///< The body that may define it between its view and its absorb.
   std::vector<Waiting::OfBody> segments_;  ///< For the graph.

@@ -13,14 +13,6 @@ Expected<void> refuse_frozen() {
               "the map is frozen, nothing in it may move: let it grow again first");
 }
 
-/// For filters, of a map without correlations: errors of tags are independent.
-KnownMap uncorrelated(const TagMap& map) {
-  KnownMap known;
-  for (const MapTag& entry : map.tags)
-    if (entry.is_usable()) known.tags.push_back(entry.tag);
-  return known;
-}
-
 Expected<void> check_successor(const TagMap& map, const TagMap& of) {
   const std::string version = "version " + std::to_string(map.version);
   if (map.family != of.family)
@@ -43,22 +35,20 @@ Expected<void> MapBuilder::replace_map(TagMap stored, std::int64_t utc_now_ns) {
   const std::lock_guard lock(mutex_);
   if (config_.mode == MapMode::kFrozen) return refuse_frozen();
   if (auto fits = check_successor(stored, working_); !fits) return fits;
-  if (has_graph()) replacement_ = std::make_shared<const TagMap>(stored);
-  KnownMap known = stored.known ? *stored.known : uncorrelated(stored);
+  replacement_ = std::make_shared<const TagMap>(stored);
+  KnownMap known = stored.known ? *stored.known : KnownMap{};
   stored.known = working_.known;  // for the revision
   working_ = std::move(stored);
+  starts_with_workspace_ = has_workspace_ = true;
   replace_known_locked(std::move(known));
-  pending_.replace(has_graph() ? nullptr : std::make_shared<const TagMap>(working_));
-  if (!has_graph()) working_.known.reset();
-  owners_ = owners_in(working_);
   watch_ = {};
   moved_ = {};
   segments_.clear();
   contradicted_.clear();
   founder_.reset();
   defining_.reset();
-  starts_with_workspace_ = has_workspace_ = true;
   publish_locked(utc_now_ns);
+  replaced_at_ = revision_;
   return {};
 }
 
@@ -78,8 +68,7 @@ Expected<void> MapBuilder::quarantine(int tag_id, std::int64_t utc_now_ns) {
   const auto entry = tag_locked(tag_id);
   if (!entry) return tl::unexpected(entry.error());
   (*entry)->state = TagState::kQuarantined;
-  owners_[tag_id] = {.quarantined_at = Instant::max()};  // no belief is newer
-  if (has_graph()) moved_.exclude(tag_id, newest_at_);
+  moved_.exclude(tag_id, newest_at_);
   watch_.forget(tag_id);
   exclude_from_known_locked(tag_id);
   publish_locked(utc_now_ns);
@@ -98,11 +87,9 @@ Expected<void> MapBuilder::forget(int tag_id, std::int64_t utc_now_ns) {
   if (!rest.has_workspace())
     return fail(ErrorCode::kInvalid, name + " is the only one that defines the workspace");
   working_ = std::move(rest);
-  owners_.erase(tag_id);
   contradicted_.erase(tag_id);
-  if (has_graph()) moved_.forget(tag_id, newest_at_);
+  moved_.forget(tag_id, newest_at_);
   watch_.forget(tag_id);
-  pending_.forget(tag_id);
   exclude_from_known_locked(tag_id);
   publish_locked(utc_now_ns);
   return {};

@@ -169,12 +169,17 @@ std::string misfit_text(std::span<const MeasuredPlace> places, const Points& poi
 
 void drop_correlations(TagMap& map, int tag_id) {
   if (map.known == nullptr) return;
-  KnownMap known = *map.known;
-  std::erase_if(known.tags, [&](const KnownTag& tag) { return tag.tag_id == tag_id; });
+  map.known = std::make_shared<const KnownMap>(
+      without_tags(*map.known, [&](int one) { return one == tag_id; }));
+}
+
+KnownMap without_tags(KnownMap known, const std::function<bool(int tag_id)>& is_out) {
+  for (auto* const tags : {&known.tags, &known.uncorrelated})
+    std::erase_if(*tags, [&](const KnownTag& tag) { return is_out(tag.tag_id); });
   std::erase_if(known.pairs, [&](const KnownPair& pair) {
-    return pair.first_id == tag_id || pair.second_id == tag_id;
+    return is_out(pair.first_id) || is_out(pair.second_id);
   });
-  map.known = std::make_shared<const KnownMap>(std::move(known));
+  return known;
 }
 
 Expected<TagMap> edited_map(TagMap map, const MapEdit& edit) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -40,6 +41,8 @@ struct MapEdit {
 
 /// Removes a tag from the map's correlations: they do not hold for it any more.
 void drop_correlations(TagMap& map, int tag_id);
+/// Without some tags and their correlations.
+[[nodiscard]] KnownMap without_tags(KnownMap known, const std::function<bool(int tag_id)>& is_out);
 
 /// The centre of a tag in the room, measured by the user.
 struct MeasuredPlace {

@@ -14,36 +14,22 @@ namespace fiducap {
 
 namespace {
 
-// The reliability of a body depends on the tags that it has found in place just now, and on those
-// that it contradicted recently and has not found in place since.
-constexpr Duration kJustNow = std::chrono::seconds(2);
+// Reports, and tags found in place, are used for this long.
 constexpr Duration kRecently = std::chrono::seconds(10);
-constexpr std::size_t kFittingBesideOne = 2;
-constexpr std::size_t kFittingPerContradicted = 3;
-// Robots pass a tag now and then: a report is kept this long, unless the tag is found in place.
-constexpr Duration kReportLifetime = std::chrono::minutes(10);
-// A filter takes half a second for each: a lost body contradicts the next tag meanwhile.
-constexpr std::size_t kReportsToDecide = 3;
+// Errors of maps, lenses and prints displace a tag by less than this, m and rad.
+constexpr double kNear = 0.1;
 
-// Without a sighting in place the tag left it this long before the first report.
-constexpr Duration kBeforeFirstReport = std::chrono::seconds(2);
 // Moves at most this far apart are counted together; more than the limit exclude the tag.
 constexpr Duration kMovesApart = std::chrono::minutes(10);
 constexpr int kMostMoves = 3;
 constexpr int kMostWithReturn = 2;  // … when one of them led back to a former place
-// Sightings and time span that confirm a new place: a door stands still for a moment.
+// Sightings and time span that confirm an estimate: a door stands still for a moment.
 constexpr int kSightingsToFind = 20;
 constexpr Duration kTimeToFind = std::chrono::milliseconds(800);
-// Old and new place differ when that is less likely than one in ten thousand (chi-square, 6).
+// Two estimates differ when that is less likely than one in ten thousand (chi-square, 6).
 constexpr double kOtherPlace = 27.9;
 // A tag that was found in place is not displaced again within this time.
 constexpr Duration kKeptFor = std::chrono::minutes(1);
-// Places nearer than this are the same one.
-constexpr double kSamePlace_m = 0.1;
-
-void forget_before(Instant since, std::map<int, Instant>& times) {
-  std::erase_if(times, [&](const auto& entry) { return entry.second < since; });
-}
 
 std::string clock_time(std::int64_t utc_ns) {
   const auto seconds = static_cast<std::time_t>(utc_ns / 1'000'000'000);
@@ -54,11 +40,6 @@ std::string clock_time(std::int64_t utc_ns) {
   return {text.data(), size};
 }
 
-std::string list(const std::set<int>& bodies) {
-  return (bodies.size() > 1 ? "bodies " : "body ") +
-         comma_list(bodies, [](int body_id) { return std::to_string(body_id); });
-}
-
 std::string place(const Pose& X) {
   return std::string("(") + fixed(X.p.x(), 2) + " " + fixed(X.p.y(), 2) + " " + fixed(X.p.z(), 2) +
          ")";
@@ -66,16 +47,9 @@ std::string place(const Pose& X) {
 
 std::string name(int tag_id) { return "tag " + std::to_string(tag_id); }
 
-/// Squared, normalised by both covariances; neglects that their errors are correlated.
-double distance(const GraphTagEstimate& a, const KnownTag& b) {
-  Vector6d e;
-  e << a.X_WT.p - b.X_WT.p, log_so3(a.X_WT.q * b.X_WT.q.conjugate());
-  return squared_distance(e, a.covariance + b.covariance);
-}
-
 bool was_at(const Pose& place, std::span<const Pose> places) {
-  return std::ranges::any_of(
-      places, [&](const Pose& other) { return (place.p - other.p).norm() < kSamePlace_m; });
+  return std::ranges::any_of(places,
+                             [&](const Pose& other) { return (place.p - other.p).norm() < kNear; });
 }
 
 /// It was found at a place that it had left.
@@ -97,7 +71,7 @@ std::string likely_cause(const std::vector<Pose>& places) {
   }
   if (places.size() < 2)
     return "it is never still for long: it is attached to something that moves";
-  if (widest_m < kSamePlace_m)
+  if (widest_m < kNear)
     return "its places are " + fixed(1e3 * widest_m, 0) +
            " mm apart: its size may differ from the configured one, or it is loosely attached";
   const std::string where = "it was found at " + place(places.front()) + " and " + place(*far) +
@@ -110,62 +84,92 @@ std::string likely_cause(const std::vector<Pose>& places) {
 
 }  // namespace
 
+bool is_near(const Pose& a, const Pose& b) {
+  return (a.p - b.p).norm() < kNear && angle_between(a.q, b.q) < kNear;
+}
+
+/// Neglects that the errors of both are correlated.
+bool is_same_place(const KnownTag& a, const KnownTag& b) {
+  Vector6d e;
+  e << a.X_WT.p - b.X_WT.p, log_so3(a.X_WT.q * b.X_WT.q.conjugate());
+  return is_near(a.X_WT, b.X_WT) && squared_distance(e, a.covariance + b.covariance) < kOtherPlace;
+}
+
+bool is_confirmed(int sightings, Duration seen_for) {
+  return sightings >= kSightingsToFind && seen_for >= kTimeToFind;
+}
+
 // --- TagWatch ---
 
 std::vector<TagDisplacement> TagWatch::report(int body_id, Instant at, std::span<const int> fitting,
-                                              std::span<const int> contradicted) {
+                                              std::span<const Contradiction> contradicted) {
   OfBody& body = bodies_[body_id];
+  const auto is_old = [&](Instant then) { return then < at - kRecently; };
+  std::erase_if(body.fitted, [&](const auto& entry) { return is_old(entry.second); });
+  std::erase_if(body.contradicted, [&](const auto& entry) { return is_old(entry.second.at); });
+  const bool had_found_two = body.fitted.size() > 1;
+  note_fitting(body, at, fitting);
+  std::vector<TagDisplacement> gone;
+  for (const Contradiction& one : contradicted) {
+    const int tag_id = one.in_map.tag_id;
+    const auto [entry, is_new] = body.contradicted.try_emplace(tag_id);
+    if (is_new) entry->second = {at, at, had_found_two, one};
+    entry->second.at = at;
+    entry->second.how = one;
+    body.fitted.erase(tag_id);
+  }
+  for (const Contradiction& one : contradicted) {
+    const int tag_id = one.in_map.tag_id;
+    if (!is_moved(body, tag_id)) continue;
+    const OfTag& tag = tags_[tag_id];
+    gone.push_back({tag_id, tag.fitted_at ? tag.fitted_at : tag.fitted_alone_at, at, body_id});
+  }
+  return gone;
+}
+
+void TagWatch::note_fitting(OfBody& body, Instant at, std::span<const int> fitting) {
   for (const int tag_id : fitting) {
-    OfTag& tag = tags_[tag_id];
     body.fitted[tag_id] = at;
     if (fitting.size() == 1) {
-      tag.fitted_alone_at = at;
-      continue;
+      tags_[tag_id].fitted_alone_at = at;
+    } else {
+      tags_[tag_id].fitted_at = at;
+      body.contradicted.erase(tag_id);
     }
-    body.contradicted.erase(tag_id);
-    tag.fitted_at = at;
-    tag.reports.clear();
   }
-  std::vector<TagDisplacement> gone;
-  if (contradicted.empty()) return gone;
-  for (const int tag_id : contradicted) body.contradicted[tag_id] = at;
-  if (!is_reliable(body, at)) {
-    for (auto& [tag_id, tag] : tags_)
-      std::erase_if(tag.reports, [&](const Report& one) { return one.body_id == body_id; });
-    return gone;
-  }
-  for (const int tag_id : contradicted) tags_[tag_id].reports.push_back({body_id, at});
-  for (const int tag_id : contradicted)
-    if (auto displacement = decide(tag_id, at)) gone.push_back(std::move(*displacement));
-  return gone;
 }
 
 void TagWatch::forget(int tag_id) {
   tags_.erase(tag_id);
-  for (auto& [body_id, body] : bodies_) body.fitted.erase(tag_id);
+  for (auto& [body_id, body] : bodies_) {
+    body.fitted.erase(tag_id);
+    body.contradicted.erase(tag_id);
+  }
 }
 
-bool TagWatch::is_reliable(OfBody& body, Instant at) {
-  forget_before(at - kJustNow, body.fitted);
-  forget_before(at - kRecently, body.contradicted);
-  const auto fits = static_cast<std::size_t>(std::ranges::count_if(
-      body.fitted, [&](const auto& entry) { return !body.contradicted.contains(entry.first); }));
-  const std::size_t contradicted = body.contradicted.size();
-  return fits >= (contradicted > 1 ? kFittingPerContradicted * contradicted : kFittingBesideOne);
+/// Contradicted tags that the displacement of this one explains; those without an estimate may
+/// have any.
+int TagWatch::displaced_equally(const OfBody& body, const Contradiction& one) {
+  const Pose T = one.own->tag.X_WT * one.in_map.X_WT.inverse();
+  return static_cast<int>(std::ranges::count_if(body.contradicted, [&](const auto& entry) {
+    const Contradiction& other = entry.second.how;
+    return !other.own || is_near(T * other.in_map.X_WT, other.own->tag.X_WT);
+  }));
 }
 
-std::optional<TagDisplacement> TagWatch::decide(int tag_id, Instant at) {
-  OfTag& tag = tags_[tag_id];
-  std::erase_if(tag.reports, [&](const Report& one) { return one.at < at - kReportLifetime; });
-  if (tag.reports.size() < kReportsToDecide) return std::nullopt;
-  TagDisplacement out{.tag_id = tag_id,
-                      .fitted_at = tag.fitted_at ? tag.fitted_at : tag.fitted_alone_at,
-                      .first_report_at = tag.reports.front().at,
-                      .at = at,
-                      .by = {}};
-  for (const Report& one : tag.reports) out.by.insert(one.body_id);
-  tag.reports.clear();
-  return out;
+bool TagWatch::is_moved(const OfBody& body, int tag_id) const {
+  const OfBody::Contradicted& one = body.contradicted.at(tag_id);
+  const std::optional<TagBelief>& own = one.how.own;
+  if (!own || !is_confirmed(own->sightings, own->last_seen - own->first_seen) ||
+      is_same_place(own->tag, one.how.in_map))
+    return false;
+  const auto tag = tags_.find(tag_id);
+  if (tag != tags_.end() && tag->second.fitted_at && *tag->second.fitted_at > one.since)
+    return false;
+  const auto in_place = std::ranges::count_if(
+      body.fitted, [&](const auto& entry) { return entry.second >= one.since; });
+  return static_cast<int>(in_place) + (one.had_found_two ? 1 : 0) >
+         displaced_equally(body, one.how);
 }
 
 // --- MovedTags ---
@@ -179,16 +183,16 @@ std::optional<MapEvent> MovedTags::displace(const TagDisplacement& displacement,
   tag.moves = displacement.at - tag.last_moved < kMovesApart ? tag.moves + 1 : 1;
   tag.last_moved = displacement.at;
   if (!tag.is_away) {
-    const Instant gone =
-        displacement.fitted_at.value_or(displacement.first_report_at - kBeforeFirstReport);
     // Sightings that located the tag belong to its newest place.
-    tag.gone = std::max(gone, tag.found_until);
+    tag.gone = std::max(displacement.fitted_at.value_or(Instant::min()), tag.found_until);
     tag.before = entry.state;
     tag.places.push_back(entry.tag.X_WT);
   }
-  const std::int64_t gone_utc_ns = utc_now_ns - (displacement.at - tag.gone).count();
-  tag.seen = "between " + clock_time(gone_utc_ns) + " and " + clock_time(utc_now_ns) +
-             " UTC, seen by " + list(displacement.by);
+  tag.seen = "before " + clock_time(utc_now_ns);
+  if (tag.gone != Instant::min())
+    tag.seen = "between " + clock_time(utc_now_ns - (displacement.at - tag.gone).count()) +
+               " and " + clock_time(utc_now_ns);
+  tag.seen += " UTC, seen by body " + std::to_string(displacement.body_id);
   tag.is_away = true;
   ++tag.epoch;
   const int most = has_come_back(tag.places) ? kMostWithReturn : kMostMoves;
@@ -221,8 +225,7 @@ std::optional<MovedTags::Found> MovedTags::locate(const GraphTagEstimate& found,
                                                   std::span<const GraphTagEstimate> all,
                                                   const MapTag& entry) {
   History& history = tags_.at(found.tag_id);
-  if (history.is_excluded || found.sightings < kSightingsToFind ||
-      found.last_seen - found.first_seen < kTimeToFind)
+  if (history.is_excluded || !is_confirmed(found.sightings, found.last_seen - found.first_seen))
     return std::nullopt;
   // The graph's estimate of the old place may be newer than the map's.
   KnownTag before = entry.tag;
@@ -234,7 +237,8 @@ std::optional<MovedTags::Found> MovedTags::locate(const GraphTagEstimate& found,
   history.is_away = false;
   history.found_until = found.last_seen;
   const double moved_m = (found.X_WT.p - before.X_WT.p).norm();
-  if (moved_m < kSamePlace_m && distance(found, before) < kOtherPlace) {
+  const KnownTag now{found.tag_id, found.edge_m, found.X_WT, found.covariance};
+  if (is_same_place(now, before)) {
     --history.epoch;
     orders_.push_back({found.tag_id, std::nullopt});
     history.kept_at = found.last_seen;

@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <map>
 #include <optional>
-#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -15,51 +14,74 @@
 
 namespace fiducap {
 
+/// The same place in another estimate, whatever their covariances.
+[[nodiscard]] bool is_near(const Pose& a, const Pose& b);
+/// Two estimates of a tag agree: they are near each other, and differ by no more than their errors.
+[[nodiscard]] bool is_same_place(const KnownTag& a, const KnownTag& b);
+/// An estimate has enough sightings over enough time: a door stands still for a moment.
+[[nodiscard]] bool is_confirmed(int sightings, Duration seen_for);
+
+/// A tag of the map that is elsewhere for a body.
+struct Contradiction {
+  KnownTag in_map;
+  std::optional<TagBelief> own{};  ///< The body's own estimate; nullopt: it has none yet.
+};
+
 /// A tag is not in its place any more.
 struct TagDisplacement {
   int tag_id{};
-  std::optional<Instant> fitted_at{};  ///< When a body last found it there; nullopt: none did.
-  Instant first_report_at{};
-  Instant at{};      ///< Of the report that decided.
-  std::set<int> by;  ///< Bodies.
+  std::optional<Instant> fitted_at{};  ///< When a body last found it there; nullopt: none has.
+  Instant at{};                        ///< Of the report that decided.
+  int body_id{};
 };
 
-/// Detects tags that have left their places, from the reports of all bodies.
+/// Detects tags that have left their places, from the reports of all bodies: by the odds of "the
+/// tag was moved" against "the body is lost", which displaces all tags equally.
 ///
-/// A body's filter rejects a tag that contradicts image after image which other tags fit. That
-/// alone decides nothing: a body that is lost rejects one tag after the other. Such a body agrees
-/// with few tags of the *map* and contradicts several. So a report counts only when its body has
-/// just found two other tags of the map in their places, and three times as many as it contradicts
-/// when those are several; otherwise all reports of the body are discarded. Three reports decide. A
-/// body that finds the tag in its place, together with another one, clears them: a tag has not
-/// moved for one body only.
+/// A tag moves, and a body gets lost, about once an hour: in the last ten seconds with a
+/// probability p of 1 in 360. While a body contradicts G tags that one displacement of itself
+/// explains, and finds F others in their places,
+///
+///     p(moved) = p^G        p(lost) = p_lost p^F
+///
+/// since F tags in place for a lost body would have moved with it. p_lost = p for a body that had
+/// found two tags in place before, else 1. So the tag was moved if F + [found two before] > G: odds
+/// of 360 to 1 or more. Two swapped prints of three are two displacements (G = 1 each), and the
+/// third tag is enough.
+///
+/// The tag must also differ from its place by more than both covariances, in an own estimate of the
+/// body with enough sightings. A body that finds the tag in its place, together with another one,
+/// voids all reports: a tag has not moved for one body only.
 class TagWatch final {
  public:
   /// @param fitting  tags of one image that are where the map has them
-  /// @param contradicted  tags of the map that the body's filter has rejected
-  /// @return tags that are displaced now; their reports are cleared
+  /// @param contradicted  tags of the map that the body has elsewhere
+  /// @return tags that are displaced now
   [[nodiscard]] std::vector<TagDisplacement> report(int body_id, Instant at,
                                                     std::span<const int> fitting,
-                                                    std::span<const int> contradicted);
+                                                    std::span<const Contradiction> contradicted);
   /// The tag has another place: reports about the old one are void.
   void forget(int tag_id);
 
  private:
-  struct Report {
-    int body_id{};
-    Instant at{};
-  };
   struct OfTag {
     std::optional<Instant> fitted_at{};        ///< Together with another tag …
     std::optional<Instant> fitted_alone_at{};  ///< … or alone, when every pose of the body fits.
-    std::vector<Report> reports{};
   };
   struct OfBody {
+    struct Contradicted {
+      Instant since{};
+      Instant at{};               ///< Of the last report.
+      bool had_found_two{false};  ///< Tags in place, before.
+      Contradiction how;
+    };
     std::map<int, Instant> fitted{};  ///< By tag.
-    std::map<int, Instant> contradicted{};
+    std::map<int, Contradicted> contradicted{};
   };
-  [[nodiscard]] static bool is_reliable(OfBody& body, Instant at);
-  [[nodiscard]] std::optional<TagDisplacement> decide(int tag_id, Instant at);
+  void note_fitting(OfBody& body, Instant at, std::span<const int> fitting);
+  [[nodiscard]] static int displaced_equally(const OfBody& body, const Contradiction& one);
+  /// The tag was moved; otherwise it is not known well enough, or the body is lost.
+  [[nodiscard]] bool is_moved(const OfBody& body, int tag_id) const;
 
   std::map<int, OfTag> tags_;
   std::map<int, OfBody> bodies_;

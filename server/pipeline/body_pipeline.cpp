@@ -9,17 +9,14 @@
 #include "base/process.hpp"
 #include "detection/observe.hpp"
 #include "estimation/filter/filter_rules.hpp"
+#include "mapping/moved_tags.hpp"
 
 namespace fiducap {
 namespace {
 
 // The estimated cameras change slowly, and asking for them allocates.
 constexpr Duration kCamerasPeriod = std::chrono::seconds(1);
-// A tag unseen for this long has left the view.
-constexpr Duration kOutOfView = std::chrono::seconds(2);
 constexpr Duration kPauseOfImages = std::chrono::seconds(10);
-// Poses of a tag further apart than this (m and rad) are different.
-constexpr double kSamePlace = 0.1;
 
 /// Adds the CPU time of its scope.
 class CpuMeter final {
@@ -35,10 +32,6 @@ class CpuMeter final {
 };
 
 int id_of_belief(const TagBelief& belief) { return belief.tag.tag_id; }
-
-bool agree(const Pose& a, const Pose& b) {
-  return (a.p - b.p).norm() < kSamePlace && angle_between(a.q, b.q) < kSamePlace;
-}
 
 /// All images of the merger's window, so that images wait for their IMU readings, not for a full
 /// queue.
@@ -172,20 +165,20 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   if (late_.excludes(corners.camera, corners.exposed_at - corners.clock_shift))
     return take_excluded_image();
   lose_motion_if_lost();
-  for (const int tag_id : view.forget) filter_->release_tag(tag_id);
   view.map->known_among(update_.seen, update_.known);
-  update_.report = filter_->update(update_.seen, {update_.known, view.may_define_workspace,
-                                                  view.map->known.get(), view.body_id});
+  const KnownMap* const whole = contradicted_.use(*view.map, update_.known);
+  update_.report = filter_->update(update_.seen,
+                                   {update_.known, view.may_define_workspace, whole, view.body_id});
   const ClockEstimate clock = filter_->clock(corners.camera);
   merger_.set_clock_shift(corners.camera, shift_to_apply(clock, corners.clock_shift));
   agreement_.set_used_shift(corners.camera, clock.shift_s);
-  note_contradicted();
+  note_contradicted(*view.map);
   filter_->tag_beliefs(update_.beliefs);
+  contradicted_.compare(update_.beliefs, update_.contradicted);
   if (segments_) {
     segments_->add(update_.seen, *filter_, update_.report, update_.beliefs, update_.known);
-    update_.segment = segments_->take();
+    update_.segment = contradicted_.without(segments_->take());
   }
-  hand_over_tags(*view.map);
   if (setup_.sensors.imu)
     imu_silence_.image_used(corners.exposed_at, corners.exposed_at - corners.clock_shift);
   note_turns();
@@ -236,16 +229,24 @@ void BodyPipeline::find_corners(const MapView& view) {
 }
 
 /// Dropped tags whose pose in the map is wrong. A tag that the body had elsewhere than the map was
-/// the body's own error.
-void BodyPipeline::note_contradicted() {
+/// the body's own error, and so were contradictions of a body that was lost.
+void BodyPipeline::note_contradicted(const TagMap& map) {
   update_.contradicted.clear();
+  const auto named = update_.report.named_dropped();
+  std::vector<int> dropped(named.begin(), named.end());
+  if (update_.report.relocalised || update_.report.generation != generation_) {
+    std::erase_if(dropped, [&](int tag_id) { return contradicted_.contains(tag_id); });
+    contradicted_.forget_all();
+  }
   if (!anchored_ || update_.report.start_is_open) return;
-  for (const int tag_id : update_.report.named_dropped()) {
+  for (const int tag_id : dropped) {
     const auto own = std::ranges::find(update_.beliefs, tag_id, id_of_belief);
-    const auto map = std::ranges::find(update_.known, tag_id, &KnownTag::tag_id);
-    const bool is_own_error = own != update_.beliefs.end() && map != update_.known.end() &&
-                              !agree(own->tag.X_WT, map->X_WT);
-    if (!is_own_error) update_.contradicted.push_back(tag_id);
+    const auto known = std::ranges::find(update_.known, tag_id, &KnownTag::tag_id);
+    const bool is_own_error = own != update_.beliefs.end() && known != update_.known.end() &&
+                              !is_near(own->tag.X_WT, known->X_WT);
+    if (is_own_error) continue;
+    update_.contradicted.push_back(tag_id);
+    contradicted_.add(map, tag_id);
   }
 }
 
@@ -257,18 +258,6 @@ void BodyPipeline::lose_motion_if_lost() {
   ++statistics_.motion_losses;
   note(BodyEvent::Kind::kMotionLost);
   carried_at_.reset();
-}
-
-void BodyPipeline::hand_over_tags(const TagMap& map) {
-  if (static_cast<int>(update_.beliefs.size()) <= setup_.estimator.hand_over_above) return;
-  const TagBelief* oldest = nullptr;
-  for (const TagBelief& belief : update_.beliefs) {
-    const MapTag* kept = map.find(belief.tag.tag_id);
-    if (kept == nullptr || kept->component != 0 || kept->state == TagState::kQuarantined) continue;
-    if (oldest == nullptr || belief.last_seen < oldest->last_seen) oldest = &belief;
-  }
-  if (oldest != nullptr && update_.seen.exposed_at - oldest->last_seen > kOutOfView)
-    filter_->release_tag(oldest->tag.tag_id);
 }
 
 void BodyPipeline::refresh_cameras() {

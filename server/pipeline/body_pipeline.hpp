@@ -13,6 +13,7 @@
 #include "pipeline/agreement/rotation_agreement.hpp"
 #include "pipeline/body_tracker.hpp"
 #include "pipeline/body_update.hpp"
+#include "pipeline/contradicted_tags.hpp"
 #include "pipeline/correction_ramp.hpp"
 #include "pipeline/doubts.hpp"
 #include "pipeline/guided_search.hpp"
@@ -70,7 +71,7 @@ class BodyPipeline final {
   /// After the last sample: the segments not handed over with an image, one by one, then nullptr.
   [[nodiscard]] std::shared_ptr<const MotionSegment> take_last_segment() {
     if (segments_) segments_->finish(*filter_);
-    return segments_ ? segments_->take() : nullptr;
+    return segments_ ? contradicted_.without(segments_->take()) : nullptr;
   }
 
   [[nodiscard]] const PipelineSetup& setup() const { return setup_; }
@@ -97,9 +98,8 @@ class BodyPipeline final {
   const BodyUpdate* take_image(const MapView& view);
   const BodyUpdate* take_excluded_image();
   void find_corners(const MapView& view);
-  void note_contradicted();
+  void note_contradicted(const TagMap& map);
   void lose_motion_if_lost();
-  void hand_over_tags(const TagMap& map);
   void refresh_cameras();
   void note_carried();
   void note_events();
@@ -119,6 +119,7 @@ class BodyPipeline final {
   std::unique_ptr<BodyFilter> filter_;
   std::optional<GuidedSearch> search_;  ///< Built with the first image that needs it.
   std::optional<SegmentRecorder> segments_;
+  ContradictedTags contradicted_;
   TagDoubts doubts_;
   ImuPlausibility plausibility_{setup_.sensors.imu ? setup_.sensors.imu->rate_hz : 0};
   RotationAgreement agreement_;

@@ -70,8 +70,7 @@ void BodyTracker::add_imu(const ImuSample& imu) {
 void BodyTracker::ingest(const std::optional<BodyEstimate>& estimate, const UpdateReport& report,
                          Duration processing, std::uint64_t images_dropped) {
   const Instant from = newest(report, processing);
-  const bool is_bridged =
-      follows(estimate, report) && ramp_.bridges(report.map_shift.has_value(), from);
+  const bool is_bridged = follows(estimate, report) && ramp_.is_on();
   const auto shown = is_bridged ? shown_at(from) : std::nullopt;
   if (!shown) ramp_.forget();
   source_lost_ = false;

@@ -16,17 +16,16 @@ const std::optional<BodyEstimate>& BodyUpdate::shown() const {
   return doubted ? kNone : estimate;
 }
 
-MapContribution contribution_of(int body_id, const BodyUpdate& update) {
-  // Sensors that contradict each other contribute nothing.
-  if (update.withheld) return {.body_id = body_id, .at = update.seen.exposed_at, .anchored = false};
-  return {.body_id = body_id,
-          .at = update.seen.exposed_at,
-          .anchored = update.estimate && update.estimate->anchored,
-          .beliefs = update.beliefs,
-          .contradicted = update.contradicted,
-          .fitting =
-              update.report.start_is_open ? std::span<const int>{} : update.report.named_fitting(),
-          .segment = update.segment};
+MapContribution contribution_of(const MapView& view, const BodyUpdate& update) {
+  MapContribution out{
+      .body_id = view.body_id, .revision = view.revision, .at = update.seen.exposed_at};
+  if (update.withheld) return out;  // sensors that contradict each other contribute nothing
+  out.anchored = update.estimate && update.estimate->anchored;
+  out.beliefs = update.beliefs;
+  out.contradicted = update.contradicted;
+  if (!update.report.start_is_open) out.fitting = update.report.named_fitting();
+  out.segment = update.segment;
+  return out;
 }
 
 PipelineStatistics& PipelineStatistics::operator+=(const PipelineStatistics& other) {

@@ -76,7 +76,7 @@ struct BodyUpdate {
 };
 
 /// The map's part of an update. Refers to the update.
-[[nodiscard]] MapContribution contribution_of(int body_id, const BodyUpdate& update);
+[[nodiscard]] MapContribution contribution_of(const MapView& view, const BodyUpdate& update);
 
 /// Counts of a pipeline, and its CPU time.
 struct PipelineStatistics {

@@ -16,9 +16,6 @@ struct RampConfig {
   double seconds{0.0};  ///< Duration of a correction; 0: published at once.
   /// Frame period of the slowest client: within it no pose moves by more than a sigma.
   double frame_s{1.0 / 30};
-  /// Images also move bodies by what the map had learned. False without map graph, where only an
-  /// operator changes the map.
-  bool follows_images{true};
 };
 
 /// The part of the map's corrections (UpdateReport::map_shift) that is not published yet; also of
@@ -56,10 +53,6 @@ class CorrectionRamp final {
   void forget() { seconds_ = 0; }
 
   [[nodiscard]] bool is_on() const { return config_.seconds > 0; }
-  /// Whether an image is bridged at all.
-  [[nodiscard]] bool bridges(bool map_has_moved, Instant from) const {
-    return is_on() && (config_.follows_images || map_has_moved || !is_over(from));
-  }
   [[nodiscard]] bool is_over(Instant at) const;
   /// Adds the rest to pose and covariance.
   void apply(Instant at, BodyEstimate& shown) const;

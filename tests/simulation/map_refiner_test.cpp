@@ -4,9 +4,12 @@
 
 #include <gtest/gtest.h>
 
+#include <map>
+
 #include "base/pose.hpp"
 #include "mapping/tag_map.hpp"
 #include "simulation/filter_run.hpp"
+#include "simulation/published_steps.hpp"
 
 namespace fiducap {
 namespace {
@@ -24,15 +27,13 @@ class MapRefinerSimulation : public testing::Test {
     choice_.listen = [this](std::size_t body, const BodyUpdate& update, const TagMap&) {
       shifted_[body] += update.report.map_shift ? 1 : 0;
       placed_[body] += update.is_placed() ? 1 : 0;
-      has_segment_ = has_segment_ || update.segment != nullptr;
     };
   }
 
   std::vector<EstimationData> robots_;
-  FilterChoice choice_{.filter = "world", .live = true, .refine_period_s = 2};
+  FilterChoice choice_{.filter = "world", .live = true};
   std::vector<int> shifted_ = std::vector<int>(2);  ///< Images at which the map moved, by body.
   std::vector<int> placed_ = std::vector<int>(2);
-  bool has_segment_{false};
 };
 
 TEST_F(MapRefinerSimulation, TwoRobotsMakeOneConsistentMap) {
@@ -56,17 +57,46 @@ TEST_F(MapRefinerSimulation, TwoRobotsMakeOneConsistentMap) {
 }
 
 TEST_F(MapRefinerSimulation, FrozenMapShiftsNoBody) {
-  choice_.live = false;  // refinement is configured, but the map is frozen
+  choice_.live = false;
   (void)run_together(std::span(robots_).first(1), choice_);
   EXPECT_EQ(shifted_[0], 0);
   EXPECT_GT(placed_[0], 100);
 }
 
-TEST_F(MapRefinerSimulation, RefinesNothingWhenSwitchedOff) {
-  choice_.refine_period_s = 0;
+TEST(OneBodyWithItsMap, NoPublishedPoseJumpsAndTheFirstIsNotLater) {
+  constexpr double kMost_sigma = 1.0;  // of a frame beyond the motion: CorrectionRamp
+  for (const char* world : {"table", "sparse"}) {
+    const EstimationData data = simulate({.world = world, .seconds = 20, .seed = 7});
+    std::map<bool, int> first;  // image with the first pose that is shown, by `frozen`
+    for (const bool frozen : {false, true}) {
+      FilterChoice choice{.filter = "world", .live = true, .frozen = frozen};
+      const PipelineSetup setup = pipeline_of(data, choice);
+      PublishedSteps steps(data, setup.sensors, setup.estimator, {.seconds = 2});
+      int images = 0;
+      int shifted = 0;
+      choice.listen = [&](std::size_t, const BodyUpdate& update, const TagMap&) {
+        ++images;
+        shifted += update.report.map_shift ? 1 : 0;
+        if (update.shown()) first.try_emplace(frozen, images);
+        steps.take(update);
+      };
+      (void)run_filter(data, choice);
+      EXPECT_EQ(shifted > 3, !frozen) << world;
+      EXPECT_GT(steps.figures().valid, steps.figures().frames / 2) << world;
+      EXPECT_LT(steps.figures().position, kMost_sigma) << world;
+      EXPECT_LT(steps.figures().attitude, kMost_sigma) << world;
+    }
+    EXPECT_EQ(first.at(false), first.at(true)) << world;
+  }
+}
+
+TEST_F(MapRefinerSimulation, OneRobotMakesAConsistentMap) {
   const TogetherRun run = run_together(std::span(robots_).first(1), choice_);
-  EXPECT_EQ(run.map.known, nullptr);
-  EXPECT_FALSE(has_segment_);
+  ASSERT_NE(run.map.known, nullptr);
+  EXPECT_GT(run.map.tags.size(), 15U);
+  EXPECT_GT(run.map_nees, 0.2);
+  EXPECT_LT(run.map_nees, 3.0);
+  EXPECT_GT(shifted_[0], 3);
 }
 
 }  // namespace

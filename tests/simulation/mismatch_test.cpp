@@ -228,9 +228,7 @@ LensOutcome with_lens_error(double configured_px) {
   for (std::uint64_t seed = 401; seed < 401 + kSeeds; ++seed) {
     const std::vector<EstimationData> data{
         with_calibrated_lens({.world = "hall", .seconds = 60, .seed = seed}, 0.05, configured_px)};
-    FilterChoice choice = kLive;
-    choice.refine_period_s = 0;
-    const TogetherRun run = run_together(data, choice);
+    const TogetherRun run = run_together(data, kLive);
     out.map_nees += run.map_nees / kSeeds;
     out.pose_nees += run.bodies.front().pose_nees() / kSeeds;
     for (const MapEvent& event : run.map_events) {

@@ -56,7 +56,7 @@ class MovedTagSimulation : public testing::Test {
   }
 
   std::vector<EstimationData> robots_;
-  FilterChoice choice_{.filter = "world", .live = true, .refine_period_s = 2};
+  FilterChoice choice_{.filter = "world", .live = true};
   int moved_{};
 };
 

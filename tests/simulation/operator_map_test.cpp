@@ -1,5 +1,5 @@
 // An operator changes the map of a running server over its sockets: three simulated robots in real
-// time, with the map graph and without.
+// time.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -39,12 +39,12 @@ double mean_x_between(const TagMap& a, const TagMap& b) {
   return both == 0 ? 1e9 : sum / both;
 }
 
-class OperatorMapTest : public testing::TestWithParam<double> {
+class OperatorMapTest : public testing::Test {
  protected:
   void SetUp() override {
     config_ = corner_demo();
     config_.map.store = folder_.file("hall.map");
-    config_.map.builder.refine_period_s = GetParam();
+    config_.map.builder.refine_period_s = 1.0;
     config_.map.builder.commit_period_s = 0.5;
     config_.operators.token = "correct horse";
     serve();
@@ -109,11 +109,7 @@ class OperatorMapTest : public testing::TestWithParam<double> {
   std::vector<std::unique_ptr<simulation::SimulatedSource>> robots_;
 };
 
-INSTANTIATE_TEST_SUITE_P(With, OperatorMapTest, testing::Values(0.0, 1.0), [](const auto& with) {
-  return std::string(with.param > 0 ? "Graph" : "Beliefs");
-});
-
-TEST_P(OperatorMapTest, RolledBackMapIsServedAndRefined) {
+TEST_F(OperatorMapTest, RolledBackMapIsServedAndRefined) {
   ASSERT_TRUE(wait_until([&] { return are_tracked() && newest().tags.size() >= 12; }));
   end();
   const TagMap here = newest();
@@ -141,7 +137,7 @@ TEST_P(OperatorMapTest, RolledBackMapIsServedAndRefined) {
   EXPECT_TRUE(robots_are_at(kElsewhere_m)) << "now " << robots_x_off_m();
 }
 
-TEST_P(OperatorMapTest, ForgottenTagIsMappedAgain) {
+TEST_F(OperatorMapTest, ForgottenTagIsMappedAgain) {
   ASSERT_TRUE(wait_until([&] { return are_tracked() && newest().tags.size() >= 12; }));
   const TagMap before = newest();
   const MapTag& most_seen =
@@ -168,7 +164,7 @@ TEST_P(OperatorMapTest, ForgottenTagIsMappedAgain) {
   EXPECT_LT(sightings, most_seen.sightings);
 }
 
-TEST_P(OperatorMapTest, VersionsAreStoredWithNamesAndRenamed) {
+TEST_F(OperatorMapTest, VersionsAreStoredWithNamesAndRenamed) {
   ASSERT_TRUE(wait_until([&] { return newest().version > 0; }));
   ASSERT_TRUE(control_->commit_map("as it was on monday"));
   ASSERT_TRUE(wait_until([&] { return version_called("as it was on monday").has_value(); }));

@@ -138,10 +138,9 @@ const WrongOdometry kWrongOdometry[] = {
      false},
 };
 
-OfflineSession resolve(const OfflineRobot& one, double refine_period_s, bool resolve = true) {
+OfflineSession resolve(const OfflineRobot& one, bool resolve = true) {
   OfflineMap map;
   map.resolve = resolve;
-  map.config.refine_period_s = refine_period_s;
   return value_of(run_together({{1, "robot", one.setup, one.source.get()}}, map));
 }
 
@@ -212,7 +211,7 @@ TEST_P(ResolveSimulation, PosesAreConsistentAndBetterThanTheFilters) {
                              GetParam().has_imu, Corners::kOfRenderedImages);
     if (GetParam().has_odometry)
       one.setup.odometry = odometry_of(one, static_cast<std::uint64_t>(seed));
-    const OfflineSession session = resolve(one, GetParam().has_imu ? 2 : 0);
+    const OfflineSession session = resolve(one);
     EXPECT_TRUE(session.solved.last.is_at_rest);
     const PosesScore of_run = poses_score(session, one);
     nees += of_run.nees / kSeeds;
@@ -247,7 +246,7 @@ TEST_P(WrongOdometryTest, IsIgnoredOrReported) {
     Odometry odometry = *odometry_of(one, seed);
     wrong.spoil(odometry, one.start);
     one.setup.odometry = std::make_shared<const Odometry>(std::move(odometry));
-    const OfflineSession session = resolve(one, 0);
+    const OfflineSession session = resolve(one);
     const OfflineResult& result = session.bodies.front();
     if (wrong.reports != nullptr) {
       EXPECT_THAT(result.doubts, testing::Contains(testing::HasSubstr(wrong.reports))) << seed;
@@ -307,7 +306,7 @@ class BeforeAnchoring : public testing::Test {
 TEST_F(BeforeAnchoring, PosesAreLeftOutAndCounted) {
   for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
     OfflineRobot one = late_robot(seed);
-    const OfflineSession session = resolve(one, 0, false);
+    const OfflineSession session = resolve(one, false);
     const OfflineResult& result = session.bodies.front();
     ASSERT_FALSE(result.trajectory.empty());
     EXPECT_EQ(result.trajectory.front().at, anchored_at(result));
@@ -320,7 +319,7 @@ TEST_F(BeforeAnchoring, ResolvedPosesAreConsistent) {
   double nees = 0;
   for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
     OfflineRobot one = late_robot(seed);
-    const OfflineSession session = resolve(one, 2);
+    const OfflineSession session = resolve(one);
     const OfflineResult& result = session.bodies.front();
     ASSERT_FALSE(result.live.empty());
     EXPECT_LT(result.trajectory.front().at, anchored_at(result));
@@ -360,7 +359,6 @@ TEST(MapOfTwoRobotsOnTwoDays, IsConsistent) {
       bodies.push_back({static_cast<int>(k) + 1, "robot", robots[k].setup, robots[k].source.get()});
     OfflineMap map;
     map.resolve = true;
-    map.config.refine_period_s = 2;
     const auto session = value_of(run_together(bodies, map));
     nees += nees_of(session.map, robots.front().tags) / kSeeds;
   }

@@ -15,7 +15,6 @@ class IdleFilter : public Filter {
   UpdateReport update(const TagObservations&, const MapKnowledge&) override { return {}; }
   void set_tag_priors(std::vector<KnownTag>) override {}
   void lose_motion() override {}
-  void release_tag(int) override {}
   [[nodiscard]] bool running() const override { return true; }
   [[nodiscard]] BodyEstimate estimate() const override { return {}; }
   void tag_beliefs(std::vector<TagBelief>& out) const override { out.clear(); }

@@ -282,7 +282,7 @@ PipelineSetup pipeline_setup(const ServerConfig& config, const BodyConfig& body,
   pipeline.estimator = config.estimator;
   pipeline.gauge = {config.map.reference_tag, config.map.reference_pose, config.map.floor_tags};
   pipeline.filter = body.filter;
-  pipeline.records_segments = config.map.builder.refine_period_s > 0;
+  pipeline.records_segments = true;
   if (setup.recording)
     for (const RecordedTag& tag : setup.recording->known_tags)
       pipeline.priors.push_back(known_tag(tag));

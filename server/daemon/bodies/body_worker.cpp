@@ -178,7 +178,7 @@ void BodyWorker::process_ready_samples() {
     if (update == nullptr) continue;
     pulse_.unseen.note(image, update->seen.exposed_at, !update->seen.tags.empty());
     if (!pipeline_->source_gives_corners()) shared_.recorder.take_found(index_, update->corners);
-    const std::uint64_t turn = shared_.map.absorb(contribution_of(id_, *update), utc_now_ns());
+    const std::uint64_t turn = shared_.map.absorb(contribution_of(view, *update), utc_now_ns());
     shared_.recorder.take_turn(index_, *update, view, turn);
     count(*update);
     report_events(*update);
@@ -209,9 +209,7 @@ void BodyWorker::count(const BodyUpdate& update) {
 void BodyWorker::report_events(const BodyUpdate& update) {
   for (const auto& event : shared_.map.take_events()) {
     // The map keeper reports versions.
-    const bool is_frequent = event.kind == MapEvent::Kind::kPublished ||
-                             event.kind == MapEvent::Kind::kTagRefined ||
-                             event.kind == MapEvent::Kind::kTagCalibrated;
+    const bool is_frequent = event.kind == MapEvent::Kind::kPublished;
     const bool is_bad =
         event.kind == MapEvent::Kind::kTagQuarantined || event.kind == MapEvent::Kind::kTagDisputed;
     log::write(is_bad        ? log::Level::kWarning

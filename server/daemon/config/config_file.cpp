@@ -103,9 +103,6 @@ ConfigResult<ServerConfig> parse_config(const std::string& text, const std::stri
   for (std::size_t i = 0; i < read.bodies.size(); ++i)
     if (read.bodies[i].id == 0) read.bodies[i].id = static_cast<int>(i) + 1;
   if (const YAML::Node& written = *document; written.IsMap()) {
-    const YAML::Node map = written["map"];
-    const bool is_given = map && map.IsMap() && map["refine_period_s"];
-    if (!is_given) read.map.builder.refine_period_s = refine_period_for(read.bodies.size());
     choose_sources(written["bodies"], read);
   }
   for (auto& error : check(read)) {

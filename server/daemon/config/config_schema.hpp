@@ -69,7 +69,7 @@ void describe(V& v, EstimatorConfig& c) {
   v.value("landmarks", c.landmarks);
   v.value("gate_probability", c.gate_probability);
   v.value("max_local_tags", c.max_local_tags);
-  v.value("hand_over_above", c.hand_over_above);
+  v.former("hand_over_above", "the map takes all tags, with correlations");
   v.value("branch_evidence", c.branch_evidence);
   v.value("branch_views", c.branch_views);
   v.value("max_imu_gap_s", c.max_imu_gap_s);
@@ -87,8 +87,8 @@ void describe(V& v, MapSettings& c) {
   v.value("reference_pose", c.reference_pose);
   v.value("floor_tags", c.floor_tags);
   v.value("use_learned_extrinsics", c.use_learned_extrinsics);
-  v.value("publish_position_sigma_m", c.builder.publish_position_sigma_m);
-  v.value("publish_rotation_sigma_rad", c.builder.publish_rotation_sigma_rad);
+  v.former("publish_position_sigma_m", "a tag joins the map with any sigma");
+  v.former("publish_rotation_sigma_rad", "a tag joins the map with any sigma");
   v.value("publish_sightings", c.builder.publish_sightings);
   v.value("refine_period_s", c.builder.refine_period_s);
   v.value("correction_ramp_s", c.correction_ramp_s);

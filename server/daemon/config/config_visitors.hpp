@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "base/log.hpp"
 #include "base/time.hpp"
 #include "base/yaml.hpp"
 #include "base/yaml_section.hpp"
@@ -33,6 +34,7 @@ class ConfigPrinter final {
     line(key, x.empty() ? "\"\"" : "\"\"  # set, not shown");
   }
   void device(const char* key, const std::string& x) { line(key, text_of(x)); }
+  void former(const char* /*key*/, const char* /*instead*/) {}
 
   template <typename T>
   void section(const char* key, T& x) {
@@ -120,6 +122,11 @@ class ConfigReader final {
     if (!std::isnan(value)) out = from_seconds(value);
   }
   void secret(const char* key, std::string& out) { value(key, out); }
+  /// A key of earlier versions: old files and recorded sessions may have it.
+  void former(const char* key, const char* instead) {
+    if (section_.take(key).IsDefined())
+      log::warning("daemon", section_.path_of(key) + " is not used any more: " + instead);
+  }
   void path(const char* key, std::string& out) {
     const YAML::Node node = section_.take(key);
     if (!node.IsDefined()) return;

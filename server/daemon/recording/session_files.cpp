@@ -51,7 +51,6 @@ Expected<void> SessionFiles::open_surroundings(const fs::path& folder, const Ses
   auto turns = TurnWriter<MapTurn>::create(folder / "turns.csv");
   if (!turns) return tl::unexpected(turns.error());
   turns_ = std::move(*turns);
-  if (!start.is_refined) return {};
   auto refinements = TurnWriter<RefinementTurn>::create(folder / "refinements.csv");
   if (!refinements) return tl::unexpected(refinements.error());
   refinements_ = std::move(*refinements);

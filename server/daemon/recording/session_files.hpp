@@ -89,11 +89,10 @@ struct RecordedBody {
 struct SessionStart {
   std::string config_yaml;     ///< Effective, without secrets.
   std::optional<MapView> map;  ///< At the start.
-  bool is_refined{false};      ///< While the session lasts.
 };
 
 /// Writes the folder of one session: a recording per body, `config.yaml`, `map.yaml`, `turns.csv`,
-/// and `refinements.csv` when the map is refined. Every call may wait for the disk.
+/// and `refinements.csv`. Every call may wait for the disk.
 class SessionFiles final {
  public:
   /// @param folder  must not exist: nothing is overwritten

@@ -83,7 +83,7 @@ Expected<void> SessionRecorder::start(const std::string& name) {
   if (!is_folder_name(name))
     return fail(ErrorCode::kInvalid,
                 "a recording's name must have 1 to 127 of a-z A-Z 0-9 _ - . and space", name);
-  SessionStart begin{surroundings_.config_yaml, std::nullopt, surroundings_.is_refined};
+  SessionStart begin{surroundings_.config_yaml, std::nullopt};
   if (surroundings_.published) begin.map = surroundings_.published();
   {
     const std::lock_guard lock(mutex_);

@@ -32,7 +32,6 @@ struct RecorderConfig {
 struct SessionSurroundings {
   std::string config_yaml;             ///< Effective, without secrets.
   std::function<MapView()> published;  ///< The present map.
-  bool is_refined{false};              ///< Refinements of the map are recorded.
 };
 
 /// Queue for the disk, bounded by memory: images and corners together kImages_bytes, everything

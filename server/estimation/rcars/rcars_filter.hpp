@@ -30,8 +30,6 @@ class RcarsFilter final : public BodyFilter {
   void set_tag_priors(std::vector<KnownTag> priors) override;
   /// No effect: the pose without tags has a growing covariance.
   void lose_motion() override {}
-  /// No effect: tags stay in the state.
-  void release_tag(int) override {}
   [[nodiscard]] bool running() const override { return is_anchored_ || !x_.tags.empty(); }
   [[nodiscard]] BodyEstimate estimate() const override;
   void tag_beliefs(std::vector<TagBelief>& out) const override;

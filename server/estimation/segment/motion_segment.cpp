@@ -1,10 +1,31 @@
 #include "estimation/segment/motion_segment.hpp"
 
 #include <Eigen/LU>
+#include <set>
 
 #include "estimation/world/error_state.hpp"
 
 namespace fiducap {
+
+void remove_sightings(MotionSegment& segment,
+                      const std::function<bool(const MotionSegment::Instance&, const SegmentImage&,
+                                               const SegmentSighting&)>& is_out) {
+  std::set<int> left;
+  for (MotionSegment::Instance& instance : segment.instances) {
+    for (SegmentImage& image : instance.images) {
+      std::erase_if(image.tags, [&](const auto& one) { return is_out(instance, image, one); });
+      for (const SegmentSighting& one : image.tags) left.insert(one.seen.tag_id);
+    }
+    std::erase_if(instance.images, [](const SegmentImage& image) { return image.tags.empty(); });
+  }
+  const std::vector<KnownTag> tags = std::exchange(segment.tags, {});
+  const std::vector<double> scales = std::exchange(segment.scales, {});
+  for (std::size_t i = 0; i < tags.size(); ++i) {
+    if (!left.contains(tags[i].tag_id)) continue;
+    segment.tags.push_back(tags[i]);
+    if (!scales.empty()) segment.scales.push_back(scales[i]);
+  }
+}
 
 BodyMoment moved(const BodyMoment& body, const Vector15d& error) {
   using namespace world::layout;  // NOLINT: block names

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -90,6 +91,7 @@ struct MotionSegment {
   std::vector<CameraBelief> cameras;  ///< All of the body's.
   double gravity_offset_m_s2{};       ///< Gravity minus the configured value.
   ImuIntrinsics imu{};                ///< As estimated by the filter; constant.
+  std::vector<FoundMismatch> found;   ///< Differences from the configuration, by the filter.
   std::vector<KnownTag> tags;         ///< Tags seen, by the filter or the map.
   std::vector<double> scales;         ///< Relative size offset of each tag; empty: none.
 
@@ -97,6 +99,11 @@ struct MotionSegment {
   [[nodiscard]] const BodyMoment& begin() const { return instances.front().body; }
   [[nodiscard]] const BodyMoment& end() const { return instances.back().body; }
 };
+
+/// Removes the sightings for which `is_out` is true, and images and tags that have no other.
+void remove_sightings(MotionSegment& segment,
+                      const std::function<bool(const MotionSegment::Instance&, const SegmentImage&,
+                                               const SegmentSighting&)>& is_out);
 
 using Vector15d = Eigen::Matrix<double, 15, 1>;
 

@@ -1,7 +1,6 @@
 #include "estimation/segment/segment_cutting.hpp"
 
 #include <algorithm>
-#include <set>
 #include <utility>
 
 #include "base/pose.hpp"
@@ -68,15 +67,10 @@ void cut(const PlacedPath& path, std::span<const PlacedInstant> chain, int numbe
 }  // namespace
 
 void keep_placed(const std::map<int, KnownTag>& places, MotionSegment& segment) {
-  std::set<int> seen;
-  for (MotionSegment::Instance& instance : segment.instances) {
-    for (SegmentImage& image : instance.images) {
-      std::erase_if(image.tags, [&](const auto& s) { return !places.contains(s.seen.tag_id); });
-      for (const SegmentSighting& s : image.tags) seen.insert(s.seen.tag_id);
-    }
-    std::erase_if(instance.images, [](const SegmentImage& image) { return image.tags.empty(); });
-  }
-  for (const int tag_id : seen) segment.tags.push_back(places.at(tag_id));
+  for (const auto& [tag_id, tag] : places) segment.tags.push_back(tag);
+  remove_sightings(segment, [&](const auto&, const auto&, const SegmentSighting& one) {
+    return !places.contains(one.seen.tag_id);
+  });
 }
 
 void add_steps(Duration time, const InertialInput& input, Duration longest,

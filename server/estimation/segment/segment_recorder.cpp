@@ -129,6 +129,7 @@ void SegmentRecorder::end(const BodyFilter& filter) {
   const BodyEstimate body = filter.estimate();
   open_.gravity_offset_m_s2 = body.gravity_offset_m_s2;
   open_.imu = body.imu;
+  filter.mismatches(open_.found);
   const auto sensors = open_.sensors;
   done_.push_back(std::make_shared<const MotionSegment>(std::move(open_)));
   if (done_.size() > kMostHeldBack) done_.pop_front();

@@ -26,6 +26,8 @@ constexpr int kCornerStepIterations = 2;
 // Fewer image points than this cannot confirm each other (edges, partly visible tags).
 constexpr std::size_t kFewestPoints = 10;
 constexpr double kUnknownTurn_rad = 0.4;  // of the attitude, 1-sigma
+// Beyond, the tags of the map are held: each image changes all of these 720 x 720 covariances.
+constexpr std::size_t kMostOwnTags = 120;
 // Probability of the fit of three corners, by which a tag is used without the fourth: lower than
 // the gate's, as a tag at another place may fit three corners by chance.
 constexpr double kThreeCornersFit = 0.9;
@@ -105,14 +107,6 @@ void TagFilter::set_tag_priors(std::vector<KnownTag> priors) {
   for (const KnownTag& prior : priors) priors_[prior.tag_id] = prior;
 }
 
-void TagFilter::release_tag(int tag_id) {
-  const int tag = state_.find(tag_id);
-  if (tag < 0 || anchor_.defined_by() == tag_id || !is_following() || !anchor_.is_anchored())
-    return;
-  state_.remove_tag(static_cast<std::size_t>(tag));
-  memory_.forget_all();  // its states contain the tag
-}
-
 void TagFilter::end_start() {
   is_start_over_ = true;
   if (clocks_.spread > 0) return;
@@ -134,13 +128,27 @@ void TagFilter::propagate(const ImuSample& imu) {
 
 UpdateReport TagFilter::update(const TagObservations& seen, const MapKnowledge& map) {
   map_ = map;
+  const bool keeps_tags = has_made(map);
+  if (keeps_tags) map_ = {.may_define_workspace = false};
   const int generation = generation_;
-  UpdateReport report = process(seen, map.tags);
+  UpdateReport report = process(seen, map_.tags);
+  for (const KnownTag& tag : map.tags) {
+    const int own = keeps_tags ? state_.find(tag.tag_id) : -1;
+    if (own >= 0 && state_.tags[static_cast<std::size_t>(own)].last_seen == seen.exposed_at)
+      report.name_fitting(tag.tag_id);
+  }
   report.generation = generation_;
   report.running = running();
   map_ = {};
   if (generation_ != generation) report.gauge_shift.reset();  // no earlier poses
   return report;
+}
+
+/// The map is an estimate from a part of this filter's own data: its tags stay in the state, and
+/// are estimated with the newest images and with all correlations.
+bool TagFilter::has_made(const MapKnowledge& map) const {
+  return map.whole != nullptr && map.whole->made_by == map.body_id && anchor_.defined_by() &&
+         state_.tags.size() <= kMostOwnTags;
 }
 
 void TagFilter::sort(const TagObservations& seen, std::span<const KnownTag> known) {
@@ -193,7 +201,7 @@ void TagFilter::predict(const TagObservations& seen, std::span<const KnownTag> k
                         UpdateReport& report) {
   image_update_.look_at(state_, seen);
   if (is_following()) {
-    if (const auto shift = anchor_.by_own_tags(state_, known, map_.whole == nullptr)) {
+    if (const auto shift = anchor_.by_own_tags(state_, known)) {
       memory_.forget_all();  // not anchored
       shift_axes(shift, report);
     }

@@ -51,7 +51,6 @@ class TagFilter final : public StartingFilter {
   void set_tag_priors(std::vector<KnownTag> priors) override;
   void lose_motion() override { lose_motion(false); }
   void note_clock_jump(int camera, Duration shift) override;
-  void release_tag(int tag_id) override;
   [[nodiscard]] bool running() const override;
   [[nodiscard]] BodyEstimate estimate() const override;
   void tag_beliefs(std::vector<TagBelief>& out) const override;
@@ -94,6 +93,7 @@ class TagFilter final : public StartingFilter {
   /// Own tags are not the map's.
   [[nodiscard]] bool is_own(std::size_t tag) const { return !state_.tags[tag].held; }
 
+  [[nodiscard]] bool has_made(const MapKnowledge& map) const;
   void restart();
   UpdateReport process(const TagObservations& seen, std::span<const KnownTag> known);
   /// Applies changes of the map and tests whether the body is lost.

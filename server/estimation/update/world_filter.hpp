@@ -26,7 +26,6 @@ class WorldFilter final : public BodyFilter {
   void note_clock_jump(int camera, Duration shift) override {
     present_->note_clock_jump(camera, shift);
   }
-  void release_tag(int tag_id) override { present_->release_tag(tag_id); }
   [[nodiscard]] bool running() const override { return present_->running(); }
   [[nodiscard]] BodyEstimate estimate() const override { return present_->estimate(); }
   /// None while the start may be replaced.

@@ -88,14 +88,6 @@ CalibrationMonitor::Posterior CalibrationMonitor::posterior(const Likelihood& of
   return out;
 }
 
-/// The map has tested the parameter with the images of all bodies.
-bool CalibrationMonitor::is_judged(const FilterState& state, const Parameter& parameter) const {
-  using Kind = FoundMismatch::Kind;
-  const bool is_of_imu = parameter.kind == Kind::kAccelScale || parameter.kind == Kind::kGyroTurn ||
-                         parameter.kind == Kind::kGyroScale || parameter.kind == Kind::kGyroDrift;
-  return state.time < state.judged_until && !is_of_imu && !parameter.is_of_mount();
-}
-
 /// Bayesian model average over the closed groups: second moment of each group's error, with the
 /// probability that the group is wrong.
 void CalibrationMonitor::average(const FilterState& state, const Likelihood& of) {
@@ -115,7 +107,6 @@ void CalibrationMonitor::average(const FilterState& state, const Likelihood& of)
     if (count < doubt.count) continue;  // not tested with this image
     doubt.moment.setZero();
     if ((group & now).any()) continue;  // open
-    if (is_judged(state, all_[doubt.rows[0]])) continue;
     const Posterior open = posterior(of, now | group);
     const double odds = kWrong * std::exp(std::min(open.evidence - evidence, 50.0));
     const double share = odds / (1 + odds);
@@ -131,15 +122,10 @@ void CalibrationMonitor::average(const FilterState& state, const Likelihood& of)
 
 /// The parameters that explain the data best when they are open: rows of `all_`. Groups are added
 /// one by one; those that explain the data as well as one of them are added, too.
-std::vector<std::size_t> CalibrationMonitor::select(const FilterState& state,
-                                                    const Likelihood& of) const {
+std::vector<std::size_t> CalibrationMonitor::select(const Likelihood& of) const {
   std::vector<Opened> groups;
   Opened chosen;
   for (std::size_t a = 0; a < of.count; ++a) {
-    if (is_judged(state, all_[of.rows[a]])) {
-      chosen.set(a, state.parameter_tests[of.rows[a]].is_open);
-      continue;
-    }
     const auto same = std::ranges::find_if(groups, [&](const Opened& group) {
       for (std::size_t b = 0; b < a; ++b)
         if (group.test(b)) return is_same_group(all_[of.rows[b]], all_[of.rows[a]]);

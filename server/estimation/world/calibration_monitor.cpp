@@ -198,7 +198,7 @@ bool CalibrationMonitor::update_tests(FilterState& state, int camera, double dis
     if (all_[i].camera >= 0) tested = all_[i].camera;
   }
   const Likelihood of = likelihood(state, tested, scale * scale);
-  if (opens) opens = set_open(state, camera, of, select(state, of));
+  if (opens) opens = set_open(state, camera, of, select(of));
   average(state, of);
   release_confirmed_prints(state);
   return opens;

@@ -73,9 +73,7 @@ class CalibrationMonitor final {
   /// After an exchange with the map: the map was made with the closed parameters as configured, so
   /// it must neither improve nor change their tests.
   void restore_test_statistics(FilterState& state, std::span<const TestStatistics> before) const;
-  /// Opens the parameters that are open in the map (KnownMap::wrong_prints, …). A judged map resets
-  /// the other tests of lenses, readouts and tag sizes, and is the only one to open these for ten
-  /// seconds.
+  /// Opens the parameters that are open in the map (KnownMap::wrong_prints, …).
   /// @return whether a parameter was opened
   bool follow_map(FilterState& state, const KnownMap& map, int body_id) const;
   /// Resets the tests of closed parameters with at least this score.
@@ -175,9 +173,7 @@ class CalibrationMonitor final {
                                      const std::vector<std::size_t>& rows) const;
   [[nodiscard]] Likelihood likelihood(const FilterState& state, int camera,
                                       double dispersion) const;
-  [[nodiscard]] bool is_judged(const FilterState& state, const Parameter& parameter) const;
-  [[nodiscard]] std::vector<std::size_t> select(const FilterState& state,
-                                                const Likelihood& of) const;
+  [[nodiscard]] std::vector<std::size_t> select(const Likelihood& of) const;
   [[nodiscard]] Posterior posterior(const Likelihood& of, const Opened& opened) const;
   void average(const FilterState& state, const Likelihood& of);
   void list_doubts();

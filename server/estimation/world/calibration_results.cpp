@@ -23,8 +23,6 @@ constexpr double kRefinedCentre_px = 5.0;
 constexpr double kRefinedDistortion = 0.02;  // refined alone
 // Typical distance of corners from the centre, in image widths.
 constexpr double kTypicalRadius = 0.25;
-// Validity of a judgement by the map: longest delay of a graph of some thousand segments.
-constexpr Duration kJudgementHolds = std::chrono::seconds(10);
 
 /// Derivative of one number of X_BV (position or rotation vector, B axes) by the world-side error
 /// of the camera relative to the body.
@@ -364,9 +362,6 @@ bool CalibrationMonitor::follow_map(FilterState& state, const KnownMap& map, int
     state.clear_column(one.at, one.sigmas.open);
     is_new = true;
   }
-  if (!map.is_judged) return is_new;
-  state.judged_until = state.time + kJudgementHolds;
-  reset_tests(state, kLikely_sigma);
   return is_new;
 }
 

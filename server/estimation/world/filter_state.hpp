@@ -94,7 +94,6 @@ struct FilterMean : MovingBody {
   PrintSizes sizes;
   std::vector<ParameterTest> parameter_tests;  ///< Per parameter; empty: none are tested.
   double gyro_drift_sigma{};                   ///< Stationary 1-sigma of imu.gyro_drift, rad/s².
-  Instant judged_until{Instant::min()};        ///< Until then only the map opens parameters.
   std::vector<Clone> clones;                   ///< Fixed number, no order; none: no points.
   std::vector<WorldTag> tags;                  ///< Order of entry.
 };

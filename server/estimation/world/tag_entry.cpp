@@ -8,9 +8,7 @@
 
 #include "base/pose.hpp"
 #include "detection/tag_geometry.hpp"
-#include "estimation/filter/chi_square.hpp"
 #include "estimation/filter/growing_covariance.hpp"
-#include "estimation/filter/kalman_gain.hpp"
 #include "estimation/filter/matrix6.hpp"
 #include "estimation/world/corner_measurement.hpp"
 
@@ -61,36 +59,10 @@ void correct_place(FilterState& state, int camera, const CameraModel& model, con
 // Held tags out of view, the last ones seen: their correlation with the body is kept for a while at
 // bounded cost.
 constexpr std::size_t kHeldOutOfView = 12;
-// Differences of pose and relative covariance at which a held tag is updated.
-constexpr double kSamePlace = 1e-9;
-constexpr double kSameVariance = 0.01;
-
 bool is_in_view(const TagObservations& seen, int tag_id) {
   return std::ranges::find(seen.tags, tag_id, &TagObservation::tag_id) != seen.tags.end();
 }
 
-bool differs(const FilterState& state, std::size_t i, const KnownTag& now) {
-  const Pose& X_WT = state.tags[i].X_WT;
-  if ((X_WT.p - now.X_WT.p).norm() > kSamePlace || angle_between(X_WT.q, now.X_WT.q) > kSamePlace)
-    return true;
-  const Matrix6d held = tag_in_workspace(state, i).covariance;
-  return (held - now.covariance).norm() > kSameVariance * held.norm();
-}
-
-/// Updates the held tags by the map.
-void follow_map(FilterState& state, const TagObservations& seen, std::span<const KnownTag> known) {
-  for (std::size_t i = state.tags.size(); i-- > 0;) {
-    const WorldTag& tag = state.tags[i];
-    if (!tag.held) continue;
-    const auto now = std::ranges::find(known, tag.tag_id, &KnownTag::tag_id);
-    if (now == known.end()) {
-      if (is_in_view(seen, tag.tag_id)) state.remove_tag(i);  // not in the map any more
-    } else if (differs(state, i, *now)) {
-      const bool is_moved = !replace_held(state, i, *now);
-      if (is_moved || now->is_exact()) state.remove_tag(i);
-    }
-  }
-}
 }  // namespace
 
 void augment(FilterState& state, int camera, const CameraModel& model, const TagObservation& seen,
@@ -125,72 +97,6 @@ void hold(FilterState& state, const KnownTag& known, Instant at) {
                 J * known.covariance * J.transpose());
 }
 
-bool replace_held(FilterState& state, std::size_t tag, const KnownTag& now) {
-  static const double kGate = chi_square_quantile(6, 0.9999);
-  constexpr double kLeastSigma = 1e-6;  // m and rad: the map is rounded
-  constexpr double kSingular = 1e-6;    // of the largest eigenvalue
-  auto P = state.P();
-  const int at = state.tag_at(tag);
-  const Matrix6d J = world_from_plain_error(now.X_WT.p);
-  const Matrix6d R = J * now.covariance * J.transpose();
-  const Matrix6d S = P.block<6, 6>(at, at);
-  const Vector6d moved = world_error_between(state.tags[tag].X_WT, now.X_WT);
-  Matrix6d apart = S + R;
-  apart.diagonal().array() += kLeastSigma * kLeastSigma;
-  if (!(squared_distance(moved, apart) < kGate)) return false;
-
-  // Position and heading of a reference tag are exact, so S may be singular.
-  const SymmetricEigen6 eigen = symmetric_eigen(S);
-  const double least =
-      std::max(kLeastSigma * kLeastSigma, kSingular * std::max(0.0, eigen.values(5)));
-  Vector6d inverted = Vector6d::Zero();
-  for (int k = 0; k < 6; ++k) {
-    if (eigen.values(k) > least) inverted(k) = 1.0 / eigen.values(k);
-  }
-  const Eigen::Matrix<double, Eigen::Dynamic, 6> G =
-      P.middleCols<6>(at) * (eigen.V * inverted.asDiagonal() * eigen.V.transpose());
-  const Eigen::Matrix<double, Eigen::Dynamic, 6> GD = G * (S - R);
-  // A variance must not become negative by rounding.
-  for (Eigen::Index k = 0; k < P.cols(); ++k) {
-    const bool own = k >= at && k < at + 6;
-    if (!own && P(k, k) > 0 && !(GD.row(k).dot(G.row(k)) < P(k, k))) return false;
-  }
-  for (Eigen::Index k = 0; k < P.cols(); ++k) {
-    P.col(k).head(k + 1).noalias() -= GD.topRows(k + 1) * G.row(k).transpose();
-    P.row(k).head(k) = P.col(k).head(k).transpose();
-  }
-  P.middleCols<6>(at).noalias() = G * R;
-  P.middleRows<6>(at) = P.middleCols<6>(at).transpose();
-  P.block<6, 6>(at, at) = R;
-  state.add_error(G * moved);
-  state.tags[tag].X_WT = now.X_WT;
-  return true;
-}
-
-void fuse_with_held(FilterState& state, std::size_t tag, std::size_t held) {
-  auto P = state.P();
-  const int a = state.tag_at(tag);
-  const int b = state.tag_at(held);
-  Vector6d y = world_error_between(state.tags[tag].X_WT, state.tags[held].X_WT);
-  Eigen::MatrixXd gain = P.middleCols<6>(a) - P.middleCols<6>(b);
-  Eigen::MatrixXd S = gain.middleRows<6>(a) - gain.middleRows<6>(b);
-  Eigen::VectorXd dx(state.size());
-  std::vector<unsigned char> mask;
-  kalman::solve(gain, S, y, state.held_tags(), dx);
-  kalman::shrink(P, gain, state.held_tags(), mask);
-  state.add_error(dx);
-}
-
-void give_to_map(FilterState& state, std::size_t tag, const KnownTag& map) {
-  if (map.is_exact()) {
-    fuse_prior(state, tag, map);
-  } else {
-    hold(state, map, state.tags[tag].last_seen);
-    fuse_with_held(state, tag, state.tags.size() - 1);
-  }
-  state.remove_tag(tag);
-}
-
 void fuse_prior(FilterState& state, std::size_t tag, const KnownTag& prior) {
   const Pose& X_WT = state.tags[tag].X_WT;
   Eigen::Matrix<double, 6, 1> y;
@@ -214,9 +120,13 @@ std::optional<Pose> HeldTags::take_over(FilterState& state, const KnownMap& map,
 
 void HeldTags::follow(FilterState& state, const TagObservations& seen,
                       std::span<const KnownTag> known, const KnownMap* whole, bool is_anchored) {
-  if (whole == nullptr) follow_map(state, seen, known);
-  for (std::size_t i = state.tags.size(); whole != nullptr && i-- > 0;)
-    if (state.tags[i].held && whole->find(state.tags[i].tag_id) == nullptr) state.remove_tag(i);
+  const auto is_gone = [&](int tag_id) {
+    if (whole != nullptr) return whole->find(tag_id) == nullptr;
+    return is_in_view(seen, tag_id) &&
+           std::ranges::find(known, tag_id, &KnownTag::tag_id) == known.end();
+  };
+  for (std::size_t i = state.tags.size(); i-- > 0;)
+    if (state.tags[i].held && is_gone(state.tags[i].tag_id)) state.remove_tag(i);
   if (is_anchored) {
     for (const KnownTag& tag : known)
       if (is_in_view(seen, tag.tag_id)) hold_one(state, tag, whole, seen.exposed_at);

@@ -28,18 +28,6 @@ void hold(FilterState& state, const KnownTag& known, Instant at);
 /// exact.
 void hold_one(FilterState& state, const KnownTag& tag, const KnownMap* whole, Instant at);
 
-/// Replaces the marginal of a held tag by the map's new one; the rest of the state follows its
-/// correlation. Information gained through the tag is kept, and the same marginal again has no
-/// effect.
-/// @return false, with nothing changed: the tag was moved
-[[nodiscard]] bool replace_held(FilterState& state, std::size_t tag, const KnownTag& now);
-
-/// Fuses a tag of the state with the same held tag: corrects the body, not the held tag (Schmidt).
-void fuse_with_held(FilterState& state, std::size_t tag, std::size_t held);
-
-/// Fuses an own tag with the map's, which replaces it.
-void give_to_map(FilterState& state, std::size_t tag, const KnownTag& map);
-
 /// Replaces the tags of the state that are in the map, also own ones, by the map's joint mean and
 /// covariance after a change of the map.
 ///
@@ -66,7 +54,7 @@ class HeldTags final {
   [[nodiscard]] bool has_changed(const KnownMap& map) const { return revision_ != map.revision; }
   /// See exchange(); once per revision of the map.
   std::optional<Pose> take_over(FilterState& state, const KnownMap& map, bool level);
-  /// Adds, updates and removes held tags by the map.
+  /// Adds and removes held tags by the map.
   /// @param whole  the map with correlations, or nullptr: tags are independent
   void follow(FilterState& state, const TagObservations& seen, std::span<const KnownTag> known,
               const KnownMap* whole, bool is_anchored);

@@ -70,7 +70,7 @@ std::optional<Pose> WorkspaceAnchor::by_sighting(world::FilterState& state, int 
 }
 
 std::optional<Pose> WorkspaceAnchor::by_own_tags(world::FilterState& state,
-                                                 std::span<const KnownTag> known, bool gives_tags) {
+                                                 std::span<const KnownTag> known) {
   if (is_anchored_) return std::nullopt;
   std::vector<MapLink> links;
   for (const KnownTag& tag : known) {
@@ -82,12 +82,8 @@ std::optional<Pose> WorkspaceAnchor::by_own_tags(world::FilterState& state,
   std::ranges::stable_sort(links, std::greater{}, &MapLink::sightings);
   if (!find_agreeing_links(state, level_, links)) return std::nullopt;
   is_anchored_ = true;
-  const Pose shift = anchor_local_to_known(state, index_of(state, links.front().tag_id),
-                                           links.front().map->X_WT, level_);
-  if (gives_tags)
-    for (const MapLink& link : links)
-      world::give_to_map(state, index_of(state, link.tag_id), *link.map);
-  return shift;
+  return anchor_local_to_known(state, index_of(state, links.front().tag_id),
+                               links.front().map->X_WT, level_);
 }
 
 std::optional<Pose> WorkspaceAnchor::by_definition(world::FilterState& state, bool may_define) {

@@ -102,9 +102,7 @@ class WorkspaceAnchor final {
                                   const Pose& X_WT);
   /// By tags of the state that are in the map by now: by the one with most agreeing others, if
   /// these are more than half, so that a misread id does not anchor a body.
-  /// @param gives_tags  the tags become the map's, one by one
-  std::optional<Pose> by_own_tags(world::FilterState& state, std::span<const KnownTag> known,
-                                  bool gives_tags);
+  std::optional<Pose> by_own_tags(world::FilterState& state, std::span<const KnownTag> known);
   /// By an own tag, if allowed. Once defined: removes the slip of linearisation.
   std::optional<Pose> by_definition(world::FilterState& state, bool may_define);
 

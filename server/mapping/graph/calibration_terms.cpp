@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 namespace fiducap {
 
@@ -9,122 +10,18 @@ namespace {
 
 using Kind = FoundMismatch::Kind;
 
-/// Prior sigmas of a tested parameter.
-struct Priors {
-  double tight{};    ///< Closed: exact.
-  double open{};     ///< Open.
-  double settled{};  ///< Posterior sigma at which it may be closed again.
-};
-
-Priors priors_of(Kind kind) {
-  switch (kind) {
-    case Kind::kReadout:
-      return {5e-6, 0.02, 3e-4};
-    case Kind::kFocalLength:
-      return {5e-6, 0.05, 1e-3};
-    case Kind::kCentreU:
-    case Kind::kCentreV:
-      return {0.005, 20.0, 0.5};
-    case Kind::kDistortion:
-      return {2e-6, 0.1, 2e-3};
-    case Kind::kAllPrints:
-      return {1e-5, 0.05, 5e-4};
-    default:
-      return {1e-5, 0.1, 5e-4};
-  }
-}
-
-constexpr double kOpen_sigma = 5.0;
-constexpr double kClosed_sigma = 2.0;
+// Relative sigmas of tag sizes: exact, or wrong, as in CalibrationMonitor.
+constexpr double kTightSize = 1e-5;
+constexpr double kOpenAllSizes = 0.05;
+constexpr double kOpenSize = 0.1;
 constexpr double kReported_sigma = 4.0;
+constexpr double kOpen_sigma = 5.0;
 
-struct TestedParameter {
-  Kind kind{};
-  std::size_t body{};  ///< Index, of a camera's parameter …
-  int camera{-1};      ///< … else -1.
-  std::size_t tag{};   ///< Index, of the size of one tag.
-  int variable{};      ///< Position in the equations …
-  int row{};           ///< … and there.
-  double value{};      ///< Against the configuration.
-  TestedPrior prior{};
-};
+constexpr int kScaleRow = segment_layout::scale(0, 0) - segment_layout::tag(0, 0);
 
-double square(double x) { return x * x; }
-
-double information_of(const TestedParameter& one) {
-  const Priors priors = priors_of(one.kind);
-  return 1 / square(one.prior.is_open ? priors.open : priors.tight);
-}
-
-/// Of the data alone, in sigmas.
-double score(const TestedParameter& one, double variance) {
-  const double prior = information_of(one);
-  const double of_data = 1 / variance - prior;
-  constexpr double kRounding = 1e-8;
-  if (!(of_data > kRounding * prior)) return 0;
-  return one.value / (variance * std::sqrt(of_data));
-}
-
-TestedPrior& prior_of(const TestedParameter& one, GraphState& graph) {
-  if (one.camera >= 0) return graph.bodies[one.body].tested.at(one.row);
-  return one.kind == Kind::kAllPrints ? graph.common_scale_prior : graph.tags[one.tag].scale_prior;
-}
-
-bool opens_with(const TestedParameter& one, const TestedParameter& other) {
-  if (one.variable == other.variable && one.row == other.row) return true;
-  return one.camera >= 0 && one.camera == other.camera && one.body == other.body &&
-         one.kind != Kind::kReadout && other.kind != Kind::kReadout;
-}
-
-TestedParameter camera_parameter(const GraphBody& body, std::size_t number, int row, int variable) {
-  using namespace segment_layout;  // NOLINT: the block names are the subject
-  const int camera = row / kCameraSize;
-  const CameraBelief& now = body.cameras[static_cast<std::size_t>(camera)];
-  TestedParameter one{.body = number, .camera = camera, .variable = variable, .row = row};
-  one.prior = body.tested.at(row);
-  switch (row % kCameraSize) {
-    case kReadout:
-      one.kind = Kind::kReadout;
-      one.value = now.readout_s - body.expected[static_cast<std::size_t>(camera)].readout_s;
-      break;
-    case kFocal:
-      one.kind = Kind::kFocalLength;
-      one.value = now.lens.focal;
-      break;
-    case kCentre:
-      one.kind = Kind::kCentreU;
-      one.value = now.lens.centre_px.x();
-      break;
-    case kCentre + 1:
-      one.kind = Kind::kCentreV;
-      one.value = now.lens.centre_px.y();
-      break;
-    default:
-      one.kind = Kind::kDistortion;
-      one.value = now.lens.k1;
-  }
-  return one;
-}
-
-std::vector<TestedParameter> tested_parameters(const GraphState& graph,
-                                               const GraphVariables& variables) {
-  std::vector<TestedParameter> out;
-  for (std::size_t b = 0; b < graph.bodies.size(); ++b)
-    for (const auto& [row, prior] : graph.bodies[b].tested)
-      out.push_back(camera_parameter(graph.bodies[b], b, row, variables.body(b)));
-  out.push_back({.kind = Kind::kAllPrints,
-                 .variable = variables.common_scale(),
-                 .row = 0,
-                 .value = graph.common_scale,
-                 .prior = graph.common_scale_prior});
-  for (std::size_t i = 0; i < graph.tags.size(); ++i)
-    out.push_back({.kind = Kind::kOnePrint,
-                   .tag = i,
-                   .variable = variables.tag(i),
-                   .row = segment_layout::scale(0, 0) - segment_layout::tag(0, 0),
-                   .value = graph.tags[i].scale,
-                   .prior = graph.tags[i].scale_prior});
-  return out;
+bool is_of_lens(Kind kind) {
+  return kind == Kind::kFocalLength || kind == Kind::kCentreU || kind == Kind::kCentreV ||
+         kind == Kind::kDistortion;
 }
 
 /// The tag has been moved since; another print may have its id now.
@@ -164,14 +61,15 @@ double add_same(const GraphState& graph, const GraphVariables& variables, std::s
   return 0.5 * error.dot(pull);
 }
 
-double add_tested(const TestedParameter& one, NormalEquations& out) {
-  const double information = information_of(one) - one.prior.folded;
-  const int size = out.H.size(one.variable);
+/// The relative error of a tag size.
+double add_size(double value, double sigma, int variable, int row, NormalEquations& out) {
+  const double information = 1 / (sigma * sigma);
+  const int size = out.H.size(variable);
   Eigen::MatrixXd own = Eigen::MatrixXd::Zero(size, size);
-  own(one.row, one.row) = information;
-  out.H.add(one.variable, one.variable, own);
-  out.pull(out.H.first(one.variable) + one.row) -= information * one.value;
-  return 0.5 * information * one.value * one.value;
+  own(row, row) = information;
+  out.H.add(variable, variable, own);
+  out.pull(out.H.first(variable) + row) -= information * value;
+  return 0.5 * information * value * value;
 }
 
 double add_gravity(const GraphState& graph, int variable, NormalEquations& out) {
@@ -193,64 +91,130 @@ void add_sensor_terms(const GraphState& graph, const GraphVariables& variables,
     cost += add_body(graph.bodies[i], variables.body(i), out);
     if (graph.bodies[i].same_as >= 0) cost += add_same(graph, variables, i, out);
   }
-  for (const TestedParameter& one : tested_parameters(graph, variables))
-    cost += add_tested(one, out);
+  cost += add_size(graph.common_scale, graph.common_scale_is_open ? kOpenAllSizes : kTightSize,
+                   variables.common_scale(), 0, out);
+  for (std::size_t i = 0; i < graph.tags.size(); ++i)
+    cost += add_size(graph.tags[i].scale, graph.tags[i].scale_is_open ? kOpenSize : kTightSize,
+                     variables.tag(i), kScaleRow, out);
   out.cost += cost;
 }
 
-bool test_parameters(const GraphCovariance& covariance, double dispersion, GraphState& graph) {
-  const auto parameters = tested_parameters(graph, covariance.variables());
-  const double scale = std::sqrt(std::max(1.0, dispersion));
-  const TestedParameter* worst = nullptr;
-  double most = kOpen_sigma;
-  bool is_changed = false;
-  for (const TestedParameter& one : parameters) {
-    const double variance = covariance.variance(one.variable, one.row);
-    if (one.prior.is_open) {
-      const double sigma = std::sqrt(variance);
-      // One at a time: all of them together may be significant.
-      if (is_changed || sigma > priors_of(one.kind).settled ||
-          std::abs(one.value) > kClosed_sigma * sigma)
-        continue;
-      prior_of(one, graph).is_open = false;
-      is_changed = true;
-      continue;
-    }
-    // Without IMU the scale of the whole is not observable.
-    if (one.camera < 0 && !graph.tests_sizes) continue;
-    const double beyond = std::abs(score(one, variance)) / scale;
-    if (beyond < most) continue;
-    worst = &one;
-    most = beyond;
+/// The size of a single tag stays open: filters watch a few at a time.
+void follow_filter(const MotionSegment& segment, std::size_t body, GraphState& graph) {
+  OpenParameters open = graph.bodies[body].tested;
+  for (std::size_t c = 0; c < segment.cameras.size(); ++c)
+    if (segment.cameras[c].lens_is_open) open.insert({Kind::kLens, static_cast<int>(c)});
+  for (const FoundMismatch& found : segment.found) {
+    if (is_of_lens(found.kind)) open.insert({Kind::kLens, found.camera});
+    if (found.kind == Kind::kMountPosition || found.kind == Kind::kMountRotation)
+      open.insert({Kind::kMountPosition, found.camera});
+    if (found.kind == Kind::kReadout || found.kind == Kind::kAllPrints)
+      open.insert({found.kind, found.camera});
+    for (GraphTag& tag : graph.tags)
+      tag.scale_is_open |= found.kind == Kind::kOnePrint && tag.tag_id == found.tag_id;
   }
-  if (worst == nullptr) return is_changed;
-  // An error of one parameter raises the scores of others: one after the other.
-  for (const TestedParameter& one : parameters)
-    if (opens_with(*worst, one)) prior_of(one, graph).is_open = true;
+  GraphBody& own = graph.bodies[body];
+  own.imu = segment.imu;
+  for (std::size_t c = 0; c < own.cameras.size(); ++c)
+    own.cameras[c].lens_is_open = open.contains({Kind::kLens, static_cast<int>(c)});
+  if (open == own.open) return;
+  open_parameters(open, body, graph);
+  graph.common_scale_is_open = std::ranges::any_of(graph.bodies, [](const GraphBody& one) {
+    return one.open.contains({Kind::kAllPrints, -1});
+  });
+}
+
+bool test_parameters(const GraphCovariance& covariance, double dispersion, GraphState& graph) {
+  using namespace segment_layout;  // NOLINT: the block names are the subject
+  const GraphVariables& variables = covariance.variables();
+  double most = kOpen_sigma * std::sqrt(std::max(1.0, dispersion));
+  std::function<void()> open;
+  const auto test = [&](double value, double prior, int variable, int row, auto how) {
+    const double variance = covariance.variance(variable, row);
+    const double information = 1 / variance - prior;  // of the data
+    constexpr double kRounding = 1e-8;
+    if (!(information > kRounding * prior)) return;
+    const double score = std::abs(value) / (variance * std::sqrt(information));
+    if (score < most) return;
+    most = score;
+    open = how;
+  };
+  bool doubts = false;
+  for (std::size_t b = 0; b < graph.bodies.size(); ++b) {
+    GraphBody& body = graph.bodies[b];
+    if (!body.sensors->doubts || body.same_as >= 0) continue;
+    doubts = true;
+    const Eigen::VectorXd off = error_between(body.expected, body.cameras);
+    const auto test_group = [&](Kind kind, int camera, int first, int end) {
+      if (body.open.contains({kind, camera})) return;
+      for (int at = kCameraSize * camera + first; at < kCameraSize * camera + end; ++at)
+        test(off(at), body.information(at, at), variables.body(b), at, [&graph, b, kind, camera] {
+          graph.bodies[b].tested.insert({kind, camera});
+          OpenParameters now = graph.bodies[b].open;
+          now.insert({kind, camera});
+          open_parameters(now, b, graph);
+        });
+    };
+    for (std::size_t c = 0; c < body.cameras.size(); ++c) {
+      const CameraMount& mount = body.sensors->cameras[c];
+      const int camera = static_cast<int>(c);
+      if (mount.readout_sigma_s == 0 && !body.expected[c].rows_apart)
+        test_group(Kind::kReadout, camera, kReadout, kFocal);
+      if (mount.focal_sigma == 0 && mount.centre_sigma_px == 0 && mount.k1_sigma == 0)
+        test_group(Kind::kLens, camera, kFocal, kCameraSize);
+    }
+  }
+  if (!doubts) return false;  // without IMU the scale of the whole is not observable
+  const double tight = 1 / (kTightSize * kTightSize);
+  if (!graph.common_scale_is_open)
+    test(graph.common_scale, tight, variables.common_scale(), 0, [&graph] {
+      graph.bodies.front().tested.insert({Kind::kAllPrints, -1});
+      graph.bodies.front().open.insert({Kind::kAllPrints, -1});
+      graph.common_scale_is_open = true;
+    });
+  for (std::size_t i = 0; i < graph.tags.size(); ++i)
+    if (!graph.tags[i].scale_is_open)
+      test(graph.tags[i].scale, tight, variables.tag(i), kScaleRow,
+           [&graph, i] { graph.tags[i].scale_is_open = true; });
+  if (!open) return false;
+  open();
   return true;
 }
 
 std::vector<GraphFinding> findings_of(const GraphCovariance& covariance, const GraphState& graph) {
+  using namespace segment_layout;  // NOLINT: the block names are the subject
   std::vector<GraphFinding> out;
-  for (const TestedParameter& one : tested_parameters(graph, covariance.variables())) {
-    const double sigma = std::sqrt(covariance.variance(one.variable, one.row));
-    const double least = std::max(kReported_sigma * sigma, priors_of(one.kind).settled);
-    if (!one.prior.is_open || !(std::abs(one.value) > least)) continue;
-    const GraphTag* tag = one.kind == Kind::kOnePrint ? &graph.tags[one.tag] : nullptr;
-    if (tag != nullptr && has_later_epoch(graph, *tag)) continue;
-    out.push_back({one.camera < 0 ? -1 : graph.bodies[one.body].id,
-                   {.kind = one.kind,
-                    .camera = one.camera,
-                    .tag_id = tag != nullptr ? tag->tag_id : -1,
-                    .value = one.value,
-                    .sigma = sigma}});
+  const GraphVariables& variables = covariance.variables();
+  const auto add = [&](int body_id, FoundMismatch what, int variable, int row) {
+    what.sigma = std::sqrt(covariance.variance(variable, row));
+    if (std::abs(what.value) > kReported_sigma * what.sigma) out.push_back({body_id, what});
+  };
+  for (std::size_t b = 0; b < graph.bodies.size(); ++b) {
+    const GraphBody& body = graph.bodies[b];
+    if (body.same_as >= 0) continue;
+    const Eigen::VectorXd off = error_between(body.expected, body.cameras);
+    const auto add_row = [&](Kind kind, int camera, int row) {
+      const int at = kCameraSize * camera + row;
+      add(body.id, {.kind = kind, .camera = camera, .value = off(at)}, variables.body(b), at);
+    };
+    for (const auto& [kind, camera] : body.open) {
+      if (kind == Kind::kReadout) add_row(kind, camera, kReadout);
+      if (kind != Kind::kLens) continue;
+      add_row(Kind::kFocalLength, camera, kFocal);
+      add_row(Kind::kCentreU, camera, kCentre);
+      add_row(Kind::kCentreV, camera, kCentre + 1);
+      add_row(Kind::kDistortion, camera, kDistortion);
+    }
+  }
+  if (graph.common_scale_is_open)
+    add(-1, {.kind = Kind::kAllPrints, .value = graph.common_scale}, variables.common_scale(), 0);
+  for (std::size_t i = 0; i < graph.tags.size(); ++i) {
+    const GraphTag& tag = graph.tags[i];
+    if (tag.scale_is_open && !has_later_epoch(graph, tag))
+      add(-1, {.kind = Kind::kOnePrint, .tag_id = tag.tag_id, .value = tag.scale}, variables.tag(i),
+          kScaleRow);
   }
   return out;
-}
-
-void fold_tested_priors(GraphState& graph) {
-  for (const TestedParameter& one : tested_parameters(graph, GraphVariables(graph)))
-    if (one.camera >= 0) prior_of(one, graph).folded = information_of(one);
 }
 
 }  // namespace fiducap

@@ -3,7 +3,6 @@
 #include <utility>
 
 #include "estimation/filter/heading_rule.hpp"
-#include "mapping/graph/calibration_terms.hpp"
 #include "mapping/graph/graph_covariance.hpp"
 #include "mapping/graph/graph_state.hpp"
 #include "mapping/graph/map_graph.hpp"
@@ -19,8 +18,7 @@ GraphState workspace_of(const GraphState& graph) {
   out.tags.clear();
   out.starts = graph.starts;
   out.level = graph.level;
-  out.common_scale_prior = graph.common_scale_prior;
-  out.tests_sizes = graph.tests_sizes;
+  out.common_scale_is_open = graph.common_scale_is_open;
   out.gravity_sigma_m_s2 = graph.gravity_sigma_m_s2;
   for (const GraphSegment& segment : graph.segments) {
     if (graph.nodes[segment.begin].component != kInWorkspace) continue;
@@ -125,7 +123,6 @@ void MapGraph::fold() {
   state_.prior = std::move(*prior);
   for (GraphTag& tag : state_.tags)
     if (tag.component == kInWorkspace) tag.sightings_before = tag.sightings;
-  fold_tested_priors(state_);
 }
 
 /// After segments were unbound from tags, or removed from a component.

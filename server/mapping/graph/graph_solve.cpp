@@ -19,7 +19,7 @@ constexpr double kMostDamping = 1.0;
 // sigma.
 constexpr double kConverged = 0.05;
 constexpr double kBetweenLinearisations = 1.0;
-// Parameters opened or closed in one solution; the rest follows with the next one.
+// Parameters opened in one solution; the rest follows with the next one.
 constexpr int kMostTests = 8;
 // A segment is linearised again when a pose in it has moved relative to its beginning by more than
 // this: in angle, or as a share of its distance; or a camera on its body, or its clock. Segments
@@ -32,6 +32,7 @@ constexpr double kGravityMoved_m_s2 = 1e-4;  // times tilts: microradians
 constexpr double kClockShifted_s = 4e-5;
 // … or a lens, or a tag size.
 constexpr double kScaled = 0.002;
+constexpr double kImuChanged = 0.001;  // relative and rad; tests find 0.002
 constexpr double kCentreMoved_px = 2.0;
 constexpr double kBent = 0.01;
 
@@ -40,9 +41,18 @@ bool has_moved(const Pose& was, const Vector6d& by) {
   return by.tail<3>().norm() > kTurned_rad || shifted > kMoved * (0.5 + was.p.norm());
 }
 
+/// The filter has found errors of the IMU since.
+bool has_changed(const ImuIntrinsics& was, const ImuIntrinsics& now) {
+  return (now.accel_scale - was.accel_scale).cwiseAbs().maxCoeff() > kImuChanged ||
+         (now.gyro_turn - was.gyro_turn).cwiseAbs().maxCoeff() > kImuChanged ||
+         (now.gyro_scale - was.gyro_scale).cwiseAbs().maxCoeff() > kImuChanged;
+}
+
 /// @param error  against the linearisation point
-bool is_elsewhere(const GraphSegment& segment, const Eigen::VectorXd& error) {
+bool is_elsewhere(const GraphSegment& segment, const ImuIntrinsics& imu,
+                  const Eigen::VectorXd& error) {
   using namespace segment_layout;  // NOLINT: the block names are the subject
+  if (has_changed(segment.raw.imu, imu)) return true;
   const SegmentFactor& f = segment.factor;
   const int cameras = static_cast<int>(f.cameras.size());
   for (int c = 0; c < cameras; ++c) {
@@ -99,6 +109,7 @@ std::optional<GraphCovariance> MapGraph::settle(const std::stop_token& stop, Gra
 bool MapGraph::iterate(const std::stop_token& stop, GraphSolution& done) {
   const GraphVariables variables(state_);
   double damping = kLeastDamping;
+  done.condensed += condense_again(stop);
   NormalEquations equations = normal_equations(state_, variables);
   for (done.iterations = 1; done.iterations <= kMostIterations; ++done.iterations) {
     if (stop.stop_requested()) return false;
@@ -140,7 +151,9 @@ int MapGraph::condense_again(const std::stop_token& stop) {
   int count = 0;
   for (GraphSegment& segment : state_.segments) {
     if (stop.stop_requested()) break;
-    if (!is_elsewhere(segment, error_of(state_, segment))) continue;
+    const auto body = static_cast<std::size_t>(state_.nodes[segment.begin].body);
+    const ImuIntrinsics& imu = state_.bodies[first_of(body, state_)].imu;
+    if (!is_elsewhere(segment, imu, error_of(state_, segment))) continue;
     MotionSegment raw = segment_now(state_, segment);
     auto factor = condense(raw);
     if (!factor) continue;

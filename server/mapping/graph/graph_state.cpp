@@ -15,12 +15,18 @@ namespace {
 using segment_layout::kCameraSize;
 using segment_layout::kClock;
 
-// Sigma of a parameter that is exact by configuration: m, rad, s and relative.
+// Sigmas of a parameter that is exact by configuration (m, rad, s, relative): without influence on
+// the rest, but sufficient for a test …
 constexpr double kExactSigma = 1e-7;
-constexpr double kExactSigma_px = 1e-4;
-// Sigma of a lens that the start has found to differ from the configuration.
-constexpr double kOpenFocal = 0.1;
-constexpr double kOpenCentre_px = 30.0;
+constexpr double kTightReadout_s = 5e-6;
+constexpr double kTightFocal = 5e-6;
+constexpr double kTightCentre_px = 5e-3;
+constexpr double kTightDistortion = 2e-6;
+// … and when it is wrong: as in CalibrationMonitor.
+constexpr double kOpenMount = 0.05;  // m and rad
+constexpr double kOpenReadout_s = 0.02;
+constexpr double kOpenFocal = 0.05;
+constexpr double kOpenCentre_px = 20.0;
 constexpr double kOpenDistortion = 0.1;
 // A larger change of a clock, when a body is found again, is a jump …
 constexpr double kJumped_s = 0.01;
@@ -31,37 +37,44 @@ double inverse_square(double sigma) { return 1.0 / (sigma * sigma); }
 
 Eigen::Index row_of(std::size_t camera) { return static_cast<Eigen::Index>(camera) * kCameraSize; }
 
-/// Prior of one camera's parameters.
-void add_camera_prior(const SegmentSensors& sensors, std::size_t c, GraphBody& body) {
+/// The configured sigma, unless it is 0; then that of an open or an exact parameter.
+double sigma_of(double configured, bool is_open, double open, double tight) {
+  return configured > 0 ? configured : (is_open ? open : tight);
+}
+
+/// Information of the prior of all cameras' parameters.
+Eigen::MatrixXd information_of(const GraphBody& body) {
   using namespace segment_layout;  // NOLINT: the block names are the subject
-  const CameraMount& mount = sensors.cameras[c];
-  const Eigen::Index at = row_of(c);
-  const bool open = sensors.estimates_extrinsics;
-  Matrix6d plain = Matrix6d::Zero();
-  plain.diagonal().head<3>().setConstant(
-      inverse_square(open ? std::max(kExactSigma, mount.position_sigma_m) : kExactSigma));
-  plain.diagonal().tail<3>().setConstant(
-      inverse_square(open ? std::max(kExactSigma, mount.rotation_sigma_rad) : kExactSigma));
-  const Matrix6d J = world::plain_from_world_error(mount.X_BV.p);
-  body.information.block<6, 6>(at, at) = J.transpose() * plain * J;
-  const auto set = [&](int row, double sigma) {
-    body.information(at + row, at + row) = inverse_square(sigma);
-  };
-  const bool clocks = sensors.estimates_clocks && sensors.has_imu;
-  set(kClock, clocks ? std::max(kExactSigma, mount.time_shift_sigma_s) : kExactSigma);
-  const auto set_configured = [&](int row, double sigma, double exact, bool may_be_tested) {
-    if (sigma == 0 && sensors.doubts && may_be_tested) {
-      body.tested[static_cast<int>(at) + row] = {};
-    } else {
-      set(row, std::max(exact, sigma));
-    }
-  };
-  set_configured(kReadout, clocks ? mount.readout_sigma_s : 0, kExactSigma,
-                 !body.expected[c].rows_apart);
-  set_configured(kFocal, mount.focal_sigma, kExactSigma, true);
-  set_configured(kCentre, mount.centre_sigma_px, kExactSigma_px, true);
-  set_configured(kCentre + 1, mount.centre_sigma_px, kExactSigma_px, true);
-  set_configured(kDistortion, mount.k1_sigma, kExactSigma, true);
+  const SegmentSensors& sensors = *body.sensors;
+  const Eigen::Index rows = row_of(sensors.cameras.size());
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(rows, rows);
+  for (std::size_t c = 0; c < sensors.cameras.size(); ++c) {
+    const CameraMount& mount = sensors.cameras[c];
+    const auto is_open = [&](FoundMismatch::Kind kind) {
+      return body.open.contains({kind, static_cast<int>(c)});
+    };
+    const auto of_mount = [&](double configured) {
+      if (is_open(FoundMismatch::Kind::kMountPosition)) return kOpenMount;
+      return sensors.estimates_extrinsics ? std::max(kExactSigma, configured) : kExactSigma;
+    };
+    Vector6d plain;
+    plain.head<3>().setConstant(inverse_square(of_mount(mount.position_sigma_m)));
+    plain.tail<3>().setConstant(inverse_square(of_mount(mount.rotation_sigma_rad)));
+    const Matrix6d J = world::plain_from_world_error(mount.X_BV.p);
+    out.block<6, 6>(row_of(c), row_of(c)) = J.transpose() * plain.asDiagonal() * J;
+    const bool has_clock = sensors.estimates_clocks && sensors.has_imu;
+    const bool lens = is_open(FoundMismatch::Kind::kLens);
+    Eigen::Matrix<double, kCameraSize - kClock, 1> sigmas;
+    sigmas << (has_clock ? std::max(kExactSigma, mount.time_shift_sigma_s) : kExactSigma),
+        sigma_of(has_clock ? mount.readout_sigma_s : 0, is_open(FoundMismatch::Kind::kReadout),
+                 kOpenReadout_s, kTightReadout_s),
+        sigma_of(mount.focal_sigma, lens, kOpenFocal, kTightFocal),
+        sigma_of(mount.centre_sigma_px, lens, kOpenCentre_px, kTightCentre_px),
+        sigma_of(mount.centre_sigma_px, lens, kOpenCentre_px, kTightCentre_px),
+        sigma_of(mount.k1_sigma, lens, kOpenDistortion, kTightDistortion);
+    out.diagonal().segment(row_of(c) + kClock, sigmas.size()) = sigmas.cwiseAbs2().cwiseInverse();
+  }
+  return out;
 }
 
 /// Connected sets of a component's nodes and tags, by segments and the prior (union-find).
@@ -130,21 +143,18 @@ ChainStart start_of(const GraphSegment& segment, const GraphState& graph) {
 
 // --- bodies ---
 
-GraphBody body_by_configuration(int id, const SegmentSensors& sensors) {
+GraphBody body_by_configuration(int id, std::shared_ptr<const SegmentSensors> sensors) {
   GraphBody body;
   body.id = id;
-  const Eigen::Index rows = row_of(sensors.cameras.size());
-  body.information = Eigen::MatrixXd::Zero(rows, rows);
-  for (std::size_t c = 0; c < sensors.cameras.size(); ++c) {
-    const CameraMount& mount = sensors.cameras[c];
+  for (const CameraMount& mount : sensors->cameras)
     body.expected.push_back({.X_BV = mount.X_BV,
                              .shift_s = 0,
                              .readout_s = mount.readout_s,
                              .rows_apart = mount.readout_s != 0 || mount.readout_sigma_s != 0,
                              .lens = {}});
-    add_camera_prior(sensors, c, body);
-  }
   body.cameras = body.expected;
+  body.sensors = std::move(sensors);
+  body.information = information_of(body);
   return body;
 }
 
@@ -156,7 +166,6 @@ bool clock_has_jumped(const GraphBody& body, const MotionSegment& segment) {
 
 GraphBody after_clock_jump(const GraphBody& before, int index, const MotionSegment& since) {
   GraphBody body = before;
-  body.tested.clear();
   body.same_as = index;
   body.information.setZero();
   for (std::size_t c = 0; c < body.cameras.size(); ++c) {
@@ -179,26 +188,25 @@ SameNumbers information_of_same() {
 }
 
 void initialise_cameras(const std::vector<CameraBelief>& found, GraphBody& body) {
-  using namespace segment_layout;  // NOLINT: the block names are the subject
   body.cameras = found;
-  for (std::size_t c = 0; c < found.size(); ++c) {
-    const Eigen::Index at = row_of(c);
-    body.expected[c].shift_s = found[c].shift_s;
-    if (!found[c].lens_is_open) continue;
-    for (auto& [row, prior] : body.tested)
-      if (row >= at + kFocal && row < at + kCameraSize) prior.is_open = true;
-    if (body.tested.contains(static_cast<int>(at) + kFocal)) continue;
-    // A configured uncertainty stays.
-    const auto open = [&](Eigen::Index row, double sigma, double exact) {
-      constexpr double kMuchAsExact = 0.5;
-      double& information = body.information(row, row);
-      if (information * exact * exact > kMuchAsExact) information = inverse_square(sigma);
-    };
-    open(at + kFocal, kOpenFocal, kExactSigma);
-    open(at + kCentre, kOpenCentre_px, kExactSigma_px);
-    open(at + kCentre + 1, kOpenCentre_px, kExactSigma_px);
-    if (found[c].lens.k1 != 0) open(at + kDistortion, kOpenDistortion, kExactSigma);
-  }
+  for (std::size_t c = 0; c < found.size(); ++c) body.expected[c].shift_s = found[c].shift_s;
+}
+
+void open_parameters(const OpenParameters& open, std::size_t body, GraphState& graph) {
+  GraphBody& own = graph.bodies[body];
+  own.open = open;
+  const Eigen::MatrixXd before = std::exchange(own.information, information_of(own));
+  if (body >= graph.prior.cameras.size()) return;
+  Eigen::Index at = 0;
+  for (std::size_t b = 0; b < body; ++b) at += graph.bodies[b].information.rows();
+  graph.prior.camera_information.block(at, at, before.rows(), before.cols()) +=
+      own.information - before;
+}
+
+std::size_t first_of(std::size_t body, const GraphState& graph) {
+  while (graph.bodies[body].same_as >= 0)
+    body = static_cast<std::size_t>(graph.bodies[body].same_as);
+  return body;
 }
 
 MotionSegment segment_now(const GraphState& graph, const GraphSegment& segment) {
@@ -209,7 +217,8 @@ MotionSegment segment_now(const GraphState& graph, const GraphSegment& segment) 
     instance.body = in_other_axes(G, instance.body);
   now.instances.front().body = begin;
   now.instances.back().body = graph.nodes[segment.end].at;
-  now.cameras = graph.bodies[static_cast<std::size_t>(graph.nodes[segment.begin].body)].cameras;
+  const auto body = static_cast<std::size_t>(graph.nodes[segment.begin].body);
+  now.cameras = graph.bodies[body].cameras;
   now.scales.resize(segment.tags.size());
   for (std::size_t i = 0; i < segment.tags.size(); ++i) {
     const GraphTag& tag = graph.tags[segment.tags[i]];
@@ -217,6 +226,7 @@ MotionSegment segment_now(const GraphState& graph, const GraphSegment& segment) 
     now.scales[i] = graph.common_scale + tag.scale;
   }
   now.gravity_offset_m_s2 = graph.gravity_offset_m_s2;
+  now.imu = graph.bodies[first_of(body, graph)].imu;
   return now;
 }
 
@@ -255,10 +265,8 @@ void unite_tags(int component, GraphState& graph) {
       continue;
     }
     GraphTag& one = kept[now[i]];
-    if (tag.scale_prior.is_open && !one.scale_prior.is_open) {
-      one.scale_prior = tag.scale_prior;
-      one.scale = tag.scale;
-    }
+    if (tag.scale_is_open && !one.scale_is_open) one.scale = tag.scale;
+    one.scale_is_open |= tag.scale_is_open;
     one.sightings += tag.sightings;
     one.sightings_before += tag.sightings_before;
     one.first_seen = std::min(one.first_seen, tag.first_seen);

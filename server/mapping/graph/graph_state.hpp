@@ -2,7 +2,10 @@
 
 #include <functional>
 #include <map>
+#include <memory>
 #include <optional>
+#include <set>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -15,19 +18,20 @@ namespace fiducap {
 
 inline constexpr int kInWorkspace = 0;  ///< Component of the workspace.
 
-/// Prior of a parameter that is exact by configuration (calibration_terms.hpp).
-struct TestedPrior {
-  bool is_open{};   ///< The test has rejected the configured value: a wide prior.
-  double folded{};  ///< Part of the prior's information that the GraphPrior contains already.
-};
+/// Groups of parameters that are not as configured (kLens: all of it; kMountPosition: the pose),
+/// and of which camera; -1: not of a camera.
+using OpenParameters = std::set<std::pair<FoundMismatch::Kind, int>>;
 
 /// The constants of a body.
 struct GraphBody {
   int id{};
+  std::shared_ptr<const SegmentSensors> sensors;
   std::vector<CameraBelief> cameras;
-  std::vector<CameraBelief> expected;   ///< Prior mean of all cameras' parameters …
-  Eigen::MatrixXd information;          ///< … and its information.
-  std::map<int, TestedPrior> tested{};  ///< Of parameters that are tested, by their rows there.
+  std::vector<CameraBelief> expected;  ///< Prior mean of all cameras' parameters …
+  Eigen::MatrixXd information;         ///< … and its information.
+  OpenParameters open;                 ///< They have a wide prior …
+  OpenParameters tested;               ///< … of which the graph's own test has found these.
+  ImuIntrinsics imu;                   ///< By the filter.
   /// Index in GraphState::bodies of the same body before a jump of its clocks: all parameters but
   /// the clocks are shared. -1: none.
   int same_as{-1};
@@ -49,9 +53,9 @@ struct GraphTag {
   int sightings_before{};  ///< Of those: in no segment, but in the prior.
   Instant first_seen{};
   Instant last_seen{};
-  int epoch{};                ///< How often it was moved before (TagEpochs).
-  double scale{};             ///< Relative error of its configured size, beyond the common one …
-  TestedPrior scale_prior{};  ///< … and its prior.
+  int epoch{};           ///< How often it was moved before (TagEpochs).
+  double scale{};        ///< Relative error of its configured size, beyond the common one.
+  bool scale_is_open{};  ///< It has one.
 };
 
 struct GraphSegment {
@@ -86,8 +90,7 @@ struct GraphEstimates {
 struct GraphState : GraphEstimates {
   std::vector<GraphSegment> segments;
   std::vector<ChainStart> starts;
-  TestedPrior common_scale_prior;
-  bool tests_sizes{false};                             ///< Configured sizes may be wrong.
+  bool common_scale_is_open{};                         ///< All sizes are wrong.
   double gravity_sigma_m_s2{kUsualGravitySigma_m_s2};  ///< Prior of gravity, 1-sigma.
   GraphPrior prior;
   std::map<int, bool> level;  ///< Per component: its vertical is known, by gravity or odometry.
@@ -96,14 +99,19 @@ struct GraphState : GraphEstimates {
 // --- bodies ---
 
 /// All parameters as configured.
-[[nodiscard]] GraphBody body_by_configuration(int id, const SegmentSensors& sensors);
-/// The clocks and lenses found at the start are the first estimates: they may be far from the
-/// configuration.
+[[nodiscard]] GraphBody body_by_configuration(int id,
+                                              std::shared_ptr<const SegmentSensors> sensors);
+/// The parameters found at the start are the first estimates, and the clocks the expected ones:
+/// they may be far from the configuration.
 void initialise_cameras(const std::vector<CameraBelief>& found, GraphBody& body);
+/// Gives these parameters of a body a wide prior and all others that of the configuration.
+void open_parameters(const OpenParameters& open, std::size_t body, GraphState& graph);
 /// The same body after a jump of its cameras' clocks.
 /// @param before  with this index
 [[nodiscard]] GraphBody after_clock_jump(const GraphBody& before, int index,
                                          const MotionSegment& since);
+/// The index of the same body before all jumps of its clocks.
+[[nodiscard]] std::size_t first_of(std::size_t body, const GraphState& graph);
 [[nodiscard]] bool clock_has_jumped(const GraphBody& body, const MotionSegment& segment);
 /// Information of the equality of a camera's parameters before and after the jump, in the order of
 /// segment_layout; of the clock 0.

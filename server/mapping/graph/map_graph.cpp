@@ -4,6 +4,7 @@
 
 #include "base/pose.hpp"
 #include "estimation/filter/heading_rule.hpp"
+#include "mapping/graph/calibration_terms.hpp"
 
 namespace fiducap {
 
@@ -33,7 +34,7 @@ MapGraph::MapGraph(const TagMap& start) {
     const KnownTag& tag = entry.tag;
     definition_[{tag.tag_id, 0}] = tag.X_WT.p;
     const bool is_surveyed = entry.state == TagState::kSurveyed;
-    if (!is_surveyed && (!start.known || start.known->find(tag.tag_id) == nullptr)) continue;
+    if (!is_surveyed && (!start.known || !start.known->is_joint(tag.tag_id))) continue;
     has_survey |= is_surveyed;
     tags.push_back({state_.tags.size(), tag.X_WT, tag.covariance, is_surveyed});
     state_.tags.push_back({.tag_id = tag.tag_id,
@@ -41,8 +42,7 @@ MapGraph::MapGraph(const TagMap& start) {
                            .X_WT = tag.X_WT,
                            .component = kInWorkspace,
                            .sightings = entry.sightings,
-                           .sightings_before = entry.sightings,
-                           .scale_prior = {}});
+                           .sightings_before = entry.sightings});
   }
   is_defined_ = !definition_.empty();
   if (!is_defined_) reference_tag_ = start.reference_tag;
@@ -74,8 +74,7 @@ std::size_t MapGraph::body_of(const MotionSegment& segment) {
     return body.id == segment.body_id;
   });
   if (found == bodies.rend()) {
-    bodies.push_back(body_by_configuration(segment.body_id, *segment.sensors));
-    state_.tests_sizes |= segment.sensors->doubts;
+    bodies.push_back(body_by_configuration(segment.body_id, segment.sensors));
     if (segment.has_imu())
       state_.gravity_sigma_m_s2 =
           std::min(state_.gravity_sigma_m_s2, segment.sensors->gravity_sigma_m_s2);
@@ -113,6 +112,7 @@ bool MapGraph::add(MotionSegment segment) {
   state_.nodes.back().at.at = segment.end().at;
   entry.raw = std::move(segment);
   bind_tags(G, epochs, entry);
+  follow_filter(entry.raw, first_of(body, state_), state_);
   hold_reference(entry, epochs);
   count_sightings(entry);
   chains_[entry.raw.body_id] = {entry.end, entry.raw.chain};
@@ -144,14 +144,13 @@ void MapGraph::bind_tags(const Pose& G, const std::vector<int>& epochs, GraphSeg
                    .X_WT = G * tag.X_WT,
                    .component = component,
                    .first_seen = entry.raw.begin().at,
-                   .epoch = epochs[i],
-                   .scale_prior = {}};
+                   .epoch = epochs[i]};
     // The same printed tag as in other components, or as before it was moved.
     const auto same = std::find_if(state_.tags.rbegin(), state_.tags.rend(),
                                    [&](const GraphTag& t) { return t.tag_id == tag.tag_id; });
     if (same != state_.tags.rend()) {
       added.scale = same->scale;
-      added.scale_prior = same->scale_prior;
+      added.scale_is_open = same->scale_is_open;
     }
     state_.tags.push_back(added);
   }

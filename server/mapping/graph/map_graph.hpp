@@ -22,14 +22,11 @@ class TagEpochs final {
   /// nullopt: of no place.
   [[nodiscard]] std::optional<int> at(int tag_id, Instant seen_at) const;
   /// A segment has one place for each tag. Removes sightings of no place and, where a tag was moved
-  /// meanwhile, of all but the newest; and the rest of a tag that is seen elsewhere than the
-  /// segment has it: the body's filter had not rejected it yet.
+  /// meanwhile, of all but the newest, and those elsewhere than the segment has the tag.
   /// @return the epoch of each tag that is left
   std::vector<int> sort(MotionSegment& segment) const;
 
  private:
-  [[nodiscard]] int sort(MotionSegment& segment, const KnownTag& tag) const;
-
   std::map<int, std::vector<TagEpoch>> epochs_;  ///< By tag id, without the first one's.
 };
 

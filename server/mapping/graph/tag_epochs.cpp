@@ -1,28 +1,12 @@
 // TagEpochs: which place of its tag a sighting belongs to.
 #include <algorithm>
-#include <set>
 
-#include "base/numeric.hpp"
 #include "detection/tag_geometry.hpp"
 #include "mapping/graph/map_graph.hpp"
 
 namespace fiducap {
 
 namespace {
-
-// Median offset, in edges, from which a tag is not where the segment has it.
-constexpr double kElsewhere = 0.25;
-
-template <class Work>
-void for_sightings(MotionSegment& segment, int tag_id, const Work& work) {
-  for (MotionSegment::Instance& instance : segment.instances) {
-    for (SegmentImage& image : instance.images) {
-      std::erase_if(image.tags, [&](const SegmentSighting& sighting) {
-        return sighting.seen.tag_id == tag_id && !work(instance, image, sighting);
-      });
-    }
-  }
-}
 
 /// Mean offset of the seen from the expected corners, in edges.
 double distance_off(const MotionSegment& segment, const MotionSegment::Instance& instance,
@@ -37,16 +21,6 @@ double distance_off(const MotionSegment& segment, const MotionSegment::Instance&
     off += (seen.corners_px[static_cast<std::size_t>(i)] - expected) / 4;
   }
   return off.norm() / (seen.corners_px[1] - seen.corners_px[0]).norm();
-}
-
-bool is_seen_there(MotionSegment& segment, const KnownTag& tag) {
-  std::vector<double> off;
-  for_sightings(segment, tag.tag_id,
-                [&](const auto& instance, const auto& image, const SegmentSighting& sighting) {
-                  off.push_back(distance_off(segment, instance, image, sighting.seen, tag));
-                  return true;
-                });
-  return !off.empty() && nth_smallest(off, off.size() / 2) < kElsewhere;
 }
 
 }  // namespace
@@ -76,44 +50,28 @@ std::optional<int> TagEpochs::at(int tag_id, Instant seen_at) const {
   return 0;
 }
 
-int TagEpochs::sort(MotionSegment& segment, const KnownTag& tag) const {
-  int newest = 0;
-  for_sightings(segment, tag.tag_id, [&](const auto& instance, const auto&, const auto&) {
-    newest = std::max(newest, at(tag.tag_id, instance.body.at).value_or(0));
-    return true;
-  });
-  for_sightings(segment, tag.tag_id, [&](const auto& instance, const auto&, const auto&) {
-    return at(tag.tag_id, instance.body.at) == newest;
-  });
-  if (newest > 0 && !is_seen_there(segment, tag))
-    for_sightings(segment, tag.tag_id, [](const auto&, const auto&, const auto&) { return false; });
-  return newest;
-}
-
 std::vector<int> TagEpochs::sort(MotionSegment& segment) const {
+  // Offset of a sighting, in edges, from which it is not where the segment has its tag: the body's
+  // filter had not rejected the former place yet.
+  constexpr double kElsewhere = 0.25;
+  std::map<int, int> place;  // by tag id
+  if (!epochs_.empty()) {
+    for (const MotionSegment::Instance& instance : segment.instances)
+      for (const SegmentImage& image : instance.images)
+        for (const SegmentSighting& one : image.tags)
+          place[one.seen.tag_id] =
+              std::max(place[one.seen.tag_id], at(one.seen.tag_id, instance.body.at).value_or(0));
+    remove_sightings(segment, [&](const auto& instance, const auto& image, const auto& one) {
+      const int tag_id = one.seen.tag_id;
+      if (at(tag_id, instance.body.at) != place.at(tag_id)) return true;
+      if (place.at(tag_id) == 0) return false;
+      const KnownTag& tag = *std::ranges::find(segment.tags, tag_id, &KnownTag::tag_id);
+      return distance_off(segment, instance, image, one.seen, tag) > kElsewhere;
+    });
+  }
   std::vector<int> epochs;
-  std::vector<KnownTag> kept;
-  std::set<int> seen;
-  for (const KnownTag& tag : segment.tags)
-    epochs.push_back(epochs_.contains(tag.tag_id) ? sort(segment, tag) : 0);
-  if (epochs_.empty()) return epochs;
-  for (MotionSegment::Instance& instance : segment.instances) {
-    for (const SegmentImage& image : instance.images)
-      for (const SegmentSighting& sighting : image.tags) seen.insert(sighting.seen.tag_id);
-    std::erase_if(instance.images, [](const SegmentImage& image) { return image.tags.empty(); });
-  }
-  std::vector<int> kept_epochs;
-  std::vector<double> kept_scales;
-  segment.scales.resize(segment.tags.size());
-  for (std::size_t i = 0; i < segment.tags.size(); ++i) {
-    if (!seen.contains(segment.tags[i].tag_id)) continue;
-    kept.push_back(segment.tags[i]);
-    kept_scales.push_back(segment.scales[i]);
-    kept_epochs.push_back(epochs[i]);
-  }
-  segment.tags = std::move(kept);
-  segment.scales = std::move(kept_scales);
-  return kept_epochs;
+  for (const KnownTag& tag : segment.tags) epochs.push_back(place[tag.tag_id]);
+  return epochs;
 }
 
 }  // namespace fiducap

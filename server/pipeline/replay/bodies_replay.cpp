@@ -26,7 +26,7 @@ BodiesReplay::BodiesReplay(std::vector<ReplayedBody> bodies, const MapConfig& ma
       refiner_(map_, surveyed_by(bodies)),
       refine_period_(from_seconds(map.refine_period_s)) {
   for (ReplayedBody& body : bodies) {
-    body.setup.records_segments = map.refine_period_s > 0;
+    body.setup.records_segments = true;
     bodies_.push_back({body.id,
                        std::move(body.name),
                        body.source,
@@ -101,7 +101,7 @@ Expected<void> BodiesReplay::take_next(std::size_t index, const MapView& view, c
   const BodyUpdate* update = body.pipeline->take(view);
   if (update != nullptr) {
     newest_ = std::max(newest_, update->seen.exposed_at);
-    map_.absorb(contribution_of(body.id, *update), to_ns(newest_));
+    map_.absorb(contribution_of(view, *update), to_ns(newest_));
     refine(update->seen.exposed_at + body.later);
     last_ = update->is_placed() ? std::optional(update->estimate->X_WB) : std::nullopt;
     if (watch) watch(index, *update);
@@ -110,7 +110,7 @@ Expected<void> BodiesReplay::take_next(std::size_t index, const MapView& view, c
 }
 
 void BodiesReplay::refine(Instant now) {
-  if (refine_period_.count() == 0 || refinements_) return;
+  if (refinements_) return;
   if (!began_at_) began_at_ = refined_at_ = now;
   const Duration seen = now - *began_at_;
   const Duration pause = std::max(refine_period_, from_seconds(refine_share_ * to_seconds(seen)));
@@ -207,11 +207,8 @@ Expected<void> BodiesReplay::run_by_turns(const Watch& watch) {
       return static_cast<std::int64_t>(view.revision);
     });
     if (seen == published_.end()) ++turns_missed_;
-    const MapView view{seen != published_.end() ? seen->map : now.map,
-                       turn.may_define_workspace,
-                       now.revision,
-                       {},
-                       now.body_id};
+    const MapView view{seen != published_.end() ? seen->map : now.map, turn.may_define_workspace,
+                       now.revision, now.body_id};
     last_.reset();
     if (const auto done = take_next(turn.body, view, watch); !done) return done;
     compare(turn);

@@ -117,18 +117,14 @@ Expected<MapBuild> build_map(
     const std::function<void(double share, const OfflineProgress&)>& watch) {
   const auto later = one_after_the_other(bodies);
   std::vector<OfflineBody> offline;
-  bool has_imu = false;
   Instant first = Instant::max();
   Instant last = Instant::min();
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     offline.push_back(bodies[i].body);
     offline.back().later = later[i];
-    has_imu |= bodies[i].body.setup.sensors.imu.has_value();
     first = std::min(first, bodies[i].first + later[i]);
     last = std::max(last, bodies[i].last + later[i]);
   }
-  // Segments of filters without IMU are replaced in the end (solve_all).
-  if (!has_imu) map.config.refine_period_s = 0;
   map.keeps_graph = true;
   const double all_s = std::max(1e-3, to_seconds(last - first));
   auto session = run_together(offline, map, [&](const OfflineProgress& at) {

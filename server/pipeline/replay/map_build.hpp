@@ -63,7 +63,6 @@ struct MapBuild {
 
 /// One map of several recordings: all bodies share one live map that is refined, and solved once
 /// more at the end.
-/// @pre map.config.refine_period_s > 0
 /// @param watch  gets the share of all data, and the progress
 /// @return Error when a source is lost
 [[nodiscard]] Expected<MapBuild> build_map(

@@ -162,7 +162,7 @@ class BodyNotes final {
     s.merger = pipeline.merger;
   }
 
-  /// Tags handed over by the filter, or mapped by other bodies.
+  /// Tags that the filter has from the map, or that other bodies have mapped.
   void add_tags_of(const TagMap& map) {
     std::erase_if(result_.tags, [](const TagBelief& belief) {
       return belief.component != TagBelief::kWorkspace;

@@ -96,7 +96,6 @@ Expected<OfflineMap> map_setup(const MapBuildArguments& arguments, const ReplayI
   OfflineMap map;
   map.config = config->map.builder;
   map.config.mode = MapMode::kMapping;
-  if (map.config.refine_period_s == 0) map.config.refine_period_s = kRefinePeriod_s;
   map.start.family = first.setup.tags.family;
   // Offline all placed tags are published, with their sigmas.
   if (is_mentioned(arguments, "map", "publish_sightings"))

@@ -127,14 +127,12 @@ Expected<void> add_session(const ReplayArguments& arguments, const std::string& 
   return {};
 }
 
-/// The refinement period of a live server with this number of robots.
+/// The configured period of refinements.
 Expected<void> apply_refinement(const ReplayArguments& arguments, ReplayInputs& inputs) {
-  double& period_s = inputs.map.config.refine_period_s;
-  period_s = refine_period_for(inputs.bodies.size());
   if (!is_mentioned(arguments, "map", "refine_period_s")) return {};
   const auto config = config_of(arguments);
   if (!config) return tl::unexpected(config.error());
-  period_s = config->map.builder.refine_period_s;
+  inputs.map.config.refine_period_s = config->map.builder.refine_period_s;
   return {};
 }
 
@@ -150,18 +148,11 @@ Expected<TagMap> newest_version(const std::string& path) {
   return map;
 }
 
-/// A map graph is used when a body has an IMU or the run starts from a stored map; solve_all
-/// ignores the segments of filters without IMU.
 void prepare_to_resolve(ReplayInputs& inputs) {
   inputs.map.resolve = true;
   // The order in which the live server's threads ran does not matter any more.
   inputs.map.turns.clear();
   inputs.map.refinements.reset();
-  const bool has_imu = std::ranges::any_of(
-      inputs.bodies, [](const ReplayInput& i) { return i.setup.sensors.imu.has_value(); });
-  double& period_s = inputs.map.config.refine_period_s;
-  const bool needs_graph = has_imu || inputs.map.start.known != nullptr;
-  period_s = needs_graph ? (period_s > 0 ? period_s : kRefinePeriod_s) : 0;
 }
 
 Expected<void> check_arguments(const ReplayArguments& arguments) {

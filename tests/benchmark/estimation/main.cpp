@@ -66,7 +66,6 @@ void add_options(CLI::App& app, const Verb& verb, EstimationOptions& options) {
   app.add_flag("--without-imu", options.without_imu, "mismatch: bodies with a camera alone");
   app.add_flag("!--exact", options.estimator.doubt_configuration,
                "all configured values are exact");
-  app.add_flag("--graph", options.graph, "mismatch: one body as well has its map refined");
   app.add_flag("--refine", options.estimator.refine_intrinsics, "lenses are refined");
   app.add_option("--only", options.only, "rows of mismatch that begin like this: \"prints;door\"")
       ->delimiter(';');

@@ -165,7 +165,6 @@ class Rows {
   std::vector<Score> run(World data_of, const Mismatch& mismatch, const Mismatch::Map& map) const {
     FilterChoice choice = choice_of(options_, filter_, options_.cases.front());
     choice.live = true;
-    choice.refine_period_s = options_.graph ? kRefinePeriod_s : 0;
     return for_seeds(options_, [&](std::uint64_t seed) {
       const EstimationData data = data_of(
           {.world = world_, .seconds = seconds(), .seed = seed, .has_imu = !options_.without_imu},

@@ -178,7 +178,6 @@ MovedRun run_one(const EstimationOptions& options, const std::string& name, std:
   const MovedCase one = make_moved_case(options, name, seed);
   FilterChoice choice = choice_of(options, "world", 'A');
   choice.live = true;
-  choice.refine_period_s = kRefinePeriod_s;
   choice.start = one.start;
   choice.frozen = one.start.has_value();
   MovedRun out;

@@ -165,7 +165,6 @@ TagMap map_of_before(const EstimationOptions& options, const Words& words, doubl
   for (EstimationData& one : data) one.tag_set = today.data.front().tag_set;
   FilterChoice choice = choice_of(options, "world", 'A');
   choice.live = true;
-  choice.refine_period_s = kRefinePeriod_s;
   return run_together(data, choice).map;
 }
 

@@ -27,8 +27,7 @@ struct EstimationOptions {
   int threads{2};
   bool quick{false};
   bool each{false};               ///< A line for every seed.
-  bool without_imu{false};        ///< Of mismatch …
-  bool graph{false};              ///< … also this: the map is refined.
+  bool without_imu{false};        ///< Of mismatch.
   std::vector<std::string> only;  ///< Rows whose names begin like that; empty: all.
   EstimatorConfig estimator{};
 

@@ -28,7 +28,6 @@ struct Start {
 Table run_class(const EstimationOptions& options, const std::string& world) {
   FilterChoice choice = choice_of(options, "world", 'A');
   choice.live = true;
-  choice.refine_period_s = kRefinePeriod_s;
   const EstimationData day_one =
       simulate({.world = world, .seconds = kFirst_s, .seed = options.first_seed});
   const TogetherRun built = run_together(std::span(&day_one, 1), choice);

@@ -8,9 +8,9 @@
 #include "base/pose.hpp"
 #include "estimation/ensemble.hpp"
 #include "estimation/options.hpp"
-#include "estimation/published_steps.hpp"
 #include "mapping/graph/map_graph.hpp"
 #include "mapping/tag_map.hpp"
+#include "simulation/published_steps.hpp"
 #include "support/bound/joint_map_bound.hpp"
 
 namespace fiducap::bench {

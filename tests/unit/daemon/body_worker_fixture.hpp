@@ -61,7 +61,7 @@ class BodyWorkerTest : public testing::Test {
     bodies[0].description = {1, "robot"};
     bodies[0].sensors = sensors_;
     scene_ = std::make_unique<Scene>(bodies);
-    map_ = std::make_unique<MapBuilder>(MapConfig{.refine_period_s = 0}, start_);
+    map_ = std::make_unique<MapBuilder>(MapConfig{}, start_);
     PipelineSetup setup;
     setup.sensors = sensors_;
     setup.estimator = estimator_;

@@ -27,34 +27,6 @@ TEST_F(BodyWorkerTest, GivesTheFilterSeenTagsOfTheMap) {
   EXPECT_EQ(log_.known[0][0].tag_id, 4);
 }
 
-TEST_F(BodyWorkerTest, AddsBeliefsOfTheFilterToTheMap) {
-  build(one_image());
-  filter_->beliefs = {{known_tag(4), 100, ms(0), ms(1002)}};
-  run();
-  EXPECT_NE(map_->snapshot()->find(4), nullptr);
-}
-
-TEST_F(BodyWorkerTest, ReleasesTheTagUnseenForLongest) {
-  estimator_.hand_over_above = 2;
-  start_.tags = {{known_tag(4), TagState::kLocal, 0, 0, 0, 0},
-                 {known_tag(6), TagState::kLocal, 0, 0, 0, 0}};
-  build(one_image());
-  // 5 is older, but not in the map; 4 is in view.
-  filter_->beliefs = {{known_tag(4), 1, ms(0), ms(1002)},
-                      {known_tag(5), 1, ms(0), ms(-5000)},
-                      {known_tag(6), 1, ms(0), ms(-3000)}};
-  run();
-  EXPECT_THAT(filter_->released, ElementsAre(6));
-}
-
-TEST_F(BodyWorkerTest, KeepsTagsWhileTheyAreFew) {
-  start_.tags = {{known_tag(6), TagState::kLocal, 0, 0, 0, 0}};
-  build(one_image());
-  filter_->beliefs = {{known_tag(6), 1, ms(0), ms(-3000)}};
-  run();
-  EXPECT_TRUE(filter_->released.empty());
-}
-
 /// With an IMU at 200 Hz.
 std::vector<SensorSample> images_at_20_hz(int images, const std::vector<int>& ids) {
   std::vector<SensorSample> samples;

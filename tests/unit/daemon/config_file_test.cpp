@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <tuple>
 
+#include "base/log.hpp"
 #include "capture/imu_sample.hpp"
 #include "support/results.hpp"
 #include "support/temporary_folder.hpp"
@@ -86,22 +87,14 @@ TEST(ConfigFile, GivesEachSensorASourceAndAnImuTheNoiseOfItsPart) {
   EXPECT_EQ(body.imu->gyro_walk_rad_s2_rtHz, 7.0e-5) << "the file has priority";
 }
 
-TEST(ConfigFile, RefinesTheMapOfSeveralBodiesByDefault) {
-  const std::string one = "bodies: [{name: a, source: {type: recording, folder: x}}]";
-  const std::string two =
-      "bodies: [{name: a, source: {type: recording, folder: x}},"
-      " {name: b, source: {type: recording, folder: y}}]";
-  const auto period = [](const std::string& text, const std::vector<std::string>& sets = {}) {
-    const auto config = parse_config(text, "test.yaml", sets);
-    return config ? config->map.builder.refine_period_s : -1;
-  };
-  EXPECT_EQ(period(one), 0);
-  EXPECT_EQ(period(two), kRefinePeriod_s);
-  EXPECT_EQ(period(two + "\nmap: {mode: mapping}"), kRefinePeriod_s);
-  EXPECT_EQ(period(two + "\nmap: {refine_period_s: 0}"), 0);
-  EXPECT_EQ(period(one, {"map.refine_period_s=1"}), 1);
-  const auto config = value_of(parse_config(two, "test.yaml"));
-  EXPECT_THAT(print_config(config), HasSubstr("refine_period_s: 2"));
+TEST(ConfigFile, IgnoresKeysOfEarlierVersionsWithAMessage) {
+  const auto before = log::lines_after(0);
+  const auto config = parse_config("estimator: {hand_over_above: 100}", "test.yaml", {});
+  ASSERT_TRUE(config);
+  const auto lines = log::lines_after(before.empty() ? 0 : before.back().number);
+  ASSERT_EQ(lines.size(), 1u);
+  EXPECT_THAT(lines[0].text, StartsWith("estimator.hand_over_above is not used any more: "));
+  EXPECT_EQ(print_config(*config).find("hand_over_above"), std::string::npos);
 }
 
 TEST(ConfigFile, ReportsAllFaultsWithPathValueRuleAndLine) {

@@ -93,14 +93,12 @@ class RecordingFilter final : public IdleFilter<> {
     return estimate;
   }
   void tag_beliefs(std::vector<TagBelief>& out) const override { out = beliefs; }
-  void release_tag(int tag_id) override { released.push_back(tag_id); }
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override {
     if (quiet) return {};
     return {{Pose{}, Matrix6d::Identity()}};
   }
 
   std::vector<TagBelief> beliefs;
-  std::vector<int> released;
   std::size_t throws_at{0};
   bool quiet{false};  ///< Records nothing, so that it allocates nothing.
   std::atomic<int> images_done{0};

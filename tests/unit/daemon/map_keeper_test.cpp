@@ -15,7 +15,7 @@
 #include "support/fault_disk.hpp"
 #include "support/results.hpp"
 #include "support/temporary_folder.hpp"
-#include "unit/mapping/belief_fixture.hpp"
+#include "unit/mapping/solution_fixture.hpp"
 
 namespace fiducap {
 namespace {
@@ -27,7 +27,6 @@ class MapKeeperTest : public testing::Test {
     keeper_.reset();
     MapConfig config;
     config.mode = mode;
-    config.refine_period_s = 0;
     map_ = std::make_unique<MapBuilder>(config, TagMap{});
     keeper_ = std::make_unique<MapKeeper>(value_of(MapStore::open(file_)), *map_, 10.0, clock_,
                                           events_, [this] { return learned_; });
@@ -38,8 +37,7 @@ class MapKeeperTest : public testing::Test {
     keeper_->run(stop.get_token());
   }
   void see(int id, double x = 1.0) {
-    const TagBelief one = belief(id, 1e-4, x, 1000);
-    map_->absorb({.body_id = 1, .beliefs = std::span(&one, 1)}, kNow_utc_ns);
+    map_->adopt(solution_with(graph_estimate(id, x, 0, 1e-4)), kNow_utc_ns);
   }
   void commit_with(int id, double x = 1.0) {
     see(id, x);

@@ -7,7 +7,7 @@
 #include "mapping/store/sqlite_file.hpp"
 #include "support/results.hpp"
 #include "support/temporary_folder.hpp"
-#include "unit/mapping/belief_fixture.hpp"
+#include "unit/mapping/map_fixture.hpp"
 
 namespace fiducap {
 namespace {
@@ -22,9 +22,9 @@ class MapStartTest : public testing::Test {
     settings_.store = folder_.file("map.sqlite");
     auto store = MapStore::open(settings_.store);
     TagMap map;
-    map.tags.push_back({belief(4).tag});
+    map.tags.push_back(make_map({4}).tags.front());
     EXPECT_TRUE(store->commit(map, "first"));
-    map.tags.push_back({belief(5).tag});
+    map.tags.push_back(make_map({5}).tags.front());
     EXPECT_TRUE(store->commit(map, "second"));
     return settings_.store;
   }
@@ -82,7 +82,7 @@ TEST_F(MapStartTest, RepairsADamagedFileAndKeepsIt) {
   {
     auto store = MapStore::open(path);  // many pages
     TagMap map = *store->newest();
-    for (int id = 6; id < 60; ++id) map.tags.push_back({belief(id).tag});
+    for (int id = 6; id < 60; ++id) map.tags.push_back(make_map({id}).tags.front());
     ASSERT_TRUE(store->commit(map, "third"));
   }
   const auto size = std::filesystem::file_size(path);

@@ -11,7 +11,7 @@
 #include "support/fake_clock.hpp"
 #include "support/results.hpp"
 #include "support/temporary_folder.hpp"
-#include "unit/mapping/belief_fixture.hpp"
+#include "unit/mapping/solution_fixture.hpp"
 
 namespace fiducap {
 namespace {
@@ -29,9 +29,9 @@ class OperatorServiceTest : public testing::Test {
     return all;
   }
   void map_tag(int id, double x = 1.0, double y = 0.0) {
-    TagBelief one = belief(id, 1e-4, x, 1000);
-    one.tag.X_WT.p.y() = y;
-    map_.absorb({.body_id = 1, .beliefs = std::span(&one, 1)}, kNow_utc_ns);
+    GraphTagEstimate one = graph_estimate(id, x, 0, 1e-4);
+    one.X_WT.p.y() = y;
+    map_.adopt(solution_with(one), kNow_utc_ns);
   }
 
   TemporaryFolder folder_;

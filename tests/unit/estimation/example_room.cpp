@@ -41,7 +41,20 @@ UpdateReport ExampleRoom::next_image(const MapKnowledge& map, const std::vector<
   }
   t_s = image_s;
   if (!imu_on) imu_s = t_s;
-  return filter->update(look(visible), map);
+  MapKnowledge knowledge = map;
+  if (knowledge.whole == nullptr) knowledge.whole = whole_of(map.tags);
+  return filter->update(look(visible), knowledge);
+}
+
+const KnownMap* ExampleRoom::whole_of(std::span<const KnownTag> map) {
+  const auto same = [](const KnownTag& a, const KnownTag& b) {
+    return a.tag_id == b.tag_id && a.X_WT.p == b.X_WT.p && a.X_WT.q.coeffs() == b.X_WT.q.coeffs() &&
+           a.covariance == b.covariance;
+  };
+  if (std::ranges::equal(map, whole_.uncorrelated, same)) return &whole_;
+  whole_.uncorrelated.assign(map.begin(), map.end());
+  ++whole_.revision;
+  return &whole_;
 }
 
 UpdateReport ExampleRoom::images(int count, const MapKnowledge& map,

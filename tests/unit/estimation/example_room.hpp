@@ -38,6 +38,7 @@ class ExampleRoom {
   }
 
   /// Up to the next image: readings, then what the camera sees.
+  /// @param map  without `whole`: that of these tags, whose errors are independent
   /// @param visible  which tags; empty: all
   UpdateReport next_image(const MapKnowledge& map, const std::vector<int>& visible = {});
   /// Several images. @return report of the last one
@@ -81,8 +82,10 @@ class ExampleRoom {
 
  private:
   [[nodiscard]] ImuSample reading(double t);
+  [[nodiscard]] const KnownMap* whole_of(std::span<const KnownTag> map);
 
   Setup setup_;
+  KnownMap whole_;
   BodySensors sensors_;
   std::mt19937_64 random_;
 };

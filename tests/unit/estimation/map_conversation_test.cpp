@@ -55,6 +55,27 @@ TEST(MapConversation, AMovedReferenceTagDoesNotMoveTheWorkspace) {
   room.expect_belief(first, kGood_m, X_WR);  // estimated again like any other tag
 }
 
+// A map of the body's own data is an older estimate of the same tags.
+TEST(MapConversation, ABodyThatAloneHasMadeTheMapKeepsItsTags) {
+  ExampleRoom room(ExampleRoom::Setup{});
+  settle(room);
+  KnownMap whole;
+  whole.uncorrelated = known_of(room);
+  for (KnownTag& tag : whole.uncorrelated) tag.X_WT.p.z() += kGood_m;
+  whole.revision = 1;
+  whole.made_by = 1;
+  const MapKnowledge map{whole.uncorrelated, false, &whole, 1};
+  UpdateReport report = room.next_image(map);
+  EXPECT_FALSE(report.map_shift);
+  EXPECT_EQ(report.named_fitting().size(), 6u) << "the map is reported to be right";
+  EXPECT_EQ(room.beliefs().size(), 6u);
+  whole.made_by.reset();  // another body has contributed
+  report = room.next_image(map);
+  ASSERT_TRUE(report.map_shift);
+  EXPECT_NEAR(report.map_shift->p.z(), kGood_m, 0.2 * kGood_m);
+  EXPECT_TRUE(room.beliefs().empty()) << "the tags are held";
+}
+
 TEST(MapConversation, AFilterWithItsOwnWorkspaceUsesTagsOfTheMap) {
   ExampleRoom room(ExampleRoom::Setup{});
   room.images(kStartImages, {}, {0, 1, 2});

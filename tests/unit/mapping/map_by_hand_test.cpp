@@ -4,7 +4,7 @@
 #include "mapping/map_builder.hpp"
 #include "mapping/map_refiner.hpp"
 #include "support/results.hpp"
-#include "unit/mapping/belief_fixture.hpp"
+#include "unit/mapping/solution_fixture.hpp"
 
 namespace fiducap {
 namespace {
@@ -12,7 +12,6 @@ namespace {
 using testing::HasSubstr;
 
 constexpr int kBody = 1;
-constexpr int kViewsToDeliver = 10;
 
 /// As from the store.
 TagMap stored_map(std::int64_t version = 3) {
@@ -22,37 +21,19 @@ TagMap stored_map(std::int64_t version = 3) {
   return map;
 }
 
-GraphSolution solution_with(int tag_id, double x, int epoch = 0) {
-  GraphSolution solution;
-  solution.tags.push_back(graph_estimate(tag_id, x, epoch));
-  return solution;
-}
-
-class MapByHandTest : public testing::TestWithParam<double> {
+class MapByHandTest : public testing::Test {
  protected:
-  [[nodiscard]] static bool has_graph() { return GetParam() > 0; }
-  /// The body has received the map.
-  void deliver(int body_id = kBody) {
-    for (int i = 0; i < kViewsToDeliver; ++i) (void)builder_.view(body_id);
+  void adopt(int tag_id, double x, int epoch = 0) {
+    builder_.adopt(solution_with(graph_estimate(tag_id, x, epoch)), kNow_utc_ns);
   }
-  /// Tag 5 is estimated at x = 3.
-  void see_at_3(int epoch) {
-    if (has_graph()) builder_.adopt(solution_with(5, 3.0, epoch), kNow_utc_ns);
-    if (!has_graph()) see(belief(5, 0.01, 3.0));
-  }
-  void see(const TagBelief& one) { builder_.absorb(from(kBody, one), kNow_utc_ns); }
   [[nodiscard]] const MapTag* tag(int id) {
     map_ = builder_.snapshot();
     return map_->find(id);
   }
 
-  MapBuilder builder_{MapConfig{.refine_period_s = GetParam()}, stored_map()};
+  MapBuilder builder_{MapConfig{}, stored_map()};
   std::shared_ptr<const TagMap> map_;
 };
-
-INSTANTIATE_TEST_SUITE_P(With, MapByHandTest, testing::Values(0.0, 2.0), [](const auto& with) {
-  return std::string(with.param > 0 ? "Graph" : "Beliefs");
-});
 
 TagMap other_map() {
   TagMap map = make_map({2, 5});
@@ -61,7 +42,7 @@ TagMap other_map() {
   return map;
 }
 
-TEST_P(MapByHandTest, ReplacesTheMap) {
+TEST_F(MapByHandTest, ReplacesTheMap) {
   const auto revision = builder_.published().revision;
   ASSERT_TRUE(builder_.replace_map(other_map(), kNow_utc_ns));
   const auto view = builder_.published();
@@ -72,34 +53,29 @@ TEST_P(MapByHandTest, ReplacesTheMap) {
   EXPECT_FALSE(builder_.changed());
 }
 
-TEST_P(MapByHandTest, DeliversTheNewMapToEachBody) {
+TEST_F(MapByHandTest, MovesTheTagsOfFilters) {
   ASSERT_TRUE(builder_.replace_map(other_map(), kNow_utc_ns));
   const auto known = builder_.view(kBody).map->known;
-  ASSERT_NE(known, nullptr) << "its own tags are moved, too";
-  EXPECT_EQ(known->tags.size(), 2U);
-  deliver();
-  EXPECT_EQ(builder_.view(kBody).map->known != nullptr, has_graph());
-  EXPECT_NE(builder_.view(kBody + 1).map->known, nullptr) << "another body has not received it";
+  ASSERT_NE(known->find(2), nullptr);
+  EXPECT_EQ(known->find(2)->X_WT.p.x(), other_map().tags[0].tag.X_WT.p.x());
+  EXPECT_EQ(known->find(7), nullptr);
   ASSERT_TRUE(builder_.replace_map(stored_map(), kNow_utc_ns));
   EXPECT_GT(builder_.view(kBody).map->known->revision, known->revision);
 }
 
-TEST_P(MapByHandTest, IgnoresContributionsToTheOldMap) {
-  (void)builder_.view(kBody);
+TEST_F(MapByHandTest, IgnoresContributionsToTheOldMap) {
+  MapContribution one{.body_id = kBody,
+                      .revision = builder_.view(kBody).revision,
+                      .segment = std::make_shared<const MotionSegment>()};
   ASSERT_TRUE(builder_.replace_map(other_map(), kNow_utc_ns));
-  const TagBelief seen = belief(11);
-  MapContribution late = from(kBody, seen);
-  late.segment = std::make_shared<const MotionSegment>();
-  builder_.absorb(late, kNow_utc_ns);
-  EXPECT_EQ(tag(11), nullptr);
+  builder_.absorb(one, kNow_utc_ns);
   EXPECT_TRUE(builder_.take_segments().segments.empty());
-  deliver();
-  builder_.absorb(late, kNow_utc_ns);
-  EXPECT_EQ(tag(11) != nullptr, !has_graph());
+  one.revision = builder_.view(kBody).revision;
+  builder_.absorb(one, kNow_utc_ns);
   EXPECT_EQ(builder_.take_segments().segments.size(), 1U);
 }
 
-TEST_P(MapByHandTest, DoesNotChangeAFrozenMap) {
+TEST_F(MapByHandTest, DoesNotChangeAFrozenMap) {
   builder_.set_mode(MapMode::kFrozen);
   const auto before = builder_.snapshot();
   EXPECT_THAT(error_of(builder_.check_replacement(other_map())), HasSubstr("the map is frozen"));
@@ -108,7 +84,7 @@ TEST_P(MapByHandTest, DoesNotChangeAFrozenMap) {
   EXPECT_EQ(builder_.snapshot(), before);
 }
 
-TEST_P(MapByHandTest, RefusesMapsWithoutWorkspaceOrOfOtherTags) {
+TEST_F(MapByHandTest, RefusesMapsWithoutWorkspaceOrOfOtherTags) {
   TagMap none = other_map();
   for (MapTag& entry : none.tags) entry.state = TagState::kQuarantined;
   EXPECT_THAT(error_of(builder_.replace_map(none, kNow_utc_ns)),
@@ -119,58 +95,54 @@ TEST_P(MapByHandTest, RefusesMapsWithoutWorkspaceOrOfOtherTags) {
               HasSubstr("holds tag25h9 tags"));
 }
 
-TEST_P(MapByHandTest, DoesNotUseAQuarantinedTag) {
+TEST_F(MapByHandTest, DoesNotUseAQuarantinedTag) {
   ASSERT_TRUE(builder_.quarantine(5, kNow_utc_ns));
   EXPECT_EQ(tag(5)->state, TagState::kQuarantined);
+  EXPECT_EQ(tag(5) == nullptr ? nullptr : map_->known->find(5), nullptr);
   EXPECT_TRUE(builder_.changed());
-  see(belief(5));
-  if (has_graph()) builder_.adopt(solution_with(5, 3.0, 1), kNow_utc_ns);
+  adopt(5, 3.0, 1);
   EXPECT_EQ(tag(5)->state, TagState::kQuarantined);
   const auto moves = builder_.take_segments().moves;
-  ASSERT_EQ(moves.size(), has_graph() ? 1U : 0U);
-  for (const auto& move : moves) EXPECT_EQ(move.opens->back, Instant::max());
+  ASSERT_EQ(moves.size(), 1U);
+  EXPECT_EQ(moves.front().opens->back, Instant::max());
   EXPECT_THAT(builder_.quarantine(99, kNow_utc_ns).error().what, HasSubstr("has no tag 99"));
 }
 
-TEST_P(MapByHandTest, MapsAForgottenTagAgain) {
-  see(belief(2));
+TEST_F(MapByHandTest, MapsAForgottenTagAgain) {
+  constexpr Instant kNewest = instant_from_ns(4'000'000'000);
+  builder_.absorb({.body_id = kBody, .at = kNewest}, kNow_utc_ns);
   ASSERT_TRUE(builder_.forget(5, kNow_utc_ns));
   EXPECT_EQ(tag(5), nullptr);
-  if (has_graph()) builder_.adopt(solution_with(5, 3.0), kNow_utc_ns);
-  see(belief(5));
-  EXPECT_EQ(tag(5), nullptr) << "by an old belief";
-  EXPECT_EQ(builder_.view(kBody).forget, std::vector<int>{5});
-  deliver();
-  EXPECT_TRUE(builder_.view(kBody).forget.empty());
-  EXPECT_EQ(builder_.view(kBody + 1).forget, std::vector<int>{5});
+  EXPECT_EQ(map_->known->find(5), nullptr) << "no filter has it";
+  adopt(5, 3.0);
+  EXPECT_EQ(tag(5), nullptr) << "by old sightings";
   const auto moves = builder_.take_segments().moves;
-  ASSERT_EQ(moves.size(), has_graph() ? 1U : 0U);
-  for (const auto& move : moves) EXPECT_EQ(move.opens->back, belief(5).last_seen) << "the newest";
-  see_at_3(1);
+  ASSERT_EQ(moves.size(), 1U);
+  EXPECT_EQ(moves.front().opens->back, kNewest);
+  adopt(5, 3.0, 1);
   ASSERT_NE(tag(5), nullptr);
   EXPECT_EQ(tag(5)->tag.X_WT.p.x(), 3.0);
 }
 
-TEST_P(MapByHandTest, MapsAForgottenQuarantinedTagAgain) {
+TEST_F(MapByHandTest, MapsAForgottenQuarantinedTagAgain) {
   ASSERT_TRUE(builder_.quarantine(5, kNow_utc_ns));
   ASSERT_TRUE(builder_.forget(5, kNow_utc_ns));
-  deliver();
-  see_at_3(2);
+  adopt(5, 3.0, 2);
   ASSERT_NE(tag(5), nullptr);
   EXPECT_NE(tag(5)->state, TagState::kQuarantined);
 }
 
-TEST_P(MapByHandTest, KeepsTagsThatDefineTheWorkspace) {
+TEST_F(MapByHandTest, KeepsTagsThatDefineTheWorkspace) {
   ASSERT_TRUE(builder_.forget(2, kNow_utc_ns));
   ASSERT_TRUE(builder_.forget(5, kNow_utc_ns));
   EXPECT_THAT(builder_.forget(7, kNow_utc_ns).error().what, HasSubstr("the only one"));
   TagMap hangs = stored_map();
   hangs.reference_tag = 2;
-  MapBuilder builder({.refine_period_s = GetParam()}, hangs);
+  MapBuilder builder({}, hangs);
   EXPECT_THAT(builder.forget(2, kNow_utc_ns).error().what, HasSubstr("reference tag"));
 }
 
-TEST_P(MapByHandTest, StoresAnAlignmentThatMovesNoTag) {
+TEST_F(MapByHandTest, StoresAnAlignmentThatMovesNoTag) {
   const auto before = builder_.snapshot();
   const Pose X_RW{Eigen::Quaterniond::Identity(), {4, 5, 6}};
   builder_.align(X_RW, kNow_utc_ns);
@@ -182,23 +154,23 @@ TEST_P(MapByHandTest, StoresAnAlignmentThatMovesNoTag) {
 }
 
 TEST(MapByHand, DoesNotAdoptASolutionOfTheOldMap) {
-  MapBuilder builder({.refine_period_s = 2}, stored_map());
+  MapBuilder builder({}, stored_map());
   MapRefiner refiner(builder);
-  builder.adopt(solution_with(5, 3.0), kNow_utc_ns);
+  builder.adopt(solution_with(graph_estimate(5, 3.0)), kNow_utc_ns);
   EXPECT_EQ(builder.snapshot()->find(5)->tag.X_WT.p.x(), 3.0);
   ASSERT_TRUE(builder.replace_map(other_map(), kNow_utc_ns));
   const auto before = builder.snapshot();
-  builder.adopt(solution_with(5, 4.0), kNow_utc_ns);
+  builder.adopt(solution_with(graph_estimate(5, 4.0)), kNow_utc_ns);
   EXPECT_EQ(builder.snapshot(), before) << "the refiner had the old map";
   refiner.take();
-  builder.adopt(solution_with(5, 4.0), kNow_utc_ns);
+  builder.adopt(solution_with(graph_estimate(5, 4.0)), kNow_utc_ns);
   EXPECT_EQ(builder.snapshot()->find(5)->tag.X_WT.p.x(), 4.0) << "the refiner has the new map";
 }
 
 TEST(MapByHand, RestartsTheRefinerWithTheNewMap) {
   TagMap start = stored_map();
   for (MapTag& entry : start.tags) entry.state = TagState::kSurveyed;
-  MapBuilder builder({.refine_period_s = 2}, start);
+  MapBuilder builder({}, start);
   MapRefiner refiner(builder);
   EXPECT_EQ(refiner.graph().state().tags.size(), 3U);
   TagMap next = other_map();

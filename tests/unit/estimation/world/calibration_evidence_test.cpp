@@ -90,28 +90,8 @@ TEST_F(CalibrationMonitorTest, AResetKeepsOpenParameters) {
   EXPECT_EQ(state_.sizes.common, opened);
 }
 
-TEST_F(CalibrationMonitorTest, AJudgedMapResetsTheTestsAndDecidesAloneForTenSeconds) {
+TEST_F(CalibrationMonitorTest, OpensTheParametersThatAMapNames) {
   KnownMap map;
-  monitor_.follow_map(state_, map, 1);
-  measure_larger_prints();
-  FilterState unjudged = state_;
-  monitor_.follow_map(unjudged, map, 1);
-  EXPECT_EQ(unjudged.sizes.common, state_.sizes.common) << "the map was not tested";
-  map.is_judged = true;
-  EXPECT_FALSE(monitor_.follow_map(state_, map, 1));
-  EXPECT_NEAR(state_.sizes.common, 0, 1e-15);
-  EXPECT_LT(variance(kFocal), 2.6e-9) << "keeps the information of its images";
-  measure_larger_prints();
-  test_parameters();
-  EXPECT_THAT(state_.parameter_tests, Each(is_closed()));
-  state_.time += std::chrono::seconds(11);
-  test_parameters();
-  EXPECT_TRUE(state_.parameter_tests[kSizeOfAll].is_open) << "by its own images";
-}
-
-TEST_F(CalibrationMonitorTest, OpensTheParametersThatAJudgedMapNames) {
-  KnownMap map;
-  map.is_judged = true;
   map.wrong_prints = {KnownMap::kAllPrints};
   map.wrong_lenses = {{2, 0, Kind::kFocalLength}};  // another body's
   EXPECT_TRUE(monitor_.follow_map(state_, map, 1));

@@ -82,101 +82,6 @@ TEST(ForgottenMotion, DoesNotChangeTagsBiasesAndExtrinsics) {
   EXPECT_TRUE((state.P().topRightCorner(layout::kBiasF, rest).isZero(1e-9)));
 }
 
-constexpr double kSigma_m = 0.01;
-
-/// The example state, its covariance small, the second tag held and correlated with everything.
-struct HeldTag {
-  HeldTag() : state(example_state()) {
-    state.P() *= kSigma_m * kSigma_m;
-    state.tags[1].held = true;
-    state.release_blocks();  // updates the list of held tags
-    P = state.P();
-    S = P.block<6, 6>(at, at);
-  }
-  /// The held tag of the map, moved, with a covariance in the state's coordinates.
-  [[nodiscard]] KnownTag known(const Vector6d& moved, const Matrix6d& covariance) const {
-    const WorldTag& tag = state.tags[1];
-    const Pose X_WT = world::moved(tag.X_WT, moved);
-    return {tag.tag_id, tag.edge_m, X_WT, propagated(plain_from_world_error(X_WT.p), covariance)};
-  }
-  /// Mean and covariance after an update from `before`.
-  static void expect_update(const FilterState& after, const FilterState& before,
-                            const Eigen::VectorXd& dx, const Eigen::MatrixXd& expected) {
-    EXPECT_LT((after.P() - expected).cwiseAbs().maxCoeff(),
-              1e-9 * before.P().cwiseAbs().maxCoeff());
-    FilterState mean = before;
-    mean.add_error(dx);
-    EXPECT_LT(mean.error_to(after).cwiseAbs().maxCoeff(), 1e-9);
-  }
-
-  FilterState state;
-  const int at = example_state().tag_at(1);
-  Eigen::MatrixXd P;  ///< Of the whole state.
-  Matrix6d S;         ///< Of the tag.
-};
-
-TEST(HeldMarginal, MatchesADenseReferenceAndMayBecomeExact) {
-  const HeldTag example;
-  const Matrix6d known = 0.3 * example.S + 1e-7 * Matrix6d::Identity();
-  const Vector6d away = 0.02 * kSigma_m * Vector6d(1, -2, 3, 1, -1, 2);
-  for (const auto& [moved, R] :
-       {std::pair<Vector6d, Matrix6d>(away, known), {Vector6d::Zero(), Matrix6d::Zero()}}) {
-    // Reference: p(x, t) = p(x | t) p(t), of which p(t) becomes another Gaussian. The conditional
-    // is x = G t + e with cov e = P − G S Gᵀ, so the new joint covariance is that of (G t + e, t).
-    HeldTag held;
-    const Eigen::MatrixXd G = held.P.middleCols<6>(held.at) * inverse(held.S);
-    const FilterState before = held.state;
-    ASSERT_TRUE(replace_held(held.state, 1, held.known(moved, R)));
-    HeldTag::expect_update(held.state, before, G * moved,
-                           held.P - propagated(G, held.S) + propagated(G, R));
-    EXPECT_LT((held.state.P().block<6, 6>(held.at, held.at) - R).cwiseAbs().maxCoeff(), 1e-12);
-    EXPECT_EQ(held.state.size(), before.size());
-  }
-}
-
-TEST(HeldMarginal, MayBeExactInSomeDirectionsOnly) {
-  // The map's reference tag: place and heading by definition, tilt measured.
-  FilterState state = example_state();
-  state.P() *= kSigma_m * kSigma_m;
-  KnownTag known{99, 0.2, {exp_so3({0.3, 1.2, -0.4}), {3, -2, 1}}, Matrix6d::Zero()};
-  known.covariance.diagonal() << 0, 0, 0, 1e-6, 1e-6, 0;
-  hold(state, known, Instant{});
-  const std::size_t tag = state.tags.size() - 1;
-  known.covariance *= 0.5;
-  known.X_WT.q = exp_so3({5e-4, 0, 0}) * known.X_WT.q;
-  EXPECT_TRUE(replace_held(state, tag, known));
-  EXPECT_TRUE(state.P().allFinite());
-  EXPECT_GT(least_eigenvalue(state.P()), -1e-12);
-}
-
-TEST(HeldMarginal, ATagAtAnotherPlaceIsNotReplaced) {
-  HeldTag held;
-  Vector6d moved = Vector6d::Zero();
-  moved.head<3>().setConstant(10 * std::sqrt(held.S.diagonal().maxCoeff()));
-  const FilterState before = held.state;
-  EXPECT_FALSE(replace_held(held.state, 1, held.known(moved, 0.1 * held.S)));
-  EXPECT_LT(before.error_to(held.state).norm(), 1e-15) << "its correlations are unknown";
-}
-
-TEST(LocalAndHeldTag, FusionMatchesADenseSchmidtUpdate) {
-  HeldTag held;
-  FilterState& state = held.state;
-  Eigen::VectorXd near = Eigen::VectorXd::Zero(state.size());
-  near.segment<6>(held.at) = world_error_between(state.tags[1].X_WT, state.tags[0].X_WT) +
-                             0.1 * kSigma_m * Vector6d(1, -1, 2, 0.5, 1, -1);
-  state.add_error(near);  // the held tag 1 is close to the body's own tag 0
-  const FilterState before = state;
-  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(6, state.size());
-  H.middleCols<6>(state.tag_at(0)).setIdentity();
-  H.middleCols<6>(held.at) = -Matrix6d::Identity();
-  Eigen::MatrixXd K = held.P * H.transpose() * inverse(propagated(H, held.P));
-  K.middleRows<6>(held.at).setZero();
-  const Eigen::MatrixXd I_KH = Eigen::MatrixXd::Identity(held.P.rows(), held.P.cols()) - K * H;
-  const Eigen::VectorXd dx = K * world_error_between(before.tags[0].X_WT, before.tags[1].X_WT);
-  fuse_with_held(state, 0, 1);
-  HeldTag::expect_update(state, before, dx, propagated(I_KH, held.P));
-}
-
 // While a body uses it, the map improves: each published pose is the old one with a smaller error.
 // A filter that takes every version as independent is overconfident.
 TEST(HeldMarginal, AnImprovingMapDoesNotMakeABodyOverconfident) {
@@ -258,7 +163,19 @@ class HeldTags : public testing::Test {
       if (tag.tag_id != own) known.push_back(tag);
       seen.tags.push_back(example_observation(tag.tag_id, tag.edge_m, tag.X_WT, example_camera()));
     }
-    return filter_->update(seen, {known});
+    return filter_->update(seen, {.tags = known, .whole = &whole_without(own)});
+  }
+  /// @param own  not in the map
+  const KnownMap& whole_without(int own) {
+    std::vector<KnownTag> tags = map_;
+    std::erase_if(tags, [&](const KnownTag& tag) { return tag.tag_id == own; });
+    const auto same = [](const KnownTag& a, const KnownTag& b) {
+      return a.tag_id == b.tag_id && a.X_WT.p == b.X_WT.p;
+    };
+    if (std::ranges::equal(tags, whole_.uncorrelated, same)) return whole_;
+    whole_.uncorrelated = std::move(tags);
+    ++whole_.revision;
+    return whole_;
   }
 
   [[nodiscard]] std::vector<TagBelief> beliefs() const {
@@ -272,6 +189,7 @@ class HeldTags : public testing::Test {
 
   std::unique_ptr<WorldFilter> filter_;
   std::vector<KnownTag> map_;
+  KnownMap whole_;
   Instant now_{};
 };
 
@@ -289,17 +207,12 @@ TEST_F(HeldTags, AreBoundedForAnySizeOfTheMap) {
   EXPECT_TRUE(beliefs().empty()) << "no own tags";
 }
 
-TEST_F(HeldTags, AnAdoptedTagReturnsAsATagOfTheMap) {
+TEST_F(HeldTags, TheMapTakesATagOfTheFilter) {
   constexpr int kOwn = 2;
   // No tag is given to the map while the clock is uncertain and the filter new.
   for (int i = 0; i < 150; ++i) show(0, kOwn);
   const std::vector<TagBelief> own = beliefs();
   ASSERT_EQ(own.size(), 1u);
-  const auto variance = [&] { return filter_->estimate().covariance.diagonal().head<3>().sum(); };
-  const double before = variance();
-  filter_->release_tag(kOwn);
-  EXPECT_LT(filter_->state().find(kOwn), 0);
-  EXPECT_NEAR(variance(), before, 1e-6 * before);
   map_[kOwn] = own.front().tag;
   EXPECT_EQ(show(0).tags_used, kInView);
   ASSERT_GE(filter_->state().find(kOwn), 0);
@@ -313,7 +226,7 @@ TEST_F(HeldTags, FollowTheMapWhenItChanges) {
   const Eigen::Vector3d before = tag(0).X_WT.p;
   TagObservations seen;
   seen.exposed_at = now_ += std::chrono::milliseconds(1);
-  filter_->update(seen, {map_});
+  filter_->update(seen, {.tags = map_, .whole = &whole_without(-1)});
   for (int k = 0; k < 3; ++k) show(0);
   EXPECT_LT((tag(0).X_WT.p - before - shift).norm(), 1e-12);
 }

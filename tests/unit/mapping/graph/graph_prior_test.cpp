@@ -13,6 +13,7 @@
 #include "base/pose.hpp"
 #include "estimation/world/filter_state.hpp"
 #include "mapping/graph/block_cholesky.hpp"
+#include "mapping/graph/calibration_terms.hpp"
 #include "mapping/graph/graph_state.hpp"
 #include "mapping/graph/graph_terms.hpp"
 #include "support/results.hpp"
@@ -54,7 +55,7 @@ struct World {
     cameras.covariance = joint.bottomRightCorner<kCamera, kCamera>();
     for (int i = 0; i < kTags; ++i) {
       const Pose X{exp_so3(draw(3, random)), Eigen::Vector3d(2.0 * i, 1, 0.3 * i)};
-      graph.tags.push_back({.tag_id = i, .edge_m = 0.1, .X_WT = X, .scale_prior = {}});
+      graph.tags.push_back({.tag_id = i, .edge_m = 0.1, .X_WT = X});
       tags.push_back({static_cast<std::size_t>(i), X, joint.block<6, 6>(6 * i, 6 * i), false});
       cameras.of_tags.push_back(joint.block<6, kCamera>(6 * i, kNumbers));
     }
@@ -154,20 +155,18 @@ TEST(GraphPrior, FollowsRenumberedTags) {
   EXPECT_NEAR(cost_of(world.graph), before, 1e-9 * before);
 }
 
-SegmentSensors one_camera(double focal_sigma) {
+/// A graph with a body whose filter has found its lens wrong.
+GraphState with_found_lens(double configured_focal_sigma) {
   SegmentSensors sensors;
-  sensors.has_imu = true;
   sensors.cameras.resize(1);
-  sensors.cameras[0].focal_sigma = focal_sigma;
-  return sensors;
-}
-
-/// A filter's estimate of a lens that differs from the configured one.
-std::vector<CameraBelief> found_lens() {
-  CameraBelief camera;
-  camera.lens.focal = 1e-4;
-  camera.lens_is_open = true;
-  return {camera};
+  sensors.cameras[0].focal_sigma = configured_focal_sigma;
+  GraphState graph;
+  graph.bodies.push_back(body_by_configuration(1, std::make_shared<const SegmentSensors>(sensors)));
+  MotionSegment segment;
+  segment.cameras.resize(1);
+  segment.cameras[0].lens_is_open = true;
+  follow_filter(segment, 0, graph);
+  return graph;
 }
 
 double focal_sigma(const GraphBody& body) {
@@ -175,13 +174,40 @@ double focal_sigma(const GraphBody& body) {
 }
 
 TEST(GraphBody, KeepsTheConfiguredSigmaOfALensUnlessItWasExact) {
-  GraphBody body = body_by_configuration(1, one_camera(5e-4));
-  initialise_cameras(found_lens(), body);
-  EXPECT_NEAR(focal_sigma(body), 5e-4, 1e-12);
-  GraphBody exact = body_by_configuration(1, one_camera(0));
-  EXPECT_LT(focal_sigma(exact), 1e-6);
-  initialise_cameras(found_lens(), exact);
-  EXPECT_NEAR(focal_sigma(exact), 0.1, 1e-9) << "it was wrong";
+  EXPECT_NEAR(focal_sigma(with_found_lens(5e-4).bodies[0]), 5e-4, 1e-12);
+  EXPECT_NEAR(focal_sigma(with_found_lens(0).bodies[0]), 0.05, 1e-9) << "it was wrong";
+}
+
+TEST(GraphBody, ClosesAParameterThatTheFilterHasClosed) {
+  GraphState graph = with_found_lens(0);
+  graph.prior.cameras = {graph.bodies[0].cameras};
+  graph.prior.camera_information = graph.bodies[0].information;
+  MotionSegment segment;
+  segment.cameras.resize(1);
+  follow_filter(segment, 0, graph);
+  EXPECT_LT(focal_sigma(graph.bodies[0]), 1e-5);
+  EXPECT_TRUE(graph.prior.camera_information.isApprox(graph.bodies[0].information)) << "folded";
+}
+
+TEST(GraphBody, OpensMountsSizesAndShuttersThatTheFilterHasFound) {
+  using Kind = FoundMismatch::Kind;
+  GraphState graph = with_found_lens(0);
+  graph.tags.push_back({.tag_id = 3, .edge_m = 0.1});
+  graph.tags.push_back({.tag_id = 4, .edge_m = 0.1});
+  MotionSegment segment;
+  segment.cameras.resize(1);
+  segment.found = {{.kind = Kind::kMountRotation, .camera = 0},
+                   {.kind = Kind::kReadout, .camera = 0},
+                   {.kind = Kind::kAllPrints},
+                   {.kind = Kind::kOnePrint, .tag_id = 4}};
+  segment.imu.accel_scale.x() = 0.02;
+  follow_filter(segment, 0, graph);
+  const auto sigma = [&](int row) { return 1 / std::sqrt(graph.bodies[0].information(row, row)); };
+  EXPECT_NEAR(sigma(0), 0.05, 1e-9);
+  EXPECT_TRUE(graph.common_scale_is_open);
+  EXPECT_FALSE(graph.tags[0].scale_is_open);
+  EXPECT_TRUE(graph.tags[1].scale_is_open);
+  EXPECT_EQ(graph.bodies[0].imu.accel_scale.x(), 0.02);
 }
 
 // Rounding at condition numbers below 1e4.

@@ -9,24 +9,6 @@ namespace fiducap {
 
 inline constexpr std::int64_t kNow_utc_ns = 1'700'000'100'000'000'000;
 
-inline const MapConfig kByBeliefs{.refine_period_s = 0};
-
-inline TagBelief belief(int id, double sigma = 0.01, double x = 1.0, int sightings = 20) {
-  TagBelief b;
-  b.tag.tag_id = id;
-  b.tag.edge_m = 0.2;
-  b.tag.X_WT.p = {x, 2, 3};
-  b.tag.covariance = Matrix6d::Identity() * sigma * sigma;
-  b.sightings = sightings;
-  b.first_seen = instant_from_ns(1'000'000'000);
-  b.last_seen = instant_from_ns(4'000'000'000);
-  return b;
-}
-
-inline MapContribution from(int body, const TagBelief& b) {
-  return {.body_id = body, .at = b.last_seen, .anchored = true, .beliefs = std::span(&b, 1)};
-}
-
 /// An event of that kind whose text contains `text`.
 inline testing::Matcher<MapEvent> event_of(MapEvent::Kind kind, const std::string& text = "") {
   return testing::AllOf(testing::Field(&MapEvent::kind, kind),
@@ -45,6 +27,13 @@ inline GraphTagEstimate graph_estimate(int tag_id, double x, int epoch = 0, doub
   tag.covariance = Matrix6d::Identity() * sigma * sigma;
   tag.epoch = epoch;
   return tag;
+}
+
+/// A solution with one tag.
+inline GraphSolution solution_with(const GraphTagEstimate& tag) {
+  GraphSolution solution;
+  solution.tags.push_back(tag);
+  return solution;
 }
 
 }  // namespace fiducap

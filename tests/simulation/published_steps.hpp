@@ -4,7 +4,7 @@
 #include "pipeline/body_update.hpp"
 #include "simulation/estimation_data.hpp"
 
-namespace fiducap::bench {
+namespace fiducap {
 
 /// Largest steps of valid published poses from frame to frame beyond the true motion, in published
 /// sigmas (those of the worst axis), and the sum of those sigmas.
@@ -42,4 +42,4 @@ class PublishedSteps final {
   StepFigures figures_;
 };
 
-}  // namespace fiducap::bench
+}  // namespace fiducap

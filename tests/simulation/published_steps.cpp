@@ -1,10 +1,10 @@
-#include "estimation/published_steps.hpp"
+#include "simulation/published_steps.hpp"
 
 #include <algorithm>
 
 #include "base/pose.hpp"
 
-namespace fiducap::bench {
+namespace fiducap {
 
 namespace {
 
@@ -66,4 +66,4 @@ void PublishedSteps::compare(const BodyPose& pose, Instant at) {
   X_RB_ = X_RB;
 }
 
-}  // namespace fiducap::bench
+}  // namespace fiducap
