@@ -68,7 +68,7 @@ constexpr Duration kBranchReportedAfter = std::chrono::seconds(5);
 constexpr Duration kConflictReportedAfter = std::chrono::seconds(1);
 constexpr double kReportedConflict_m = 0.05;
 
-// Share of rejected tags that is reported, and below which it is reported anew.
+// Share of rejected tags above which a report is made, and below which the next one may follow.
 constexpr double kLarge = 0.3;
 constexpr double kSmallAgain = 0.15;
 // Fewest tags in ten seconds.

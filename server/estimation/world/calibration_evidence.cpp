@@ -54,6 +54,7 @@ CalibrationMonitor::Likelihood CalibrationMonitor::likelihood(const FilterState&
     offsets(a) = offset(state, all_[i]);
     unit(a) = 1 / prior_sigma(state, i);
   }
+  if (k == 0 || !P.allFinite()) return {};
   // In units of the priors. No direction is more uncertain than they are, but for rounding.
   const Eigen::SelfAdjointEigenSolver<RowMatrix> eigen(unit.asDiagonal() * P * unit.asDiagonal());
   const RowVector inverse = eigen.eigenvalues().cwiseMin(1.0).cwiseMax(kSmallest).cwiseInverse();

@@ -76,8 +76,8 @@ class CalibrationMonitor final {
   /// Opens the parameters that are open in the map (KnownMap::wrong_prints, …).
   /// @return whether a parameter was opened
   bool follow_map(FilterState& state, const KnownMap& map, int body_id) const;
-  /// Resets the tests of closed parameters with at least this score.
-  void reset_tests(FilterState& state, double from_sigma = 0) const;
+  /// Resets the tests of closed parameters.
+  void reset_tests(FilterState& state) const;
   /// Without an IMU: keeps an image with few tags from correcting lenses, and any image from
   /// correcting tag sizes. Until FilterState::release_blocks().
   /// @param tags  of the image

@@ -150,7 +150,7 @@ void CalibrationMonitor::open_found(FilterState& state, std::span<const WrongNum
     const auto is_this = [&](const WrongNumber& number) {
       return number.kind == one.kind && number.camera == one.camera;
     };
-    if (one.is_refined || std::ranges::none_of(wrong, is_this)) continue;
+    if (state.parameter_tests[i].is_open || std::ranges::none_of(wrong, is_this)) continue;
     change_priors(state, std::max(0, one.camera), {i});
   }
   set_drift_prior(state);
@@ -365,13 +365,13 @@ bool CalibrationMonitor::follow_map(FilterState& state, const KnownMap& map, int
   return is_new;
 }
 
-void CalibrationMonitor::reset_tests(FilterState& state, double from_sigma) const {
+void CalibrationMonitor::reset_tests(FilterState& state) const {
   Eigen::VectorXd error = Eigen::VectorXd::Zero(state.size());
   for (std::size_t i = 0; i < state.parameter_tests.size(); ++i) {
     const Parameter& one = all_[i];
     const bool is_free = one.print >= 0 && watched_tag(state, one) < 0;
     if (one.is_refined || one.is_of_mount() || one.assumed_sigma > 0 || is_free ||
-        state.parameter_tests[i].is_open || std::abs(score(state, one)) < from_sigma)
+        state.parameter_tests[i].is_open)
       continue;
     error(one.at) = -value(state, one);
     state.clear_column(one.at, one.sigmas.closed);

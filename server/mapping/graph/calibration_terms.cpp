@@ -12,8 +12,7 @@ using Kind = FoundMismatch::Kind;
 
 // Relative sigmas of tag sizes: exact, or wrong, as in CalibrationMonitor.
 constexpr double kTightSize = 1e-5;
-constexpr double kOpenAllSizes = 0.05;
-constexpr double kOpenSize = 0.1;
+constexpr double kOpenSize = 0.15;
 constexpr double kReported_sigma = 4.0;
 constexpr double kOpen_sigma = 5.0;
 
@@ -91,7 +90,7 @@ void add_sensor_terms(const GraphState& graph, const GraphVariables& variables,
     cost += add_body(graph.bodies[i], variables.body(i), out);
     if (graph.bodies[i].same_as >= 0) cost += add_same(graph, variables, i, out);
   }
-  cost += add_size(graph.common_scale, graph.common_scale_is_open ? kOpenAllSizes : kTightSize,
+  cost += add_size(graph.common_scale, graph.common_scale_is_open ? kOpenSize : kTightSize,
                    variables.common_scale(), 0, out);
   for (std::size_t i = 0; i < graph.tags.size(); ++i)
     cost += add_size(graph.tags[i].scale, graph.tags[i].scale_is_open ? kOpenSize : kTightSize,
