@@ -155,12 +155,6 @@ void StackedUpdate::gate(ConstCovariance P, ImageMeasurement& image, const GateL
   }
 }
 
-void StackedUpdate::use_all(const ImageMeasurement& image) {
-  used_.clear();
-  for (std::size_t i = 0; i < image.tags.size(); ++i)
-    if (image.tags[i].in_front) used_.push_back(i);
-}
-
 StackedUpdate::SharedScore StackedUpdate::shared_score(const ImageMeasurement& image) {
   dense::divide(kalman::view_of(S_), rows_, kalman::view_of(shared_H_), shared_H_.rows());
   const auto H = shared_H_.topRows<6>().leftCols(rows_);

@@ -69,10 +69,6 @@ class StackedUpdate final {
   };
   /// Once per solve().
   [[nodiscard]] SharedScore shared_score(const ImageMeasurement& image);
-  /// Uses all tags before the camera, for the score alone: solve() may follow, not shrink().
-  void use_all(const ImageMeasurement& image);
-  /// Restores these measurements.
-  void use(const std::vector<std::size_t>& measurements) { used_ = measurements; }
 
   /// P ← P − K S Kᵀ of the last solve(), see kalman::shrink().
   void shrink(Covariance P, std::span<const int> held);

@@ -31,10 +31,6 @@ constexpr double kPlaceUnknown_m = 0.25;
 // Relocalisations without a consistent period in between, before everything is restarted.
 constexpr int kMostRelocalisations = 4;
 constexpr Duration kConsistent = std::chrono::seconds(2);
-// A single tag whose rotation differs from the gyroscope's by this relocalises the body only after
-// these images.
-constexpr double kMostTurn_rad = 0.15;
-constexpr int kDoubtfulAttempts = 160;
 // IMU propagation up to which a clock jump can be found.
 constexpr double kJumpBridged_s = 1.5;
 // Position uncertainty above which a clock jump cannot be distinguished.
@@ -74,9 +70,8 @@ void TagFilter::look_for_jump(const TagObservations& seen, UpdateReport& report)
   report.clock_jump = UpdateReport::ClockJump{seen.camera, shift_s, found->shift_s};
 }
 
-/// Sets a clock after a jump and discards the noise learned from the last images.
+/// Sets a clock after a jump.
 void TagFilter::set_clock(int camera, double shift_s, double sigma_s) {
-  image_update_.discard_recent_noise(state_);
   if (!config_.estimate_clocks || !has_imu()) return;
   state_.clocks[static_cast<std::size_t>(camera)].shift_s = shift_s;
   open_clock(state_, sensors_, config_, camera, sigma_s);
@@ -139,7 +134,6 @@ void TagFilter::begin_relocalisation(const TagObservations& seen, UpdateReport& 
 void TagFilter::discard_tag(int tag_id, Instant at, UpdateReport& report) {
   const int tag = state_.find(tag_id);
   if (tag >= 0) {
-    image_update_.discard_noise_learned_since_outlier(state_);
     // Moved tags of the map are handled by the map.
     if (is_own(static_cast<std::size_t>(tag))) contradictions_.tags().note_removal(tag_id, at);
     state_.remove_tag(static_cast<std::size_t>(tag));
@@ -227,7 +221,6 @@ void TagFilter::decide_place(const TagObservations& seen, UpdateReport& report) 
       });
   if (place_doubt_.contradicting_tag() >= 0 && (place_doubt_.log_odds() > 0 || is_imu_wrong)) {
     place_doubt_.change_place();
-    image_update_.discard_recent_noise(state_);
     for (const TagToUse& tag : tags_.usable)
       if (place_doubt_.contradicts(tag.seen->tag_id))
         discard_tag(tag.seen->tag_id, seen.exposed_at, report);
@@ -250,7 +243,6 @@ bool TagFilter::relocalise(const TagObservations& seen) {
   ++relocalisation_attempts_;
   const bool is_forced = has_imu() && relocalisation_attempts_ >= kForceWithImu;
   if (found && (found->evidence >= config_.branch_evidence || is_forced)) {
-    if (is_relocalisation_doubtful(found->X_AB, seen.exposed_at)) return false;
     // Outliers would pass the gate of a body whose covariance is wide.
     std::erase_if(tags_.usable, [&](const TagToUse& tag) {
       const auto one = image_update_.sighted(state_, seen.camera, std::span(&tag, 1));
@@ -262,22 +254,12 @@ bool TagFilter::relocalise(const TagObservations& seen) {
   return relocalise_by_views(seen);
 }
 
-/// A turned tag or an ambiguous id must not relocalise the body.
-bool TagFilter::is_relocalisation_doubtful(const Pose& X_WB, Instant at) const {
-  if (!has_imu() || tags_.usable.size() != 1 || relocalisation_attempts_ >= kDoubtfulAttempts)
-    return false;
-  return !pose_finder_.is_turn_lost() &&
-         angle_between(pose_finder_.turned(state_, at).q, X_WB.q) > kMostTurn_rad;
-}
-
 bool TagFilter::relocalise_by_views(const TagObservations& seen) {
   for (const TagToUse& tag : tags_.usable) {
     const auto verdict = judge(seen, tag, ViewLimits{});
     if (!verdict) continue;
     const Pose X_BT = state_.X_BV[static_cast<std::size_t>(seen.camera)] * verdict->X_VT;
-    const Pose X_WB = place_of(state_, tag) * X_BT.inverse();
-    if (is_relocalisation_doubtful(X_WB, seen.exposed_at)) return false;
-    jump(X_WB, seen.exposed_at);
+    jump(place_of(state_, tag) * X_BT.inverse(), seen.exposed_at);
     return true;
   }
   return false;

@@ -137,7 +137,6 @@ class TagFilter final : public StartingFilter {
   void decide_place(const TagObservations& seen, UpdateReport& report);
   [[nodiscard]] bool is_moved(int tag_id) const;
   bool relocalise(const TagObservations& seen);
-  [[nodiscard]] bool is_relocalisation_doubtful(const Pose& X_WB, Instant at) const;
   bool relocalise_by_views(const TagObservations& seen);
 
   // tag_admission.cpp

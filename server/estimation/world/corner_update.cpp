@@ -22,9 +22,6 @@ UpdateReport CornerUpdate::apply(FilterState& state, int camera, const CameraMod
   report.tags_used = static_cast<int>(update_.used().size());
   report.tags_rejected = static_cast<int>(tags.size()) - report.tags_used;
   score_.reset();
-  // With many rejected tags the accepted ones underestimate the noise.
-  if (options.wants_score && 2 * report.tags_rejected >= static_cast<int>(tags.size()))
-    score_all(state);
   if (update_.empty()) {
     if (moves) state.copy_mean(prior_);
     return report;
@@ -40,7 +37,7 @@ UpdateReport CornerUpdate::apply(FilterState& state, int camera, const CameraMod
     const double nis = update_.solve(state.P(), image_, state.held_tags());
     if (iteration == 0) {
       report.nis = nis;
-      if (options.wants_score && !score_) score_ = update_.shared_score(image_);
+      if (options.wants_score) score_ = update_.shared_score(image_);
     }
     if (moves) state.copy_mean(prior_);
     state.add_error(update_.correction());
@@ -53,16 +50,6 @@ UpdateReport CornerUpdate::apply(FilterState& state, int camera, const CameraMod
   for (const TagMeasurement& tag : image_.tags)
     if (tag.in_front) report.name_fit({tag.tag_id, std::sqrt(tag.y.squaredNorm() / 4.0)});
   return report;
-}
-
-void CornerUpdate::score_all(const FilterState& state) {
-  gated_.assign(update_.used().begin(), update_.used().end());
-  update_.use_all(image_);
-  if (!update_.empty()) {
-    (void)update_.solve(state.P(), image_, state.held_tags());
-    score_ = update_.shared_score(image_);
-  }
-  update_.use(gated_);
 }
 
 }  // namespace fiducap::world

@@ -6,7 +6,6 @@ namespace fiducap::world {
 
 namespace {
 constexpr double kNisShare = 0.02;
-constexpr int kUnfitToLearnFrom = 3;  // more consecutive images without a fit are no noise
 }  // namespace
 
 ImageUpdate::ImageUpdate(const BodySensors& sensors, const EstimatorConfig& config)
@@ -60,13 +59,11 @@ UpdateReport ImageUpdate::correct(FilterState& state, FilterState* linearisation
 
 void ImageUpdate::learn_noise(FilterState& state, const UpdateReport& report,
                               const Vector6d& on_time, bool teaches) {
-  // Only the second consecutive fit ends a doubt: the first one may remove a tag.
+  // Noise of IMU and stamps is common to all tags of an image. Where one is rejected, it is the tag
+  // or the place of the body that is wrong.
   const bool fits = report.tags_used > 0;
-  if (!fits && images_without_fit_ == 0) noise_watch_.begin_doubt();
-  if (fits && images_without_fit_ == 0) noise_watch_.end_doubt();
-  images_without_fit_ = fits ? 0 : images_without_fit_ + 1;
   const auto& score = corner_update_.shared_score();
-  if (teaches && score && images_without_fit_ <= kUnfitToLearnFrom) {
+  if (teaches && fits && report.tags_rejected == 0 && score) {
     noise_watch_.learn(*score, on_time);
     apply_jitter(state);
   }

@@ -57,19 +57,16 @@ class CornerUpdate final {
                      std::span<const TagToUse> tags, const Options& options, CornerNoise& noise,
                      std::vector<bool>& accepted);
 
-  /// Score of the camera's pose by the accepted tags of the last image, by all of them when at
-  /// least half were rejected; nullopt: none, or not wanted.
+  /// Score of the camera's pose by the accepted tags of the last image; nullopt: none, or not
+  /// wanted.
   [[nodiscard]] const std::optional<StackedUpdate::SharedScore>& shared_score() const {
     return score_;
   }
 
  private:
-  void score_all(const FilterState& state);
-
   FilterState prior_;  ///< mean only
   ImageMeasurement image_;
   StackedUpdate update_;
-  std::vector<std::size_t> gated_;
   std::optional<StackedUpdate::SharedScore> score_;
 };
 
@@ -99,16 +96,6 @@ class ImageUpdate final {
   }
   /// The motion is unknown, or expressed in other axes.
   void lose_motion() { noise_watch_.lose_motion(); }
-  /// Discards the noise learned from the last images: a clock has jumped, or the place was wrong.
-  void discard_recent_noise(FilterState& state) {
-    noise_watch_.take_back();
-    apply_jitter(state);
-  }
-  /// A tag was wrong, not the noise.
-  void discard_noise_learned_since_outlier(FilterState& state) {
-    noise_watch_.discard_since_outlier();
-    apply_jitter(state);
-  }
   /// After an exchange with the map. @param before  statistics before it
   void follow_map(FilterState& state, const KnownMap& map, int body_id, const Pose& moved,
                   std::span<const CalibrationMonitor::TestStatistics> before);
@@ -157,7 +144,6 @@ class ImageUpdate final {
   std::vector<CameraModel> lenses_;  ///< One per camera: as known before the present image.
   NoiseWatch noise_watch_;
   bool is_learning_{true};
-  int images_without_fit_{0};  ///< Consecutive.
   PostRealignmentHoldoff holdoff_;
   double nis_{1.0};  ///< Mean normalised innovation squared of the last images.
 };

@@ -3,7 +3,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "estimation/filter/chi_square.hpp"
 
@@ -28,12 +27,6 @@ const Eigen::Vector2d kTiny(1e-6, 1e4);
 // Bound of one image's influence, in its sigmas; larger once a large noise is applied.
 constexpr double kMostOfOneImage_sigma = 5.0;
 constexpr double kMostOnceApplied_sigma = 10.0;
-// Images discarded by take_back(): at least this number, at most twice as many.
-constexpr int kTakenBack = 40;
-// Change of a variance, and its smallest size, above which the curvature is reweighted.
-constexpr double kLargeChange = 1.5;
-const Eigen::Vector2d kNoticeable(0.0, 0.25e-6);
-
 // Clock of an image that teaches noise.
 constexpr double kClockKnown_s = 0.003;
 constexpr double kClockApplied_s = 0.003;
@@ -66,27 +59,13 @@ void NoiseWatch::lose_motion() {
   D_.setZero();
 }
 
-void NoiseWatch::take_back() {
-  now_ = earlier_ = before_;
-  images_since_earlier_ = 0;
-  likely_variance_ = outgrown_ = 1;
-}
-
 double NoiseWatch::variance_inflation() const {
   return std::max(outgrown_, std::min(likely_variance_ / now_.applied(kImu), kMostInflation));
 }
 
 void NoiseWatch::unlearn() {
-  now_ = earlier_ = before_ = LearnedNoise{};
-  doubted_since_.reset();
+  now_ = LearnedNoise{};
   likely_variance_ = 1;
-}
-
-void NoiseWatch::discard_since_outlier() {
-  if (!doubted_since_) return;
-  likely_variance_ = outgrown_ = 1;
-  now_ = earlier_ = before_ = *doubted_since_;
-  doubted_since_.reset();
 }
 
 void NoiseWatch::follow(const MotionSinceImage& motion) {
@@ -124,9 +103,6 @@ void NoiseWatch::learn(const StackedUpdate::SharedScore& score, const Vector6d& 
   now_.information = kForget * now_.information + information;
   now_.third = kForget * now_.third + third;
   apply_estimate();
-  if (++images_since_earlier_ < kTakenBack) return;
-  images_since_earlier_ = 0;
-  before_ = std::exchange(earlier_, now_);
 }
 
 void NoiseWatch::apply_estimate() {
@@ -152,19 +128,6 @@ void NoiseWatch::apply_estimate() {
   outgrown_ = 1 + kForget * (outgrown_ - 1);
   outgrown_ = std::clamp(outgrown_ * now_.applied(kImu) / before(kImu), 1.0, kMostInflation);
   now_.derivative -= now_.information * (now_.applied - before);  // at the applied variances
-  reweigh();
-}
-
-/// Reduces the earlier information about a variance that grows.
-void NoiseWatch::reweigh() {
-  const Eigen::Array2d grown =
-      (now_.applied + kNoticeable).array() / (now_.weighed_at + kNoticeable).array();
-  if ((grown < kLargeChange && grown > 1 / kLargeChange).all()) return;
-  const Eigen::Vector2d weight = grown.inverse().min(1.0).matrix();
-  now_.derivative = weight.cwiseAbs2().cwiseProduct(now_.derivative).eval();
-  now_.information = weight.asDiagonal() * now_.information * weight.asDiagonal();
-  now_.third = weight.array().cube().matrix().cwiseProduct(now_.third).eval();
-  now_.weighed_at = now_.applied;
 }
 
 void NoiseWatch::list(std::vector<FoundMismatch>& out) const {

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -32,17 +31,10 @@ class NoiseWatch final {
   NoiseWatch() { lose_motion(); }
   void restart() { *this = NoiseWatch{}; }
   /// Begins with noise learned from the same samples before.
-  void begin_with(const LearnedNoise& learned) { now_ = earlier_ = before_ = learned; }
+  void begin_with(const LearnedNoise& learned) { now_ = learned; }
   [[nodiscard]] const LearnedNoise& learned() const { return now_; }
   /// The body was lost; learned noises stay.
   void lose_motion();
-  /// Discards what the last images taught: they had another error.
-  void take_back();
-  /// Marks the first contradicting image, for discard_since_outlier().
-  void begin_doubt() { doubted_since_ = now_; }
-  void end_doubt() { doubted_since_.reset(); }
-  /// Discards what was learned since begin_doubt(): a tag was wrong.
-  void discard_since_outlier();
   /// Discards everything: it was another error.
   void unlearn();
 
@@ -68,15 +60,10 @@ class NoiseWatch final {
 
   [[nodiscard]] Eigen::Matrix2d curvature() const;
   void apply_estimate();
-  void reweigh();
 
   BodyMatrix P_;  ///< Of the body relative to tags at exact poses …
   BodyMatrix D_;  ///< … and its derivative by the variance of the IMU.
   LearnedNoise now_;
-  LearnedNoise earlier_;                       ///< Some images ago …
-  LearnedNoise before_;                        ///< … and before those.
-  std::optional<LearnedNoise> doubted_since_;  ///< At begin_doubt().
-  int images_since_earlier_{0};
   double likely_variance_{1.0};  ///< Most likely variance of the IMU, significant or not.
   double outgrown_{1.0};         ///< Applied variance relative to that of most of the state.
 };

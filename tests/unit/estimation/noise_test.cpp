@@ -273,27 +273,6 @@ TEST(NoiseWatch, StartsWithTheNoiseOfAnotherFilter) {
   EXPECT_NEAR(watched({25.0, 0.0}, 2, after).imu_variance(), 25.0, 5.0);
 }
 
-TEST(NoiseWatch, RevertsTheLastImages) {
-  NoiseWatch watch = watched({1.0, 0.0}, 3);
-  watch.take_back();
-  EXPECT_EQ(watch.imu_variance(), 1.0);
-  EXPECT_GT(watch.learned().information(0, 0), 0.0) << "the older ones stay";
-}
-
-TEST(NoiseWatch, NoiseLearnedDuringADoubtIsRevertedUntilTheDoubtEnds) {
-  NoiseWatch doubting = watched({1.0, 0.0}, 4);
-  doubting.begin_doubt();
-  doubting = watched({25.0, 0.0}, 5, doubting);
-  ASSERT_GT(doubting.imu_variance(), 10.0);
-  NoiseWatch ended = doubting;
-  doubting.discard_since_outlier();
-  EXPECT_EQ(doubting.imu_variance(), 1.0);
-  EXPECT_EQ(doubting.variance_inflation(), 1.0);
-  ended.end_doubt();
-  ended.discard_since_outlier();
-  EXPECT_GT(ended.imu_variance(), 10.0);
-}
-
 TEST(NoiseWatch, ReportsTheVarianceInflationUntilItIsForgotten) {
   constexpr double kMostForgotten = 1.2;
   NoiseWatch watch;

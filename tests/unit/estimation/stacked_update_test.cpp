@@ -161,10 +161,12 @@ TEST_P(TurnedTag, MatchesWithUnevenNoise) {
 
 TEST_P(TurnedTag, MatchesForKnownTagsWithNoise) {
   smear();
-  const ImageMeasurement image = turned();
+  ImageMeasurement image = turned();
   StackedUpdate update;
   update.prepare(state_.P(), image);
-  update.use_all(image);
+  constexpr double kAnything = 1e9;
+  std::vector<bool> accepted;
+  update.gate(state_.P(), image, {kAnything, kAnything}, accepted);
   (void)update.solve(state_.P(), image, {});
   Matrix6d information = Matrix6d::Zero();
   for (std::size_t i = 0; i < use_.size(); ++i) {
