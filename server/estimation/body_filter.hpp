@@ -109,9 +109,11 @@ class BodyFilter {
   /// biases stay.
   virtual void lose_motion() = 0;
 
-  /// The camera's clock has jumped: `shift` is to be added to its stamps from now on, beyond the
+  /// The camera's clock has jumped: `shift_s` is to be added to its stamps from now on, beyond the
   /// configured shift. The body is relocalised.
-  virtual void note_clock_jump(int /*camera*/, Duration /*shift*/) { lose_motion(); }
+  virtual void note_clock_jump(int /*camera*/, double /*shift_s*/, double /*sigma_s*/) {
+    lose_motion();
+  }
 
   [[nodiscard]] virtual bool running() const = 0;
   /// @pre running()

@@ -73,9 +73,9 @@ BodyPipeline::BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filt
 }
 
 bool BodyPipeline::push(SensorSample sample) {
-  compare_turns(sample);
   if (const auto* imu = std::get_if<ImuSample>(&sample)) {
     newest_imu_ = imu->sampled_at;
+    agreement_.add(*imu);  // with a clock far off, the merger drops samples that are needed here
     imu_silence_.reading_arrived(imu->sampled_at);
     return merger_.push(std::move(sample));
   }
@@ -98,18 +98,6 @@ void BodyPipeline::note_late(int camera, Instant stamp, bool was_dropped) {
   if (change != kInTime) return;
   merger_.set_clock_shift(camera, shift_to_apply(filter_->clock(camera), {}));
   reported_.late.reset(static_cast<std::size_t>(camera));
-}
-
-/// On arrival, because the merger drops images whose clock is wrong. Corners of images are found
-/// later.
-void BodyPipeline::compare_turns(const SensorSample& sample) {
-  if (const auto* imu = std::get_if<ImuSample>(&sample)) return agreement_.add(*imu);
-  const auto* corners = std::get_if<CornerFrame>(&sample);
-  if (corners == nullptr || !has_finite_corners(*corners)) return;
-  if (!agreement_.wants(corners->camera, corners->exposed_at - corners->clock_shift)) return;
-  const auto camera = static_cast<std::size_t>(corners->camera);
-  observe(*corners, setup_.sensors.cameras[camera].model, setup_.tags, setup_.detector, delivered_);
-  agreement_.add(delivered_);
 }
 
 void BodyPipeline::finish() { merger_.finish(); }
@@ -152,7 +140,6 @@ void BodyPipeline::take_imu(const ImuSample& imu) {
 }
 
 const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
-  const bool was_found_here = std::holds_alternative<CameraFrame>(*next_);
   find_corners(view);
   const CpuMeter meter(statistics_.update_cpu);
   const CornerFrame& corners = update_.corners;
@@ -160,8 +147,7 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   update_.events.clear();
   observe(corners, setup_.sensors.cameras[camera].model, setup_.tags, setup_.detector,
           update_.seen);
-  plausibility_.add(update_.seen, setup_.sensors.cameras[camera].model);
-  if (was_found_here) agreement_.add(update_.seen);
+  agreement_.add(update_.seen);
   if (late_.excludes(corners.camera, corners.exposed_at - corners.clock_shift))
     return take_excluded_image();
   lose_motion_if_lost();
@@ -315,7 +301,7 @@ void BodyPipeline::note_turns() {
       continue;
     }
     note(BodyEvent::Kind::kClockJumped, found->text).clock_jump = from_seconds(finding.jump_s);
-    filter_->note_clock_jump(found->camera, from_seconds(finding.shift_s));
+    filter_->note_clock_jump(found->camera, finding.fit.shift_s, finding.fit.shift_sigma_s);
     trust_.note_clock_jump();
   }
 }
@@ -327,7 +313,8 @@ void BodyPipeline::note_trust() {
   };
   const bool is_room_known = !std::ranges::all_of(update_.known, is_own);
   trust_.add(update_.report, is_established, is_room_known);
-  const bool is_contradicted = trust_.is_contradicted();
+  // A wrong clock or wrong axes have a message of their own.
+  const bool is_contradicted = trust_.is_contradicted() && !agreement_.withholds();
   if (is_contradicted && !reported_.contradiction)
     note(BodyEvent::Kind::kTurnsDisagree, contradiction_text(is_established));
   reported_.contradiction = is_contradicted;
@@ -353,7 +340,8 @@ void BodyPipeline::note_imu() {
   if (std::exchange(reported_.silence, silent) != silent)
     note(silent ? BodyEvent::Kind::kImuSilent : BodyEvent::Kind::kImuBack,
          std::string(imu_silence_.text()));
-  const ImuFaults before = std::exchange(reported_.imu, plausibility_.faults());
+  const ImuFaults before =
+      std::exchange(reported_.imu, plausibility_.faults(agreement_.has_degrees()));
   if (before == reported_.imu) return;
   for (const ImuFault fault : faults_to_report(before, reported_.imu))
     note(is_fatal(fault) ? BodyEvent::Kind::kImuUnusable : BodyEvent::Kind::kImuDoubtful,

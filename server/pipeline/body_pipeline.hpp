@@ -10,7 +10,6 @@
 #include "capture/sensor_source.hpp"
 #include "estimation/segment/segment_recorder.hpp"
 #include "mapping/map_builder.hpp"
-#include "pipeline/agreement/rotation_agreement.hpp"
 #include "pipeline/body_tracker.hpp"
 #include "pipeline/body_update.hpp"
 #include "pipeline/contradicted_tags.hpp"
@@ -19,6 +18,7 @@
 #include "pipeline/guided_search.hpp"
 #include "pipeline/imu_plausibility.hpp"
 #include "pipeline/pose_trust.hpp"
+#include "pipeline/rotation_agreement.hpp"
 
 namespace fiducap {
 
@@ -92,7 +92,6 @@ class BodyPipeline final {
   [[nodiscard]] bool source_gives_corners() const { return !search_; }
 
  private:
-  void compare_turns(const SensorSample& sample);
   void note_late(int camera, Instant stamp, bool was_dropped);
   void take_imu(const ImuSample& imu);
   const BodyUpdate* take_image(const MapView& view);
@@ -129,7 +128,6 @@ class BodyPipeline final {
   std::vector<FoundMismatch> found_;  ///< Kept for its memory.
   LateImages late_;
   std::optional<Instant> newest_imu_;
-  TagObservations delivered_;  ///< Corners on arrival, before the merger sorts them.
   std::optional<SensorSample> next_;
   BodyUpdate update_;
   PipelineStatistics statistics_;

@@ -7,8 +7,6 @@
 #include <fmt/format.h>
 
 #include "base/numeric.hpp"
-#include "base/pose.hpp"
-#include "detection/tag_geometry.hpp"
 
 namespace fiducap {
 namespace {
@@ -29,25 +27,10 @@ constexpr int kSoundWindows = 3;
 
 // 400 forces then take four seconds at least: longer than a jump or a shake.
 constexpr Duration kForceStep = std::chrono::milliseconds(10);
-// Between two images: long enough for a rotation, short enough for a gyro with a bias.
-constexpr Duration kShortestTurn = std::chrono::milliseconds(240);
-constexpr Duration kLongestTurn = std::chrono::milliseconds(1000);
-// A longer step is a gap of the gyro.
-constexpr Duration kLongestStep = std::chrono::milliseconds(100);
-// One tag's attitude is good to a degree or two.
-constexpr double kSmallestComparedTurn_rad = 3 * kDegree;
-constexpr double kTolerance_rad = 1.5 * kDegree;
-constexpr double kTolerance = 0.25;
-constexpr int kVotes = 8;
-constexpr int kMostComparisons = 400;
 // After a longer gap the device may have been reopened or replaced.
 constexpr Duration kPause = std::chrono::seconds(1);
 // Sound judgements in a row that end a fault of the forces: 12 s.
 constexpr int kSoundForces = 3;
-
-bool explains(double turned_rad, double seen_rad) {
-  return std::abs(turned_rad - seen_rad) < kTolerance_rad + kTolerance * seen_rad;
-}
 
 std::optional<ImuFault> fault_of_force(double median_m_s2) {
   if (median_m_s2 < 0.4) return ImuFault::kForceWithoutGravity;
@@ -161,9 +144,6 @@ void ImuPlausibility::add(const ImuSample& imu) {
     forces_ = 0;
     sound_forces_ = 0;
     last_force_at_.reset();
-    last_.reset();
-    view_.reset();
-    comparisons_ = for_radians_ = for_degrees_ = 0;
   }
   last_at_ = imu.sampled_at;
   flow_.add(imu);
@@ -172,14 +152,6 @@ void ImuPlausibility::add(const ImuSample& imu) {
     forces_m_s2_[forces_++] = imu.f_B.norm();
     if (forces_ == kForces) judge_forces();
   }
-  if (rates_are_judged()) return;
-  const std::optional<ImuSample> before = std::exchange(last_, imu);
-  if (!before) return;
-  const Duration step = imu.sampled_at - before->sampled_at;
-  if (step > kLongestStep || step <= Duration{0}) return view_.reset();
-  const Eigen::Vector3d turn = 0.5 * to_seconds(step) * (before->w_WB_B + imu.w_WB_B);
-  turned_ = (turned_ * exp_so3(turn)).normalized();
-  turned_by_degrees_ = (turned_by_degrees_ * exp_so3(kDegree * turn)).normalized();
 }
 
 void ImuPlausibility::judge_forces() {
@@ -189,48 +161,6 @@ void ImuPlausibility::judge_forces() {
   if (!force_fault_) return;
   forces_ = 0;  // checked until the fault ends
   if (sound_forces_ >= kSoundForces) force_fault_.reset();
-}
-
-bool ImuPlausibility::rates_are_judged() const {
-  return for_radians_ >= kVotes || for_degrees_ >= kVotes || comparisons_ >= kMostComparisons;
-}
-
-void ImuPlausibility::add(const TagObservations& seen, const CameraModel& camera) {
-  if (rates_are_judged() || !last_ || seen.tags.empty()) return;
-  if (view_ && seen.exposed_at - view_->at < kShortestTurn) return;
-  if (view_ && seen.exposed_at - view_->at > kLongestTurn) view_.reset();
-  if (view_ && view_->camera != seen.camera) return;
-  const auto same = std::ranges::find_if(seen.tags, [&](const TagObservation& tag) {
-    return view_ && tag.tag_id == view_->tag.tag_id;
-  });
-  const bool again = same != seen.tags.end();
-  const TagView now{seen.camera, seen.exposed_at, again ? *same : seen.tags.front(), turned_,
-                    turned_by_degrees_};
-  if (again) compare(*view_, now, camera);
-  view_ = now;
-  if (!rates_are_judged()) return;
-  if (for_degrees_ >= kVotes) rate_fault_ = ImuFault::kRateInDegreesPerSecond;
-  if (!rate_fault_) return;
-  if (for_radians_ >= kVotes) {
-    rate_fault_.reset();
-  } else {
-    comparisons_ = for_radians_ = for_degrees_ = 0;  // checked until the fault ends
-  }
-}
-
-void ImuPlausibility::compare(const TagView& before, const TagView& now,
-                              const CameraModel& camera) {
-  const double turned_rad = angle_between(before.turned, now.turned);
-  if (turned_rad < kSmallestComparedTurn_rad) return;  // far too small in degrees, too
-  ++comparisons_;
-  const Eigen::Quaterniond q_TV_before = solve_tag_pose(before.tag, camera)[0].X_VT.q.conjugate();
-  const Eigen::Quaterniond q_TV_now = solve_tag_pose(now.tag, camera)[0].X_VT.q.conjugate();
-  const double seen_rad = angle_between(q_TV_before, q_TV_now);
-  if (seen_rad < kSmallestComparedTurn_rad) return;
-  const double by_degrees_rad = angle_between(before.turned_by_degrees, now.turned_by_degrees);
-  const bool radians = explains(turned_rad, seen_rad);
-  const bool degrees = explains(by_degrees_rad, seen_rad);
-  if (radians != degrees) ++(radians ? for_radians_ : for_degrees_);
 }
 
 std::string ImuPlausibility::text(ImuFault fault) const {

@@ -6,11 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include <Eigen/Geometry>
-
 #include "capture/imu_sample.hpp"
-#include "capture/lens/camera_model.hpp"
-#include "detection/tag_observation.hpp"
 
 namespace fiducap {
 
@@ -72,12 +68,9 @@ using ImuFaults = std::array<std::optional<ImuFault>, 3>;
 /// The faults to report after a change: those that are new, and all when another one has ended.
 [[nodiscard]] std::vector<ImuFault> faults_to_report(const ImuFaults& before, const ImuFaults& now);
 
-/// Checks an IMU's units in its first seconds, after each pause, and while a fault holds.
-///
-/// The median specific force of anything carried, driving or flying is near gravity. The rotation
-/// between two images is known from a tag that both show, of any size and pose; the gyro's is
-/// compared as it is and as if it were in degrees, beyond three degrees and at most four times a
-/// second, until decided. The flow is checked all the time. No allocation once decided.
+/// Checks the unit of an IMU's forces in its first seconds, after each pause, and while a fault
+/// holds: the median specific force of anything carried, driving or flying is near gravity. The
+/// flow is checked all the time. Allocates nothing but the texts.
 class ImuPlausibility final {
  public:
   /// Without checking the flow.
@@ -85,44 +78,27 @@ class ImuPlausibility final {
   explicit ImuPlausibility(double configured_hz) : flow_(configured_hz) {}
 
   void add(const ImuSample& imu);
-  /// An image, in the order of SampleMerger: after the IMU samples before it.
-  void add(const TagObservations& seen, const CameraModel& camera);
 
-  [[nodiscard]] ImuFaults faults() const { return {force_fault_, rate_fault_, flow_.fault()}; }
+  /// @param has_degrees  see RotationAgreement
+  [[nodiscard]] ImuFaults faults(bool has_degrees) const {
+    using enum ImuFault;
+    return {force_fault_, has_degrees ? std::optional(kRateInDegreesPerSecond) : std::nullopt,
+            flow_.fault()};
+  }
   /// As `text_of`, with figures where there are some.
   [[nodiscard]] std::string text(ImuFault fault) const;
 
  private:
   static constexpr std::size_t kForces = 400;
 
-  /// One tag in one image of one camera.
-  struct TagView {
-    int camera{};
-    Instant at{};
-    TagObservation tag{};
-    /// The gyro's rotation since the first sample, as it is and read as degrees.
-    Eigen::Quaterniond turned{};
-    Eigen::Quaterniond turned_by_degrees{};
-  };
   void judge_forces();
-  void compare(const TagView& before, const TagView& now, const CameraModel& camera);
-  [[nodiscard]] bool rates_are_judged() const;
 
   std::array<double, kForces> forces_m_s2_{};
   std::size_t forces_{0};
   int sound_forces_{0};  ///< Judgements in a row.
   std::optional<ImuFault> force_fault_;
-
   std::optional<Instant> last_at_;
-  std::optional<ImuSample> last_;
   std::optional<Instant> last_force_at_;
-  Eigen::Quaterniond turned_{Eigen::Quaterniond::Identity()};
-  Eigen::Quaterniond turned_by_degrees_{Eigen::Quaterniond::Identity()};
-  std::optional<TagView> view_;
-  int comparisons_{0};
-  int for_radians_{0};
-  int for_degrees_{0};
-  std::optional<ImuFault> rate_fault_;
   ImuFlow flow_{0};
 };
 

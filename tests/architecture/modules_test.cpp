@@ -37,7 +37,7 @@ const std::map<std::string, std::string> kListed{
      "rcars[imu filter start] update[imu filter start world] "
      "segment[imu filter world]"},
     {"mapping", "formats graph store"},
-    {"pipeline", "agreement replay"},
+    {"pipeline", "replay"},
     {"simulation", "motion images"},
     {"calibration", "imu intrinsics extrinsics guided[extrinsics imu intrinsics]"},
     {"streaming",

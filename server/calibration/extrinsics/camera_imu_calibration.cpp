@@ -2,142 +2,37 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <locale>
 #include <optional>
 #include <sstream>
 #include <utility>
 
-#include <Eigen/Dense>
-
 #include "base/pose.hpp"
-#include "estimation/filter/chi_square.hpp"
+#include "detection/observe.hpp"
+#include "estimation/start/time_offset.hpp"
 
 namespace fiducap {
 namespace {
 
-// A filter started in motion has about the same cost at most wrong shifts; the minimum is narrow. A
-// grid of 12 ms missed it by 10 to 30 ms in one recording of twenty.
-constexpr double kCell_s = 0.002;
-constexpr double kEnough_s = 0.0005;    // end of the golden section
-constexpr double kParabola_s = 0.0015;  // spacing of the five points of the parabola
-constexpr double kGolden = 0.6180339887498949;
-/// Smallest range of the chi-square: smaller ones are caused by images that enter or leave the
-/// recording with the shift, and would give a useless sigma (10 sigma over 50 ms are 5 ms).
-constexpr double kEvidence = 100;
-
-class ShiftSearch final {
- public:
-  ShiftSearch(const ShiftCost& cost, double range_s) : cost_(cost), range_s_(range_s) {}
-
-  Expected<ShiftResult> run() {
-    const int cells = static_cast<int>(std::ceil(range_s_ / kCell_s));
-    double best = std::numeric_limits<double>::infinity();
-    double worst = -best;
-    double centre = 0;
-    for (int i = -cells; i <= cells; ++i) {
-      const double shift = range_s_ * i / cells;
-      const double value = at(shift);
-      worst = std::max(worst, value);
-      if (value >= best) continue;
-      best = value;
-      centre = shift;
-      result_.at_border = std::abs(i) == cells;
-    }
-    const double cell = range_s_ / cells;
-    const double narrowed = golden(centre - cell, centre + cell);
-    if (!failure_) fit_parabola(narrowed);
-    if (failure_) return tl::unexpected(*failure_);
-    if (worst - best < kEvidence) return ShiftResult{.determined = false};
-    // A negative curvature at the border: the minimum lies beyond.
-    if (!result_.determined)
-      return ShiftResult{.at_border = result_.at_border, .determined = false};
-    return result_;
-  }
-
- private:
-  double at(double shift_s) {
-    if (failure_) return 0;
-    const auto value = cost_(shift_s);
-    if (value) return *value;
-    failure_ = value.error();
-    return 0;
-  }
-
-  double golden(double low, double high) {
-    double left = high - kGolden * (high - low);
-    double right = low + kGolden * (high - low);
-    double at_left = at(left);
-    double at_right = at(right);
-    while (high - low > kEnough_s && !failure_) {
-      if (at_left < at_right) {
-        high = right;
-        right = left;
-        at_right = at_left;
-        left = high - kGolden * (high - low);
-        at_left = at(left);
-      } else {
-        low = left;
-        left = right;
-        at_left = at_right;
-        right = low + kGolden * (high - low);
-        at_right = at(right);
-      }
-    }
-    return (low + high) / 2;
-  }
-
-  /// Least squares through five points; χ² = c + (t − t₀)²/σ².
-  void fit_parabola(double centre) {
-    Eigen::Matrix<double, 5, 3> A;
-    Eigen::Matrix<double, 5, 1> y;
-    for (int i = 0; i < 5; ++i) {
-      const double u = i - 2;
-      A.row(i) << 1, u, u * u;
-      y(i) = at(centre + u * kParabola_s);
-    }
-    const Eigen::Vector3d c = A.colPivHouseholderQr().solve(y);
-    result_.shift_s = centre;
-    if (!(c(2) > 0)) {
-      result_.determined = false;
-      return;
-    }
-    const double vertex = -c(1) / (2 * c(2));
-    if (std::abs(vertex) <= 2) result_.shift_s += vertex * kParabola_s;
-    result_.sigma_s = kParabola_s / std::sqrt(c(2));
-  }
-
-  const ShiftCost& cost_;
-  double range_s_;
-  ShiftResult result_;
-  std::optional<Error> failure_;
-};
-
 constexpr double kGoodPosition_m = 0.003;
 constexpr double kGoodRotation_rad = 0.001;
-constexpr int kCornerNumbers = 8;
-constexpr double kSearchSigma_s = 0.003;  // of the searched shift
-/// Cost of a tag that the filter could not use, above that of one that fits: a run that uses no
-/// tags must not be the minimum.
-constexpr double kUnused = 1.5 * kCornerNumbers;
+// s: 1-sigma of the measured offset with which the filter starts, at least: shutter, lens.
+constexpr double kLeastClock_s = 0.003;
+// A second has ten: three minutes, 2 MB.
+constexpr std::size_t kMostTurns = 2000;
 
 class Calibration final {
  public:
   Calibration(OfflineSetup setup, const LoadedSamples& samples, const CalibrationOptions& options,
               const CalibrationProgress& progress)
-      : setup_(std::move(setup)),
-        samples_(samples),
-        options_(options),
-        progress_(progress),
-        gate_(chi_square_quantile(kCornerNumbers, setup_.estimator.gate_probability)) {
+      : setup_(std::move(setup)), samples_(samples), options_(options), progress_(progress) {
     nominal_ = setup_.sensors.cameras;
     for (CameraMount& camera : setup_.sensors.cameras) {
       camera.position_sigma_m = options.position_sigma_m;
       camera.rotation_sigma_rad = options.rotation_sigma_rad;
     }
     setup_.estimator.estimate_extrinsics = true;
-    // No other state may absorb the innovations that the search minimises.
-    setup_.estimator.estimate_clocks = false;
+    setup_.estimator.estimate_clocks = options.search_time;
     setup_.estimator.learn_corner_noise = false;
   }
 
@@ -148,16 +43,10 @@ class Calibration final {
       if (rest) begin_ = *rest;
     }
     if (options_.search_time) {
-      const auto time =
-          search_time_shift([this](double s) { return cost_of(s); }, options_.time_range_s);
-      if (!time) return tl::unexpected(time.error());
-      result_.time = *time;
-      // With the poses, from the searched shift on: fixed clocks would make the covariance of the
-      // poses too small.
-      setup_.estimator.estimate_clocks = true;
-      if (time->determined)
+      result_.time = time_shift();
+      if (result_.time.determined)
         for (CameraMount& camera : setup_.sensors.cameras)
-          camera.time_shift_sigma_s = kSearchSigma_s;
+          camera.time_shift_sigma_s = std::max(kLeastClock_s, result_.time.sigma_s);
     }
     OfflineResult last;
     double replayed_shift_s = 0;
@@ -180,6 +69,38 @@ class Calibration final {
   }
 
  private:
+  /// By the rotations of cameras and gyroscope: mean of all cameras.
+  ShiftResult time_shift() {
+    GyroIntegral gyro(setup_.sensors.imu->gyro_range_rad_s);
+    std::vector<TimeOffset> offsets;
+    for (const CameraMount& camera : nominal_)
+      offsets.emplace_back(camera.model, camera.X_BV.q, setup_.estimator.corner_noise_px,
+                           kMostTurns);
+    SampleReplay samples(samples_, Duration{0}, begin_);
+    TagObservations seen;
+    while (const auto sample = samples.next({}).value_or(std::nullopt)) {
+      if (const auto* imu = std::get_if<ImuSample>(&*sample)) {
+        gyro.add(*imu);
+        continue;
+      }
+      const auto& frame = std::get<CornerFrame>(*sample);
+      const auto k = static_cast<std::size_t>(frame.camera);
+      observe(frame, nominal_[k].model, setup_.tags, setup_.detector, seen);
+      offsets[k].add(seen, gyro);
+    }
+    double sum = 0, information = 0;
+    for (const TimeOffset& offset : offsets) {
+      const OffsetFit fit = offset.fit(Axes::kConfigured, {}, kMostTurns);
+      if (!fit.explains() || !fit.is_unique) continue;
+      const double weight = 1 / (fit.shift_sigma_s * fit.shift_sigma_s);
+      sum += weight * fit.shift_s;
+      information += weight;
+    }
+    if (!(information > 0)) return ShiftResult{.determined = false};
+    const double shift_s = sum / information;
+    return {shift_s, 1 / std::sqrt(information), std::abs(shift_s) > options_.time_range_s, true};
+  }
+
   /// Mean of all cameras, beyond the replayed shift; the largest sigma is the result's.
   double learned_shift_s(const OfflineResult& run) {
     double sum_s = 0, sigma_s = 0;
@@ -196,17 +117,6 @@ class Calibration final {
     ++result_.runs;
     SampleReplay replay(samples_, from_seconds(shift_s), begin_);
     return run_offline(setup_, replay);
-  }
-
-  /// Summed NIS of used tags, and fixed costs of the others.
-  Expected<double> cost_of(double shift_s) {
-    const auto run =
-        run_filter(shift_s, "time shift " + std::to_string(std::lround(shift_s * 1e6)) +
-                                " µs, run " + std::to_string(result_.runs + 1));
-    if (!run) return tl::unexpected(run.error());
-    const OfflineStatistics& s = run->statistics;
-    const auto unused = static_cast<double>(samples_.tags - s.tags_used - s.tags_rejected);
-    return s.nis_sum + gate_ * s.tags_rejected + kUnused * unused;
   }
 
   void conclude(std::size_t k, const ExtrinsicsEstimate& estimate, double replayed_shift_s) {
@@ -235,17 +145,12 @@ class Calibration final {
   const LoadedSamples& samples_;
   CalibrationOptions options_;
   CalibrationProgress progress_;
-  double gate_;
   Instant begin_{Instant::min()};
   std::vector<CameraMount> nominal_;
   CameraImuCalibration result_;
 };
 
 }  // namespace
-
-Expected<ShiftResult> search_time_shift(const ShiftCost& cost, double range_s) {
-  return ShiftSearch(cost, range_s).run();
-}
 
 Expected<CameraImuCalibration> calibrate_camera_imu(OfflineSetup setup,
                                                     const LoadedSamples& samples,

@@ -11,26 +11,18 @@
 
 namespace fiducap {
 
-/// Minimum of a cost over the clock offset.
+/// Clock offset of the images.
 struct ShiftResult {
   double shift_s{};
-  double sigma_s{};       ///< From the curvature: the cost is a chi-square.
-  bool at_border{false};  ///< The minimum lies outside of the range.
-  bool determined{true};  ///< False: the cost hardly depends on the shift; `shift_s` is 0 then.
+  double sigma_s{};
+  bool at_border{false};  ///< It is outside of the range.
+  bool determined{true};  ///< False: the rotations do not show it; `shift_s` is 0 then.
 };
-
-/// Chi-square of the recording with this delay added to its images.
-using ShiftCost = std::function<Expected<double>(double shift_s)>;
-
-/// Minimum in ±range_s: a coarse grid, a golden section in its best cell, and a parabola through
-/// five points, because a filter's cost has many small local minima.
-/// @return Error of the first cost that fails
-[[nodiscard]] Expected<ShiftResult> search_time_shift(const ShiftCost& cost, double range_s);
 
 struct CalibrationOptions {
   double position_sigma_m{0.02};  ///< Prior sigma of the recording's X_BV, per axis.
   double rotation_sigma_rad{0.035};
-  double time_range_s{0.05};  ///< Searched on both sides of the recording's own time shift.
+  double time_range_s{0.05};  ///< Expected on both sides of the recording's own time shift.
   bool search_time{true};
 };
 
@@ -62,8 +54,9 @@ struct CameraImuCalibration {
 /// Called before each run of the filter.
 using CalibrationProgress = std::function<void(const std::string& what)>;
 
-/// Runs the filter over the samples, from the first rest with tags in view on: first to find the
-/// time shift with the smallest innovations, then twice for extrinsics and clocks together. The
+/// Measures the time shift by the rotations of cameras and gyroscope (TimeOffset), then runs the
+/// filter twice over the samples, from the first rest with tags in view on, for extrinsics and
+/// clocks together. The
 /// second run is linearised at the first one's result and starts with the same sigmas, so that no
 /// measurement counts twice.
 /// @param setup  of the recording; its filter and noises are used

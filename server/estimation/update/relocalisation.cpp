@@ -37,10 +37,8 @@ constexpr double kJumpBridged_s = 1.5;
 constexpr double kPlaceForJumpSearch_m = 0.1;
 // Time after a contradiction for which images are collected.
 constexpr double kSearchLasts_s = 1.0;
-// Clock after a jump found by directions, and found by rotations of camera and gyroscope (17 jumps
-// of 0.6 s: 0.024 s RMS).
+// Clock after a jump found by directions.
 constexpr double kJumpSigma_s = 0.01;
-constexpr double kJumpByTurnsSigma_s = 0.03;
 }  // namespace
 
 /// Finds a clock jump: contradicting images that fit the IMU's path at another time.
@@ -109,8 +107,8 @@ void TagFilter::handle_outliers(const TagObservations& seen, UpdateReport& repor
     decide_place(seen, report);
 }
 
-void TagFilter::note_clock_jump(int camera, Duration shift) {
-  set_clock(camera, to_seconds(shift), kJumpByTurnsSigma_s);
+void TagFilter::note_clock_jump(int camera, double shift_s, double sigma_s) {
+  set_clock(camera, shift_s, sigma_s);
   reset_outlier_counters();
   contradictions_.forget_all();
   lose_motion(false);

@@ -50,7 +50,7 @@ class TagFilter final : public StartingFilter {
   UpdateReport update(const TagObservations& seen, const MapKnowledge& map) override;
   void set_tag_priors(std::vector<KnownTag> priors) override;
   void lose_motion() override { lose_motion(false); }
-  void note_clock_jump(int camera, Duration shift) override;
+  void note_clock_jump(int camera, double shift_s, double sigma_s) override;
   [[nodiscard]] bool running() const override;
   [[nodiscard]] BodyEstimate estimate() const override;
   void tag_beliefs(std::vector<TagBelief>& out) const override;

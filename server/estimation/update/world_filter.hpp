@@ -23,8 +23,8 @@ class WorldFilter final : public BodyFilter {
   UpdateReport update(const TagObservations& seen, const MapKnowledge& map) override;
   void set_tag_priors(std::vector<KnownTag> priors) override;
   void lose_motion() override;
-  void note_clock_jump(int camera, Duration shift) override {
-    present_->note_clock_jump(camera, shift);
+  void note_clock_jump(int camera, double shift_s, double sigma_s) override {
+    present_->note_clock_jump(camera, shift_s, sigma_s);
   }
   [[nodiscard]] bool running() const override { return present_->running(); }
   [[nodiscard]] BodyEstimate estimate() const override { return present_->estimate(); }

@@ -14,6 +14,7 @@
 #include "detection/tag_family.hpp"
 #include "pipeline/imu_plausibility.hpp"
 #include "pipeline/replay/offline_run.hpp"
+#include "pipeline/rotation_agreement.hpp"
 
 namespace fiducap {
 namespace {
@@ -155,7 +156,9 @@ class RecordingChecker final {
 
   void look_at(const SensorSample& sample) {
     if (const auto* imu = std::get_if<ImuSample>(&sample)) {
-      if (imu->w_WB_B.allFinite() && imu->f_B.allFinite()) plausibility_.add(*imu);
+      if (!imu->w_WB_B.allFinite() || !imu->f_B.allFinite()) return;
+      plausibility_.add(*imu);
+      agreement_.add(*imu);
     } else {
       const auto& frame = std::get<CornerFrame>(sample);
       const CameraModel& model = info_.cameras[static_cast<std::size_t>(frame.camera)].model;
@@ -164,9 +167,10 @@ class RecordingChecker final {
         mirrored_ += is_mirrored(tag) ? 1 : 0;
       }
       observe(frame, model, setup_.tags, setup_.detector, seen_);
-      plausibility_.add(seen_, model);
+      agreement_.add(seen_);
     }
-    const ImuFaults before = std::exchange(imu_faults_, plausibility_.faults());
+    const ImuFaults before =
+        std::exchange(imu_faults_, plausibility_.faults(agreement_.has_degrees()));
     if (before == imu_faults_) return;
     const auto more = faults_to_report(before, imu_faults_);
     faults_.insert(faults_.end(), more.begin(), more.end());
@@ -312,6 +316,7 @@ class RecordingChecker final {
   std::optional<std::size_t> imu_;    ///< In `report_.streams`.
   std::vector<std::size_t> cameras_;  ///< In `report_.streams`, those with the times of images.
   ImuPlausibility plausibility_;
+  RotationAgreement agreement_{setup_.sensors, setup_.estimator.corner_noise_px};
   ImuFaults imu_faults_{};        ///< Present ones.
   std::vector<ImuFault> faults_;  ///< All.
   TagObservations seen_;

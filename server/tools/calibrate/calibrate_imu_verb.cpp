@@ -36,7 +36,7 @@ Expected<std::vector<ImuSample>> read_imu(const std::string& folder, const Termi
       line.show("reading " + folder + ": " + std::to_string(samples.size()) + " samples");
   }
   stream->log_damage();
-  for (const auto& fault : plausibility.faults())
+  for (const auto& fault : plausibility.faults(false))
     if (fault && is_fatal(*fault))
       return fail(ErrorCode::kInvalid, std::string(text_of(*fault)), layout->imu_csv().string());
   return samples;

@@ -1,4 +1,4 @@
-#include "pipeline/agreement/rotation_agreement.hpp"
+#include "pipeline/rotation_agreement.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -14,34 +14,33 @@ namespace {
 
 using Kind = AgreementFinding::Kind;
 
-// Span of a turn: longer ones are more accurate, within the first order.
-constexpr Duration kShortest = std::chrono::milliseconds(190);
-constexpr Duration kBest = std::chrono::milliseconds(300);
-constexpr Duration kLongest = std::chrono::milliseconds(520);
-constexpr Duration kImagePeriod = std::chrono::milliseconds(90);
-constexpr Duration kFurthest = std::chrono::milliseconds(800);
-constexpr Duration kOnTheWay = std::chrono::milliseconds(250);
-// Smaller turns are noise.
-constexpr double kSmallestTurn_rad = 0.05;
-
-constexpr std::size_t kFewestPairs = 10;
-constexpr std::size_t kPairsPerJudgement = 3;
-// Judgements in a row that find the same.
+// Turns for a first decision, between two decisions, and for the clock alone: only the newest ones
+// show a jump. Ten turns are a second.
+constexpr std::size_t kFewestTurns = 10;
+constexpr std::size_t kTurnsPerDecision = 3;
+constexpr std::size_t kTurnsOfClock = 12;
+// Decisions in a row with the same result: for a finding, and for the end of a contradiction or a
+// cause that stays unclear.
 constexpr int kSure = 2;
 constexpr int kVerySure = 6;
-constexpr double kShiftTolerance_s = 0.06;
-constexpr double kSureShift_s = 0.035;
-constexpr double kSureAxes_rad = 0.14;
-constexpr double kRightAxes_rad = 0.26;
-// Tracking of the clock's drift: weight of the newest turns.
-constexpr double kFollow = 0.1;
-constexpr double kDrift_s = 0.03;
-constexpr double kSameShift_s = 0.05;
-constexpr double kSameAxes_rad = 0.26;
+// Ratio of squares up to which the configuration explains the turns, and nothing else is tried.
+constexpr double kFits = 1.7;
+// s: 1-sigma of the clock of a running filter, where its configured one is smaller: drift, jitter.
+constexpr double kFilterClock_s = 0.012;
+// Deviations in sigmas that a filter corrects by itself: smaller ones are no finding.
+constexpr double kByFilter_sigma = 5;
+constexpr double kShift_sigma = 3;
+// s: nearer to the end of the offsets that are tried the minimum may lie beyond.
+constexpr double kNearEnd_s = 2 * TimeOffset::kStep_s;
+// Sigmas below which clock and axes are known: half of what a filter corrects by itself.
+constexpr double kKnownShift_s = 0.035;
+constexpr double kKnownAxes_rad = 0.14;
 
 bool are_the_same(const AgreementFinding& a, const AgreementFinding& b) {
-  return a.kind == b.kind && std::abs(a.shift_s - b.shift_s) < kSameShift_s &&
-         (a.kind == Kind::kAxesApart || (a.A - b.A).norm() < 2 * kSameAxes_rad);
+  constexpr double kSameShift_s = 0.05;
+  constexpr double kSameAxes = 0.5;  // matrix norm, 20°
+  return a.kind == b.kind && std::abs(a.fit.shift_s - b.fit.shift_s) < kSameShift_s &&
+         (a.kind == Kind::kAxesApart || (a.fit.A - b.fit.A).norm() < kSameAxes);
 }
 
 // Cosine to an axis of the camera, above which this axis is named.
@@ -60,8 +59,8 @@ std::string axis_text(const Eigen::Vector3d& axis_V) {
 
 std::string turned_text(int camera, const CameraMount& mount, const AgreementFinding& finding) {
   const Eigen::Matrix3d R_BV = mount.X_BV.rotation();
-  const Eigen::Quaterniond turn_V(Eigen::Matrix3d(R_BV.transpose() * finding.A * R_BV));
-  const Eigen::Quaterniond right(Eigen::Matrix3d(finding.A * R_BV));
+  const Eigen::Quaterniond turn_V(Eigen::Matrix3d(R_BV.transpose() * finding.fit.A * R_BV));
+  const Eigen::Quaterniond right(Eigen::Matrix3d(finding.fit.A * R_BV));
   const Eigen::Vector3d turn = log_so3(turn_V.normalized());
   return fmt::format(
       "camera {} looks along other axes than configured: turned by {:.0f}° about {}, by the gyro; "
@@ -69,7 +68,8 @@ std::string turned_text(int camera, const CameraMount& mount, const AgreementFin
       "{:.2f}], good to {:.0f}°; `fiducap calibrate extrinsics` refines it), or the axes of the "
       "IMU if all cameras are turned",
       camera, turn.norm() * kDegreesPerRadian, axis_text(turn.normalized()), kWithheld, right.w(),
-      right.x(), right.y(), right.z(), std::ceil(3 * finding.axes_sigma_rad * kDegreesPerRadian));
+      right.x(), right.y(), right.z(),
+      std::ceil(3 * finding.fit.axes_sigma_rad * kDegreesPerRadian));
 }
 
 /// `(y, x, z)`: what a gyro gives where (x, y, z) is meant; empty: it cannot be described so.
@@ -85,7 +85,7 @@ std::string axes_given(const Eigen::Matrix3d& A) {
 }
 
 std::string reflected_text(int camera, const AgreementFinding& finding) {
-  const std::string given = axes_given(finding.A);
+  const std::string given = axes_given(finding.fit.A);
   return fmt::format(
       "two gyro axes are swapped or one sign is wrong: the images of camera {} fit no rotated gyro "
       "but a mirrored one{}; {}Correct the axes of the IMU's driver (right-handed, and the same "
@@ -101,9 +101,9 @@ std::string shift_text(int camera, const CameraMount& mount, const AgreementFind
       "images of camera {} are stamped {:.2f} s {} against the IMU ({:.2f} ± {:.2f} s, configured "
       "{:.2f} ± {:.2f} s); {}Correct bodies[].cameras[].time_shift_s (the rotations fit with "
       "{:.2f}), or check how images and IMU are stamped",
-      camera, std::abs(finding.shift_s), finding.shift_s < 0 ? "late" : "early",
-      configured_s + finding.shift_s, finding.shift_sigma_s, configured_s, mount.time_shift_sigma_s,
-      kWithheld, configured_s + finding.shift_s);
+      camera, std::abs(finding.fit.shift_s), finding.fit.shift_s < 0 ? "late" : "early",
+      configured_s + finding.fit.shift_s, finding.fit.shift_sigma_s, configured_s,
+      mount.time_shift_sigma_s, kWithheld, configured_s + finding.fit.shift_s);
 }
 
 /// Sums of such times do not overflow.
@@ -117,98 +117,106 @@ bool is_sane(Instant stamp) {
 CameraAgreement::CameraAgreement(const CameraMount& mount, double start_shift_s,
                                  double corner_noise_px)
     : mount_(mount),
-      corner_noise_px_(corner_noise_px),
+      offset_(mount.model, mount.X_BV.q, corner_noise_px),
       start_shift_s_(start_shift_s),
-      tolerance_s_(std::max(5 * mount.time_shift_sigma_s, kShiftTolerance_s)),
-      used_shift_s_(start_shift_s) {
-  pairs_.reserve(kMostPairs);
-}
-
-bool CameraAgreement::wants(Instant stamp) const {
-  if (images_taken_ == 0) return true;
-  const Instant last = images_[(images_taken_ - 1) % kImages].at;
-  return stamp < last || stamp - last >= kImagePeriod;
-}
+      used_shift_s_(start_shift_s) {}
 
 void CameraAgreement::add(const TagObservations& seen, const GyroIntegral& gyro) {
-  const Instant stamp = seen.exposed_at - seen.clock_shift;
-  if (!wants(stamp)) return;
-  if (images_taken_ > 0 && stamp < image(images_taken_ - 1).at) images_taken_ = images_paired_ = 0;
-  image(images_taken_++).take(seen);
-  pair_up(gyro);
-}
-
-/// The images whose turns the gyro covers for every shift.
-void CameraAgreement::pair_up(const GyroIntegral& gyro) {
-  constexpr std::size_t kReach = 6;  // images within the longest turn
-  if (images_taken_ > kImages)
-    images_paired_ = std::max(images_paired_, images_taken_ - kImages + kReach);
-  for (; images_paired_ < images_taken_; ++images_paired_) {
-    const LargestTags& now = image(images_paired_);
-    // By stamps first, so that a replay with another order of arrival gives the same.
-    if (now.at + kFurthest + kOnTheWay > image(images_taken_ - 1).at) return;
-    if (now.at + kFurthest > gyro.end()) return;
-    pair(now, images_paired_, gyro);
-  }
-}
-
-void CameraAgreement::pair(const LargestTags& now, std::size_t number, const GyroIntegral& gyro) {
-  const std::size_t oldest = images_taken_ > kImages ? images_taken_ - kImages : 0;
-  const LargestTags* before = nullptr;
-  for (std::size_t i = number; i > oldest && now.at - image(i - 1).at <= kLongest; --i) {
-    const LargestTags& other = image(i - 1);
-    if (other.count == 0 || now.at - other.at < kShortest) continue;
-    if (before == nullptr || now.at - other.at <= kBest) before = &other;
-  }
-  if (before == nullptr || now.count == 0) return;
-  if (!gyro.covers(before->at - kFurthest, now.at + kFurthest)) return;
-  TurnPair pair;
-  double largest_rad = 0;
-  for (std::size_t lag = 0; lag < lags::kCount; ++lag) {
-    const Duration shift = from_seconds(lags::seconds(lag));
-    const Eigen::Vector3d turn = *gyro.turn(before->at + shift, now.at + shift);
-    largest_rad = std::max(largest_rad, turn.norm());
-    pair.gyro[lag] = turn.cast<float>();
-  }
-  if (largest_rad < kSmallestTurn_rad) return;
-  const auto turn = turn_between(*before, now, mount_.model, corner_noise_px_);
-  if (!turn) return;
-  pair.camera = mount_.X_BV.q * turn->turn_V;
-  pair.sigma_rad = turn->sigma_rad;
-  const double least_rad = std::max(kSmallestTurn_rad, 2 * turn->sigma_rad);
-  if (pair.camera.norm() < least_rad && largest_rad < least_rad) return;
-  if (pairs_.size() == kMostPairs) pairs_.erase(pairs_.begin());
-  pairs_.push_back(pair);
-  ++new_pairs_;
-  if (pairs_.size() >= kFewestPairs && new_pairs_ >= kPairsPerJudgement) judge();
+  new_turns_ += offset_.add(seen, gyro);
+  if (offset_.turns() < kFewestTurns || new_turns_ < kTurnsPerDecision) return;
+  new_turns_ = 0;
+  judge();
 }
 
 void CameraAgreement::judge() {
-  new_pairs_ = 0;
-  const std::optional<AgreementFinding> found =
-      find_cause(pairs_, {known_shift_s_.value_or(start_shift_s_),
-                          known_shift_s_ ? kShiftTolerance_s : tolerance_s_,
-                          known_shift_s_.has_value(), axes_are_wrong_});
+  std::optional<AgreementFinding> found = find_cause();
   const bool again = found && candidate_ && are_the_same(*found, *candidate_);
   found_again_ = again ? found_again_ + 1 : 1;
-  candidate_ = found;
-  if (!found || found_again_ < kSure) return;
-  if (found->kind == Kind::kAgree) return note_agreement(*found);
-  if (found->kind != Kind::kShifted && found->kind != Kind::kJumped) return note_wrong_axes(*found);
-  new_finding_ = found;
-  new_finding_->jump_s = known_shift_s_ ? found->shift_s - *known_shift_s_ : 0;
-  known_shift_s_ = found->shift_s;
-  shift_was_reported_ = true;
+  candidate_ = std::move(found);
+  if (!candidate_ || found_again_ < kSure) return;
+  if (candidate_->kind == Kind::kDegrees) {
+    has_degrees_ = true;
+  } else if (candidate_->kind == Kind::kAgree) {
+    note_agreement(*candidate_);
+  } else if (candidate_->kind != Kind::kShifted && candidate_->kind != Kind::kJumped) {
+    note_wrong_axes(*candidate_);
+  } else if (!reported_shift_s_ ||
+             std::abs(candidate_->fit.shift_s - *reported_shift_s_) > tolerance_s()) {
+    new_finding_ = candidate_;
+    new_finding_->jump_s = candidate_->fit.shift_s - used_shift_s_;
+    reported_shift_s_ = candidate_->fit.shift_s;
+    is_clock_known_ = true;
+    if (candidate_->kind == Kind::kJumped) forget_turns();
+  }
 }
 
-/// Turns about few axes agree with many causes and do not end a contradiction.
+double CameraAgreement::tolerance_s() const {
+  return kByFilter_sigma * std::max(mount_.time_shift_sigma_s, kFilterClock_s);
+}
+
+/// The simplest single cause that explains the turns: as expected, another clock, other axes.
+/// @return nullopt: too little motion, or no cause explains it
+std::optional<AgreementFinding> CameraAgreement::find_cause() const {
+  const ClockPrior prior{used_shift_s_, std::max(mount_.time_shift_sigma_s, kFilterClock_s)};
+  const std::size_t newest = is_clock_known_ ? kTurnsOfClock : TimeOffset::kTurns;
+  const OffsetFit expected = offset_.fit(Axes::kConfigured, prior, newest);
+  if (is_as_expected(expected) && expected.misfit < kFits && !axes_are_wrong_)
+    return AgreementFinding{Kind::kAgree, expected};
+  if (auto shifted = find_shift(expected, newest)) return shifted;
+  const OffsetFit degrees = offset_.fit_degrees(used_shift_s_, newest);
+  if (degrees.explains() && degrees.cost + kOffsetEvidence < expected.cost)
+    return AgreementFinding{Kind::kDegrees, degrees};
+  OffsetFit configured = offset_.fit(Axes::kConfigured, prior, TimeOffset::kTurns);
+  if (!is_clock_known_) {
+    const OffsetFit any = offset_.fit(Axes::kConfigured, {}, TimeOffset::kTurns);
+    if (any.cost < configured.cost) configured = any;
+  }
+  return find_axes(configured);
+}
+
+bool CameraAgreement::is_as_expected(const OffsetFit& fit) const {
+  const double sigma_s = std::hypot(tolerance_s() / kByFilter_sigma, fit.shift_sigma_s);
+  return fit.explains() && std::abs(fit.shift_s - used_shift_s_) < kShift_sigma * sigma_s;
+}
+
+std::optional<AgreementFinding> CameraAgreement::find_shift(const OffsetFit& expected,
+                                                            std::size_t newest) const {
+  const OffsetFit shifted = offset_.fit(Axes::kConfigured, {}, newest);
+  const auto is_beyond = [&](double from_s) {
+    return std::abs(shifted.shift_s - from_s) >
+           tolerance_s() + kShift_sigma * shifted.shift_sigma_s;
+  };
+  if (shifted.cost + kOffsetEvidence > expected.cost || !shifted.explains() || !shifted.is_unique ||
+      !is_beyond(used_shift_s_) || std::abs(shifted.shift_s) > TimeOffset::kReach_s - kNearEnd_s)
+    return {};
+  const bool is_jump = is_clock_known_ || !is_beyond(start_shift_s_);
+  return AgreementFinding{is_jump ? Kind::kJumped : Kind::kShifted, shifted};
+}
+
+/// Other axes, if they explain more than those of `configured`.
+std::optional<AgreementFinding> CameraAgreement::find_axes(const OffsetFit& configured) const {
+  const OffsetFit turned = offset_.fit(Axes::kTurned, {}, TimeOffset::kTurns);
+  const OffsetFit reflected = offset_.fit(Axes::kReflected, {}, TimeOffset::kTurns);
+  const bool is_turned = turned.cost <= reflected.cost;
+  const OffsetFit& better = is_turned ? turned : reflected;
+  if (better.cost + kOffsetEvidence < configured.cost) {
+    if (!better.explains()) return {};
+    const bool is_clear = std::abs(turned.cost - reflected.cost) > kOffsetEvidence;
+    const Kind kind = is_turned ? Kind::kAxesTurned : Kind::kAxesReflected;
+    return AgreementFinding{is_clear ? kind : Kind::kAxesApart, better};
+  }
+  // Turns about few axes agree with many causes and do not end a contradiction.
+  const bool is_over = configured.cost + kOffsetEvidence < reflected.cost;
+  if (!is_as_expected(configured) || (axes_are_wrong_ && !is_over)) return {};
+  return AgreementFinding{Kind::kAgree, configured};
+}
+
 void CameraAgreement::note_agreement(const AgreementFinding& found) {
-  const bool is_sure = found.shift_sigma_s < kSureShift_s && found.axes_sigma_rad < kSureAxes_rad;
-  const bool is_over = is_sure && found_again_ >= kVerySure && found.angle_rad() < kRightAxes_rad;
-  if (axes_are_wrong_ && !is_over) return;
-  if (is_sure && !known_shift_s_) known_shift_s_ = found.shift_s;
-  if (is_sure && std::abs(found.shift_s - *known_shift_s_) < kDrift_s)
-    *known_shift_s_ += kFollow * (found.shift_s - *known_shift_s_);
+  if ((axes_are_wrong_ || reported_shift_s_) && found_again_ < kVerySure) return;
+  has_degrees_ = false;
+  reported_shift_s_.reset();
+  is_clock_known_ |=
+      found.fit.shift_sigma_s < kKnownShift_s && found.fit.axes_sigma_rad < kKnownAxes_rad;
   if (std::exchange(axes_are_wrong_, false)) new_finding_ = found;
   axes_reported_.reset();
 }
@@ -222,20 +230,21 @@ void CameraAgreement::note_wrong_axes(const AgreementFinding& found) {
   new_finding_ = found;
 }
 
-/// Earlier turns are of another clock.
 void CameraAgreement::note_jump(double shift_s) {
-  known_shift_s_ = used_shift_s_ = shift_s;
-  shift_was_reported_ = true;
-  images_taken_ = images_paired_ = 0;
-  pairs_.clear();
-  new_pairs_ = 0;
+  reported_shift_s_ = used_shift_s_ = shift_s;
+  is_clock_known_ = true;
+  forget_turns();
+}
+
+/// They are of another clock.
+void CameraAgreement::forget_turns() {
+  offset_.forget_all();
+  new_turns_ = 0;
   candidate_.reset();
-  found_again_ = 0;
 }
 
 bool CameraAgreement::shift_is_wrong() const {
-  return shift_was_reported_ && known_shift_s_ &&
-         std::abs(*known_shift_s_ - used_shift_s_) > kShiftTolerance_s;
+  return reported_shift_s_ && std::abs(*reported_shift_s_ - used_shift_s_) > tolerance_s();
 }
 
 std::optional<AgreementFinding> CameraAgreement::take_finding() {
@@ -265,6 +274,8 @@ std::string agreement_text(int camera, const CameraMount& mount, const Agreement
           "of camera and IMU",
           camera, std::abs(finding.jump_s), std::abs(finding.jump_s),
           finding.jump_s < 0 ? "later" : "earlier");
+    case Kind::kDegrees:
+      break;  // reported with the other faults of an IMU
   }
   return {};
 }
@@ -283,12 +294,8 @@ void RotationAgreement::add(const ImuSample& imu) {
   if (!cameras_.empty() && is_sane(imu.sampled_at)) gyro_.add(imu);
 }
 
-bool RotationAgreement::wants(int camera, Instant stamp) const {
-  return has(camera) && is_sane(stamp) && cameras_[static_cast<std::size_t>(camera)].wants(stamp);
-}
-
 void RotationAgreement::add(const TagObservations& seen) {
-  if (wants(seen.camera, seen.exposed_at - seen.clock_shift))
+  if (has(seen.camera) && is_sane(seen.exposed_at - seen.clock_shift))
     cameras_[static_cast<std::size_t>(seen.camera)].add(seen, gyro_);
 }
 
@@ -304,7 +311,7 @@ std::string RotationAgreement::note_jump(const UpdateReport::ClockJump& jump) {
       ClockJump{jump.camera, gyro_.end(), from_seconds(jump.shift_s), from_seconds(jump.change_s)};
   AgreementFinding finding;
   finding.kind = AgreementFinding::Kind::kJumped;
-  finding.shift_s = jump.shift_s;
+  finding.fit.shift_s = jump.shift_s;
   finding.jump_s = jump.change_s;
   return agreement_text(jump.camera, mounts_[camera], finding);
 }
@@ -315,8 +322,8 @@ std::optional<AgreementReport> RotationAgreement::take_report() {
     if (!found) continue;
     const int camera = static_cast<int>(i);
     if (found->kind == AgreementFinding::Kind::kJumped)
-      clock_jump_ =
-          ClockJump{camera, gyro_.end(), from_seconds(found->shift_s), from_seconds(found->jump_s)};
+      clock_jump_ = ClockJump{camera, gyro_.end(), from_seconds(found->fit.shift_s),
+                              from_seconds(found->jump_s)};
     return AgreementReport{camera, *found, agreement_text(camera, mounts_[i], *found)};
   }
   return {};

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <array>
+#include <algorithm>
 #include <cstddef>
 #include <optional>
 #include <string>
@@ -8,13 +8,27 @@
 
 #include "capture/lens/camera_model.hpp"
 #include "estimation/body_filter.hpp"
-#include "pipeline/agreement/turns.hpp"
+#include "estimation/start/time_offset.hpp"
 
 namespace fiducap {
 
-/// Compares the rotations of one camera with those of the gyro, by tags that need not be mapped.
+/// Result of comparing one camera with the gyroscope.
+struct AgreementFinding {
+  enum class Kind {
+    kAgree,          ///< Axes and clock are as expected.
+    kAxesTurned,     ///< The camera (or the gyro) is turned against its configured axes.
+    kAxesReflected,  ///< Two axes of the gyro are swapped, or a sign is wrong.
+    kAxesApart,      ///< One of both: the body turns about too few axes to decide.
+    kShifted,        ///< The clock offset is outside of the configured tolerance.
+    kJumped,         ///< The clock offset was right and has changed.
+    kDegrees,        ///< The gyro's samples are in degrees per second.
+  } kind{Kind::kAgree};
+  OffsetFit fit;
+  double jump_s{};  ///< Of kJumped: change of `fit.shift_s`.
+};
+
+/// Compares the rotations of one camera with those of the gyroscope (TimeOffset), and decides.
 ///
-/// Ten times a second a turn over a third of a second, from two tags: 0.1 % of a processor core.
 /// No result while the body hardly turns, nor when no single cause explains the turns. Allocates
 /// nothing after construction.
 class CameraAgreement final {
@@ -22,53 +36,45 @@ class CameraAgreement final {
   /// @param start_shift_s  known clock offset beyond the configuration
   CameraAgreement(const CameraMount& mount, double start_shift_s, double corner_noise_px);
 
-  /// Whether an image is due. @param stamp  without the estimated clock offset
-  [[nodiscard]] bool wants(Instant stamp) const;
   void add(const TagObservations& seen, const GyroIntegral& gyro);
   /// The clock offset that the filter uses.
   void set_used_shift(double shift_s) { used_shift_s_ = shift_s; }
-  /// The filter has found a jump of the clock. @param shift_s  offset from now on
+  /// The filter has found a jump of the clock: earlier turns are of another one.
   void note_jump(double shift_s);
 
   /// A new finding, once.
   [[nodiscard]] std::optional<AgreementFinding> take_finding();
   /// Axes and clock were found to agree at least once.
-  [[nodiscard]] bool is_established() const {
-    return known_shift_s_.has_value() && !axes_are_wrong_;
-  }
-  /// This camera's images cannot be used together with the gyro.
+  [[nodiscard]] bool is_established() const { return is_clock_known_ && !axes_are_wrong_; }
+  /// This camera's images cannot be used together with the gyroscope.
   [[nodiscard]] bool contradicts() const { return axes_are_wrong_ || shift_is_wrong(); }
+  [[nodiscard]] bool has_degrees() const { return has_degrees_; }
 
  private:
-  static constexpr std::size_t kImages = 24;
-
-  [[nodiscard]] LargestTags& image(std::size_t number) { return images_[number % kImages]; }
   [[nodiscard]] bool shift_is_wrong() const;
-  void pair_up(const GyroIntegral& gyro);
-  void pair(const LargestTags& now, std::size_t number, const GyroIntegral& gyro);
+  [[nodiscard]] double tolerance_s() const;
   void judge();
+  [[nodiscard]] std::optional<AgreementFinding> find_cause() const;
+  [[nodiscard]] bool is_as_expected(const OffsetFit& fit) const;
+  [[nodiscard]] std::optional<AgreementFinding> find_shift(const OffsetFit& expected,
+                                                           std::size_t newest) const;
+  [[nodiscard]] std::optional<AgreementFinding> find_axes(const OffsetFit& configured) const;
   void note_agreement(const AgreementFinding& found);
   void note_wrong_axes(const AgreementFinding& found);
+  void forget_turns();
 
   CameraMount mount_;
-  double corner_noise_px_;
+  TimeOffset offset_;
   double start_shift_s_;
-  double tolerance_s_;
   double used_shift_s_;
-
-  std::array<LargestTags, kImages> images_;
-  std::size_t images_taken_{0};
-  std::size_t images_paired_{0};
-
-  std::vector<TurnPair> pairs_;  ///< Oldest first.
-  std::size_t new_pairs_{0};
-
+  std::size_t new_turns_{0};
   std::optional<AgreementFinding> candidate_;
   int found_again_{0};  ///< Judgements in a row with the same outcome.
-  std::optional<double> known_shift_s_;
+  bool is_clock_known_{false};
+  bool has_degrees_{false};
   bool axes_are_wrong_{false};
   std::optional<AgreementFinding::Kind> axes_reported_;
-  bool shift_was_reported_{false};
+  std::optional<double> reported_shift_s_;  ///< Last one that contradicted the filter's.
   std::optional<AgreementFinding> new_finding_;
 };
 
@@ -93,15 +99,13 @@ struct AgreementReport {
 
 /// Whether the cameras of a body and its gyro measure the same rotations.
 ///
-/// Gets readings and images on arrival, with the device's stamps: with a clock far off, the merger
-/// drops samples that are needed here. Does nothing without an IMU.
+/// Gets IMU samples on arrival and images in the order of SampleMerger. Does nothing without an
+/// IMU.
 class RotationAgreement final {
  public:
   RotationAgreement(const BodySensors& sensors, double corner_noise_px);
 
   void add(const ImuSample& imu);
-  /// Whether an image is due. @param stamp  without the estimated clock offset
-  [[nodiscard]] bool wants(int camera, Instant stamp) const;
   void add(const TagObservations& seen);
   /// The clock offset that the filter uses for a camera.
   void set_used_shift(int camera, double shift_s);
@@ -114,6 +118,10 @@ class RotationAgreement final {
   [[nodiscard]] bool withholds() const;
   /// All cameras were found to agree with the gyro.
   [[nodiscard]] bool is_established() const;
+  /// The gyroscope's samples seem to be in degrees per second.
+  [[nodiscard]] bool has_degrees() const {
+    return std::ranges::any_of(cameras_, &CameraAgreement::has_degrees);
+  }
   /// The last one.
   [[nodiscard]] const std::optional<ClockJump>& clock_jump() const { return clock_jump_; }
 
