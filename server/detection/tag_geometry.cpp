@@ -3,11 +3,10 @@
 #include <algorithm>
 #include <limits>
 #include <utility>
-#include <vector>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
-#include <opencv2/calib3d.hpp>
 
 #include "capture/lens/lens.hpp"
 
@@ -18,9 +17,6 @@ constexpr double kMinDepth_m = 1e-3;  // closer, the pinhole projection diverges
 constexpr double kMinSine = 0.02;     // of the angle between two sides: lower bound used
 constexpr int kPoseSteps = 6;
 constexpr double kConverged = 1e-9;
-
-// IPPE_SQUARE wants upper-left, upper-right, lower-right, lower-left.
-constexpr std::array<std::size_t, 4> kIppeOrder{3, 2, 1, 0};
 
 Eigen::Vector2d normal_of(const Eigen::Vector2d& side) {
   return Eigen::Vector2d(-side.y(), side.x()).normalized();
@@ -35,10 +31,50 @@ Eigen::Matrix2d corner_by_sides(const Eigen::Vector2d& before, const Eigen::Vect
   return out / sine;
 }
 
+/// Both poses that agree with the corners at the tag's centre to first order (IPPE, section 4). Not
+/// finite when three corners are on one line.
+std::array<Pose, 2> planar_poses(const TagObservation& tag, const CameraModel& camera) {
+  Eigen::Matrix<double, 3, 4> corners;
+  for (Eigen::Index i = 0; i < 4; ++i) {
+    const Eigen::Vector2d& px = tag.corners_px[static_cast<std::size_t>(i)];
+    corners.col(i) << (px.x() - camera.cu) / camera.fu, (px.y() - camera.cv) / camera.fv, 1;
+  }
+  // At their depths, up to a common factor, they are a parallelogram: P0 - P1 + P2 = P3.
+  Eigen::Matrix3d first = corners.leftCols<3>();
+  first.col(1) *= -1;
+  corners.leftCols<3>() *= (first.inverse() * corners.col(3)).eval().asDiagonal();
+  const Eigen::Vector3d centre = corners.rowwise().mean();
+  const Eigen::Vector2d v = centre.head<2>() / centre.z();
+  Eigen::Matrix<double, 3, 2> H;  // ∂ homogeneous image / ∂ point of the tag, at its centre
+  H << corners.col(1) - corners.col(0), corners.col(3) - corners.col(0);
+  H /= tag.edge_m * centre.z();
+  // Axes with z towards the centre: there the image is the tag's plane, turned and scaled by depth.
+  const auto q_VC = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), v.homogeneous());
+  Eigen::Matrix<double, 2, 3> image;
+  image << Eigen::Matrix2d::Identity(), -v;
+  const Eigen::Matrix2d B = (image * q_VC.toRotationMatrix()).leftCols<2>();
+  const Eigen::Matrix2d A = B.inverse() * (H.topRows<2>() - v * H.row(2));
+  const double inverse_depth = A.operatorNorm();  // a rotation's block has norm 1
+  Eigen::Matrix3d R_CT;
+  R_CT.topLeftCorner<2, 2>() = A / inverse_depth;
+  const Eigen::Matrix2d rest = Eigen::Matrix2d::Identity() -
+                               R_CT.topLeftCorner<2, 2>().transpose() * R_CT.topLeftCorner<2, 2>();
+  std::array<Pose, 2> poses;
+  for (const std::size_t k : {0, 1}) {
+    const double sign = k == 0 ? 1 : -1;
+    R_CT(2, 0) = sign * std::sqrt(std::max(rest(0, 0), 0.0));
+    R_CT(2, 1) = std::copysign(std::sqrt(std::max(rest(1, 1), 0.0)), sign * rest(0, 1));
+    R_CT.col(2) = R_CT.col(0).cross(R_CT.col(1));
+    poses[k] = {(q_VC * Eigen::Quaterniond(R_CT)).normalized(), v.homogeneous() / inverse_depth};
+  }
+  return poses;
+}
+
 /// Levenberg–Marquardt on the four corners; converges to the minimum near the start.
 TagPose refine_pose(const TagObservation& tag, const CameraModel& camera, Pose X_VT) {
   CornerResidual residual = corner_residual(tag, X_VT, camera);
-  if (!residual.in_front) return {X_VT, std::numeric_limits<double>::infinity()};
+  if (!residual.in_front || !residual.y.allFinite())
+    return {{}, std::numeric_limits<double>::infinity()};
   double damping = 1e-6;
   for (int i = 0; i < kPoseSteps; ++i) {
     Eigen::Matrix<double, 6, 6> A = residual.H.transpose() * residual.H;
@@ -138,27 +174,9 @@ Matrix8d corner_covariance(const TagCorners& corners_px, const std::array<SideSi
 }
 
 std::array<TagPose, 2> solve_tag_pose(const TagObservation& tag, const CameraModel& camera) {
-  std::array<cv::Point3d, 4> object;
-  std::array<cv::Point2d, 4> image;
-  for (std::size_t i = 0; i < 4; ++i) {
-    const Eigen::Vector3d corner = tag_corner(static_cast<int>(kIppeOrder[i]), tag.edge_m);
-    object[i] = {corner.x(), corner.y(), corner.z()};
-    const Eigen::Vector2d& px = tag.corners_px[kIppeOrder[i]];
-    image[i] = {(px.x() - camera.cu) / camera.fu, (px.y() - camera.cv) / camera.fv};
-  }
-  const cv::Mat objects(4, 1, CV_64FC3, object.data());
-  const cv::Mat images(4, 1, CV_64FC2, image.data());
-  std::vector<cv::Mat> rvecs;
-  std::vector<cv::Mat> tvecs;
-  cv::solvePnPGeneric(objects, images, cv::Matx33d::eye(), cv::noArray(), rvecs, tvecs, false,
-                      cv::SOLVEPNP_IPPE_SQUARE);
-
   std::array<TagPose, 2> out;
-  out.fill({Pose{}, std::numeric_limits<double>::infinity()});
-  for (std::size_t i = 0; i < std::min<std::size_t>(2, rvecs.size()); ++i)
-    out[i] = refine_pose(tag, camera,
-                         {exp_so3(Eigen::Vector3d(rvecs[i].ptr<double>())),
-                          Eigen::Vector3d(tvecs[i].ptr<double>())});
+  std::ranges::transform(planar_poses(tag, camera), out.begin(),
+                         [&](const Pose& X_VT) { return refine_pose(tag, camera, X_VT); });
   if (out[1].rms_px < out[0].rms_px) std::swap(out[0], out[1]);
   if (!std::isfinite(out[1].rms_px)) out[1].X_VT = out[0].X_VT;
   return out;

@@ -73,7 +73,7 @@ struct TagPose {
 
 /// Both planar solutions, the better one first. When the second is impossible it repeats the first
 /// with rms_px = inf. Method: T. Collins, A. Bartoli, "Infinitesimal plane-based pose estimation",
-/// IJCV 2014 (OpenCV IPPE_SQUARE), each refined by Gauss–Newton on the corners.
+/// IJCV 2014, each refined by Levenberg–Marquardt on the corners. Allocates nothing.
 [[nodiscard]] std::array<TagPose, 2> solve_tag_pose(const TagObservation& tag,
                                                     const CameraModel& camera);
 

@@ -6,10 +6,12 @@
 
 #include <Eigen/LU>
 #include <limits>
+#include <opencv2/calib3d.hpp>
 
 #include "base/pose.hpp"
 #include "capture/lens/camera_model.hpp"
 #include "detection/observe.hpp"
+#include "support/allocation_counter.hpp"
 #include "support/jacobian_check.hpp"
 #include "support/lens_models.hpp"
 
@@ -116,6 +118,62 @@ TEST(TagPose, HasTheTruePoseAmongTwoWhenFarAndNoisy) {
   // At this distance the better one is often wrong, so both are kept.
   EXPECT_GT(better_is_true, kRuns / 3);
   EXPECT_LT(better_is_true, kRuns);
+}
+
+/// Both planar poses by OpenCV, not refined.
+std::vector<Pose> poses_by_opencv(const TagObservation& tag) {
+  std::array<cv::Point3d, 4> object;
+  std::array<cv::Point2d, 4> image;
+  for (int i = 0; i < 4; ++i) {  // upper left first, clockwise
+    const Eigen::Vector3d corner = tag_corner(3 - i, tag.edge_m);
+    const Eigen::Vector2d& px = tag.corners_px[static_cast<std::size_t>(3 - i)];
+    object[static_cast<std::size_t>(i)] = {corner.x(), corner.y(), corner.z()};
+    image[static_cast<std::size_t>(i)] = {(px.x() - camera().cu) / camera().fu,
+                                          (px.y() - camera().cv) / camera().fv};
+  }
+  std::vector<cv::Mat> turns, places;
+  cv::solvePnPGeneric(object, image, cv::Matx33d::eye(), cv::noArray(), turns, places, false,
+                      cv::SOLVEPNP_IPPE_SQUARE);
+  std::vector<Pose> poses;
+  for (std::size_t i = 0; i < turns.size(); ++i)
+    poses.push_back({exp_so3(Eigen::Vector3d(turns[i].ptr<double>())),
+                     Eigen::Vector3d(places[i].ptr<double>())});
+  return poses;
+}
+
+TEST(TagPose, BothAreAsNearToTheCornersAsThoseOfOpenCvOrNearer) {
+  for (unsigned seed = 1; seed <= 200; ++seed) {
+    std::srand(seed);
+    const Pose truth{exp_so3(Eigen::Vector3d::Random()) * kFacing,
+                     Eigen::Vector3d(0, 0, 2) + 0.5 * Eigen::Vector3d::Random()};
+    const TagObservation tag = seen_from(truth, 0.2, 0.4, seed);
+    const auto poses = solve_tag_pose(tag, camera());
+    for (const Pose& other : poses_by_opencv(tag)) {
+      const bool is_first =
+          angle_between(other.q, poses[0].X_VT.q) < angle_between(other.q, poses[1].X_VT.q);
+      const double rms_px = corner_residual(tag, other, camera()).rms_px();
+      EXPECT_LE(poses[is_first ? 0 : 1].rms_px, rms_px + 1e-9) << "seed " << seed;
+    }
+  }
+}
+
+TEST(TagPose, AllocatesNothing) {
+  const TagObservation tag = seen_from({exp_so3({0.3, 0.1, 0}) * kFacing, {0.3, -0.2, 1.5}}, 0.2);
+  const AllocationCounter allocations;
+  (void)solve_tag_pose(tag, camera());
+  EXPECT_EQ(allocations.count(), 0u);
+}
+
+TEST(TagPose, OfCornersOnOneLineOrOfOneCornerHasNoNan) {
+  TagObservation tag = seen_from({kFacing, {0, 0, 1}}, 0.2);
+  for (const double step_px : {20.0, 0.0}) {
+    for (std::size_t i = 0; i < 4; ++i)
+      tag.corners_px[i] = {100.0 + step_px * static_cast<double>(i), 100.0};
+    for (const TagPose& pose : solve_tag_pose(tag, camera())) {
+      EXPECT_FALSE(std::isnan(pose.rms_px));
+      EXPECT_TRUE(pose.X_VT.p.allFinite());
+    }
+  }
 }
 
 TEST(CornerResidual, JacobianMatchesDifferences) {
