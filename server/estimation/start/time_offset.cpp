@@ -286,7 +286,7 @@ OffsetFit TimeOffset::fit(Axes axes, const ClockPrior& prior, std::size_t newest
     costs[lag] = at.cost + std::pow(off_s / prior.sigma_s, 2);
   }
   const auto best = static_cast<std::size_t>(std::ranges::min_element(costs) - costs.begin());
-  if (!std::isfinite(costs[best])) return {.shift_sigma_s = kReach_s, .misfit = 1e9};
+  if (!std::isfinite(costs[best])) return {.shift_sigma_s = kReach_s, .unexplained = 1};
   Solution at = solve_at(turns, axes, static_cast<double>(best) * kStep_s - kReach_s);
   solve(at, &prior);
   OffsetFit fit = conclude(at);

@@ -199,6 +199,7 @@ TEST_F(TimeOffsetTest, ABodyThatHardlyTurnsShowsNothing) {
   about_.setConstant(0.02);
   run(12);
   EXPECT_EQ(offset_.turns(), 0u);
+  EXPECT_FALSE(fit(Axes::kConfigured).explains());
 }
 
 TEST_F(TimeOffsetTest, AllocatesNothingAndIsBounded) {
