@@ -34,7 +34,6 @@ struct SegmentSensors {
   double gravity_m_s2{kUsualGravity_m_s2};
   bool estimates_extrinsics{true};
   bool estimates_clocks{true};
-  bool doubts{false};            ///< Lenses, readouts and tag sizes are tested.
   double gravity_sigma_m_s2{0};  ///< 0: exact.
 };
 

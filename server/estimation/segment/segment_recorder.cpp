@@ -27,8 +27,7 @@ SegmentRecorder::SegmentRecorder(const BodySensors& sensors, const EstimatorConf
       imu_(sensors.imu.value_or(ImuNoise{}), config.max_imu_gap_s, config.motion_accel_m_s2_rtHz) {
   open_.sensors = std::make_shared<const SegmentSensors>(SegmentSensors{
       sensors.cameras, sensors.imu.has_value(), sensors.gravity_m_s2, config.estimate_extrinsics,
-      config.estimate_clocks, config.doubt_configuration && sensors.imu.has_value(),
-      sensors.gravity_sigma_m_s2});
+      config.estimate_clocks, sensors.gravity_sigma_m_s2});
 }
 
 void SegmentRecorder::add(const ImuSample& imu) {

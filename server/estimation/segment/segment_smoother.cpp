@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "estimation/filter/filter_rules.hpp"
+#include "estimation/segment/normal_equations.hpp"
 #include "estimation/world/corner_measurement.hpp"
 #include "estimation/world/propagation.hpp"
 
@@ -22,49 +24,10 @@ constexpr int kMostPasses = 8;
 constexpr double kSurestMotion = 1e-6;
 // Sigma of an unused bias, m/s² and rad/s.
 constexpr double kUnusedBias = 1e-9;
+// Sigma of an exact stamp: at 10 m/s a micrometre.
+constexpr double kExactStamp_s = 1e-7;
 
-/// ½ zᵀ Λ z − ηᵀ z + cost, z = (the body now, the rest: [begin, end, cameras, tags, gravity]).
-struct Information {
-  explicit Information(int rest)
-      : H(Eigen::MatrixXd::Zero(15 + rest, 15 + rest)), pull(Eigen::VectorXd::Zero(15 + rest)) {}
-
-  [[nodiscard]] Eigen::Index rest() const { return H.rows() - 15; }
-  auto own() { return H.topLeftCorner<15, 15>(); }
-  /// The rest by the body now.
-  auto below() { return H.bottomLeftCorner(rest(), 15); }
-  auto all() { return H.bottomRightCorner(rest(), rest()); }
-
-  /// The body now is that at `at` of the rest.
-  void bind(Eigen::Index at) {
-    const Eigen::Index after = rest() - at - 15;
-    all().block<15, 15>(at, at) += own();
-    all().bottomRows(after).middleCols<15>(at) += below().bottomRows(after);
-    all().middleRows<15>(at).leftCols(at) += below().topRows(at).transpose();
-    pull.segment<15>(15 + at) += pull.head<15>();
-  }
-
-  Eigen::MatrixXd H;  ///< Lower triangle.
-  Eigen::VectorXd pull;
-  double cost{0};
-};
-
-/// Back substitution of an eliminated instance.
-struct Eliminated {
-  Eigen::LLT<Matrix15d> own;
-  Matrix15d on_next;
-  Eigen::MatrixXd on_rest;
-  Vector15d pull;
-};
-
-/// Linear motion between two instances: ξ₊ = Φ ξ + G δ + r + w, with δ of gravity.
-struct Motion {
-  Matrix15d Phi;
-  Matrix15d W;  ///< Q⁻¹
-  Vector15d r;
-  Vector15d by_gravity;
-};
-
-/// Corners of one tag: columns by the body, then y, then by the errors of stamp, camera and tag.
+/// Corners of one tag: y, and columns by the errors of body, stamp, camera and tag.
 struct Rows {
   static constexpr int kY = 15;
   static constexpr int kTime = 16;
@@ -98,48 +61,43 @@ struct Rows {
   bool in_front{true};
 };
 
-/// Error of an image's stamp, shared by its tags.
-struct StampError {
-  Eigen::VectorXd on_all;  ///< Information with (the body now, the rest).
-  double own{0};
-  double pull{0};
-};
-
-/// Least squares problem of one segment, with the body's path between its ends eliminated instance
-/// by instance. Linearised at the segment's present values; errors on the world's side about the
-/// origin of its axes. Keeps a reference to the segment, which has its origin at its begin
-/// meanwhile: a near one is numerically better.
-class SegmentElimination final {
+/// Least squares problem of one segment: variables are the path (inner instances and the errors of
+/// all images' stamps) and, in the order of segment_layout, the rest. Linearised at the segment's
+/// present values; errors on the world's side about the origin of its axes. Keeps a reference to
+/// the segment, which has its origin at its begin meanwhile: a near one is numerically better.
+class SegmentProblem final {
  public:
-  explicit SegmentElimination(MotionSegment& segment)
+  explicit SegmentProblem(MotionSegment& segment)
       : segment_(segment),
-        cameras_(static_cast<int>(segment.cameras.size())),
-        rest_(segment_layout::gravity(cameras_, static_cast<int>(segment.tags.size())) +
-              (segment.has_imu() ? 1 : 0)),
+        last_(segment.instances.size() - 1),
         gravity_W_(0, 0, -segment.sensors->gravity_m_s2),
         origin_(segment.begin().X_WB.p) {
     segment_.scales.resize(segment_.tags.size());
+    sizes_.assign(last_ - 1, 15);
+    for (const MotionSegment::Instance& instance : segment_.instances)
+      sizes_.insert(sizes_.end(), instance.images.size(), 1);
+    path_ = static_cast<int>(sizes_.size());
+    sizes_.insert(sizes_.end(), {15, 15});
+    sizes_.insert(sizes_.end(), segment_.cameras.size(), segment_layout::kCameraSize);
+    sizes_.insert(sizes_.end(), segment_.tags.size(), segment_layout::kTagSize);
+    if (segment_.has_imu()) sizes_.push_back(1);
     shift(-origin_);
   }
-  ~SegmentElimination() { shift(origin_); }
-  SegmentElimination(const SegmentElimination&) = delete;
-  SegmentElimination& operator=(const SegmentElimination&) = delete;
+  ~SegmentProblem() { shift(origin_); }
+  SegmentProblem(const SegmentProblem&) = delete;
+  SegmentProblem& operator=(const SegmentProblem&) = delete;
 
   /// Moves the path to its solution.
-  /// @return over the rest; nullopt: not finite, or images show no tag
-  std::optional<Information> smooth() {
-    for (int pass = 0; pass < kMostPasses; ++pass) {
-      (void)run(false);
-      if (move_inner() < kSettled) break;
-    }
-    Information info = run(true);
+  /// @return the path eliminated; nullopt: not finite, or images show no tag
+  std::optional<Reduced> solve() {
+    for (int pass = 0; pass < kMostPasses && last_ > 1; ++pass)
+      if (move_path() < kSettled) break;
+    auto reduced = reduce(linearised(true), path_);
     if (sightings_ == 0 && (images_ > 0 || !segment_.tags.empty())) return std::nullopt;
-    if (!info.H.allFinite() || !std::isfinite(info.cost)) return std::nullopt;
-    return info;
+    return reduced;
   }
 
-  /// Of the inner instances, in their order.
-  [[nodiscard]] const std::vector<Eliminated>& eliminated() const { return eliminated_; }
+  [[nodiscard]] int inner() const { return static_cast<int>(last_) - 1; }
   [[nodiscard]] int sightings() const { return sightings_; }
   [[nodiscard]] int outliers() const { return outliers_; }
 
@@ -149,33 +107,41 @@ class SegmentElimination final {
     for (KnownTag& tag : segment_.tags) tag.X_WT.p += by;
   }
 
-  /// @param has_rest  false: the rest is fixed, for move_inner() alone
-  Information run(bool has_rest) {
-    Information info(has_rest ? rest_ : 0);
-    eliminated_.clear();
+  // Variables.
+  [[nodiscard]] int body(std::size_t k) const {
+    return k == 0 ? path_ : k == last_ ? path_ + 1 : static_cast<int>(k) - 1;
+  }
+  [[nodiscard]] int camera(int c) const { return path_ + 2 + c; }
+  [[nodiscard]] int tag(int i) const {
+    return camera(static_cast<int>(segment_.cameras.size())) + i;
+  }
+  [[nodiscard]] int gravity() const { return tag(static_cast<int>(segment_.tags.size())); }
+
+  /// @param has_rest  false: it is fixed
+  NormalEquations linearised(bool has_rest) {
+    NormalEquations out(has_rest ? sizes_
+                                 : std::vector<int>(sizes_.begin(), sizes_.begin() + path_));
     images_ = sightings_ = outliers_ = 0;
-    const std::size_t last = segment_.instances.size() - 1;
-    for (std::size_t k = 0; k <= last; ++k) {
-      const bool is_inner = k > 0 && k < last;
-      if (k == 1) begin(move(k), info);
-      if (k > 1) eliminate(move(k), info);
-      if (has_rest || is_inner) add_images(k, info);
-      if (has_rest && !is_inner) info.bind(k == 0 ? segment_layout::kBegin : segment_layout::kEnd);
+    for (std::size_t k = 0; k <= last_; ++k) {
+      if (k > 0) add_motion(k, out);
+      add_images(k, out);
     }
-    return info;
+    return out;
   }
 
-  /// After run(): moves the inner instances to their solution.
-  /// @return the largest step of a pose
-  double move_inner() {
+  /// One step of Gauss–Newton with a fixed rest.
+  /// @return the largest one of a pose
+  double move_path() {
+    const NormalEquations equations = linearised(false);
+    const auto factor = BlockCholesky::factor(equations.H);
+    if (!factor) return 0;
+    const Eigen::VectorXd step = factor->solve(equations.pull);
+    if (!step.allFinite()) return 0;
     double largest = 0;
-    Vector15d next = Vector15d::Zero();
-    for (std::size_t k = eliminated_.size(); k-- > 0;) {
-      next = eliminated_[k].own.solve(eliminated_[k].pull - eliminated_[k].on_next * next).eval();
-      if (!next.allFinite()) return 0;
-      BodyMoment& body = segment_.instances[k + 1].body;
-      largest = std::max(largest, next.head<6>().cwiseAbs().maxCoeff());
-      body = moved(body, next);
+    for (std::size_t k = 1; k < last_; ++k) {
+      const Vector15d own = step.segment<15>(equations.H.first(body(k)));
+      largest = std::max(largest, own.head<6>().cwiseAbs().maxCoeff());
+      segment_.instances[k].body = moved(segment_.instances[k].body, own);
     }
     return largest;
   }
@@ -190,135 +156,82 @@ class SegmentElimination final {
             .imu = segment_.imu};
   }
 
-  /// From the instance before.
-  [[nodiscard]] Motion move(std::size_t k) const {
+  /// From the instance before, linear: ξ_k = Φ ξ + G δ + r + w, with δ of gravity and noise w.
+  void add_motion(std::size_t k, NormalEquations& out) const {
     const MotionSegment::Instance& to = segment_.instances[k];
-    world::MovingBody body = moving(segment_.instances[k - 1].body);
+    world::MovingBody reached = moving(segment_.instances[k - 1].body);
     world::MotionSinceImage motion;
     for (const SegmentStep& step : to.steps)
-      world::propagate(body, motion, step.input, gravity_W_, step.dt_s);
-    Motion out{motion.Phi, {}, {}, Vector15d::Zero()};
-    out.by_gravity.head<world::layout::kBiasF>() = motion.by_parameters.col(0);
+      world::propagate(reached, motion, step.input, gravity_W_, step.dt_s);
     motion.Q.diagonal().head<9>().array() += kSurestMotion * kSurestMotion;
     motion.Q.diagonal().tail<6>().array() += kUnusedBias * kUnusedBias;
-    out.W = motion.Q.llt().solve(Matrix15d::Identity());
-    out.W = (0.5 * (out.W + out.W.transpose())).eval();
-    out.r = error_between(to.body, {to.body.at, body.X_WB, body.v_WB, body.bias_f, body.bias_w});
-    return out;
-  }
-
-  /// The motion from the begin, which is part of the rest.
-  void begin(const Motion& m, Information& info) const {
-    if (info.rest() == 0) return start_body(m, info);
-    const Matrix15d WPhi = m.W * m.Phi;
-    info.all().block<15, 15>(0, 0) += m.Phi.transpose() * WPhi;
-    info.pull.segment<15>(15) -= WPhi.transpose() * m.r;
-    if (segment_.has_imu())
-      info.all().bottomRows<1>().leftCols<15>() += m.by_gravity.transpose() * WPhi;
-    info.below().setZero();
-    start_body(m, info);
-    info.below().topRows<15>() = -WPhi.transpose();
-    add_gravity(m, info);
-  }
-
-  static void start_body(const Motion& m, Information& info) {
-    info.own() = m.W;
-    info.pull.head<15>() = m.W * m.r;
-    info.cost += 0.5 * m.r.dot(m.W * m.r);
-  }
-
-  void eliminate(const Motion& m, Information& info) {
-    const Matrix15d WPhi = m.W * m.Phi;
-    Eliminated e;
-    e.own.compute(info.own() + m.Phi.transpose() * WPhi);
-    e.on_next = -WPhi.transpose();
-    e.on_rest = info.below().transpose();
-    if (segment_.has_imu() && info.rest() > 0)
-      e.on_rest.rightCols<1>() += WPhi.transpose() * m.by_gravity;
-    e.pull = info.pull.head<15>() - WPhi.transpose() * m.r;
-    const Matrix15d by_next = e.own.matrixL().solve(e.on_next);
-    const Vector15d by_pull = e.own.matrixL().solve(e.pull);
-    start_body(m, info);
-    info.cost -= 0.5 * by_pull.squaredNorm();
-    info.own().noalias() -= by_next.transpose() * by_next;
-    info.pull.head<15>().noalias() -= by_next.transpose() * by_pull;
-    if (info.rest() > 0) {
-      const Eigen::MatrixXd by_rest = e.own.matrixL().solve(e.on_rest);
-      info.below().noalias() = -(by_rest.transpose() * by_next);
-      info.all().selfadjointView<Eigen::Lower>().rankUpdate(by_rest.transpose(), -1.0);
-      info.pull.tail(info.rest()).noalias() -= by_rest.transpose() * by_pull;
-      add_gravity(m, info);
-    }
-    eliminated_.push_back(std::move(e));
-  }
-
-  /// Adds the information of the motion about gravity, the last of the rest.
-  void add_gravity(const Motion& m, Information& info) const {
-    if (!segment_.has_imu()) return;
-    const Vector15d WG = m.W * m.by_gravity;
-    info.H.bottomLeftCorner<1, 15>() -= WG.transpose();
-    info.H.bottomRightCorner<1, 1>()(0, 0) += WG.dot(m.by_gravity);
-    info.pull.tail<1>()(0) -= WG.dot(m.r);
+    const Matrix15d W = motion.Q.llt().solve(Matrix15d::Identity());
+    const Vector15d r = error_between(
+        to.body, {to.body.at, reached.X_WB, reached.v_WB, reached.bias_f, reached.bias_w});
+    Vector15d G = Vector15d::Zero();
+    G.head<world::layout::kBiasF>() = motion.by_parameters.col(0);
+    std::vector<TermPart> parts{{body(k), 0, Matrix15d::Identity()}, {body(k - 1), 0, -motion.Phi}};
+    if (segment_.has_imu()) parts.push_back({gravity(), 0, -G});
+    std::erase_if(parts, [&](const TermPart& a) { return a.variable >= out.H.variables(); });
+    out.add_square(parts, 0.5 * (W + W.transpose()), -r);
   }
 
   /// The motion while the shutter is open is that of the last step, for the first instance the
   /// next.
-  void add_images(std::size_t k, Information& info) {
+  void add_images(std::size_t k, NormalEquations& out) {
     const MotionSegment::Instance& instance = segment_.instances[k];
-    const bool is_first = k == 0;
-    const auto& steps = segment_.instances[is_first ? 1 : k].steps;
-    world::MovingBody body = moving(instance.body);
+    const auto& steps = segment_.instances[std::max<std::size_t>(k, 1)].steps;
+    world::MovingBody moving_body = moving(instance.body);
     if (!steps.empty()) {
-      const InertialInput& input = (is_first ? steps.front() : steps.back()).input;
-      body.gyro_B = body.imu.rate(input.w_B - body.bias_w) + body.bias_w;
+      const InertialInput& input = (k == 0 ? steps.front() : steps.back()).input;
+      moving_body.gyro_B =
+          moving_body.imu.rate(input.w_B - moving_body.bias_w) + moving_body.bias_w;
       if (input.has_accelerometer)
-        body.a_WB = body.X_WB.q * body.imu.force(input.f_B - body.bias_f) + gravity_W_;
+        moving_body.a_WB =
+            moving_body.X_WB.q * moving_body.imu.force(input.f_B - moving_body.bias_f) + gravity_W_;
     }
     for (const SegmentImage& image : instance.images) {
-      ++images_;
-      StampError stamp{Eigen::VectorXd::Zero(info.H.rows())};
-      for (const SegmentSighting& sighting : image.tags) add(body, image, sighting, stamp, info);
-      if (image.jitter_s <= 0) continue;
-      const double own = stamp.own + 1.0 / (image.jitter_s * image.jitter_s);
-      info.H.selfadjointView<Eigen::Lower>().rankUpdate(stamp.on_all, -1.0 / own);
-      info.pull -= stamp.on_all * (stamp.pull / own);
-      info.cost -= 0.5 * stamp.pull * stamp.pull / own;
+      const int stamp = static_cast<int>(last_) - 1 + images_++;
+      const double jitter_s = std::max(image.jitter_s, kExactStamp_s);
+      out.H.add(stamp, stamp, Eigen::MatrixXd::Constant(1, 1, 1 / (jitter_s * jitter_s)));
+      if (body(k) >= out.H.variables()) continue;  // fixed
+      for (const SegmentSighting& sighting : image.tags)
+        add(moving_body, body(k), stamp, image, sighting, out);
     }
   }
 
-  void add(const world::MovingBody& body, const SegmentImage& image,
-           const SegmentSighting& sighting, StampError& stamp, Information& info) {
+  void add(const world::MovingBody& moving_body, int body, int stamp, const SegmentImage& image,
+           const SegmentSighting& sighting, NormalEquations& out) {
     const auto found = std::ranges::find(segment_.tags, sighting.seen.tag_id, &KnownTag::tag_id);
     if (found == segment_.tags.end()) return;
-    const int tag = static_cast<int>(found - segment_.tags.begin());
-    const Rows rows = rows_of(body, image, sighting.seen, static_cast<std::size_t>(tag));
+    const auto number = static_cast<std::size_t>(found - segment_.tags.begin());
+    const Rows rows = rows_of(moving_body, image, sighting.seen, number);
     if (!rows.in_front || !rows.J.col(Rows::kY).allFinite()) return;
-    const int columns = info.rest() > 0 ? Rows::kAll : Rows::kCamera;
     Rows::Matrix WJ = rows.J / (sighting.noise_px * sighting.noise_px);
     if (!sighting.is_even) WJ = sighting.covariance.llt().solve(rows.J);
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, Rows::kAll, Rows::kAll> N =
-        rows.J.leftCols(columns).transpose() * WJ.leftCols(columns);
-    const double distance = N(Rows::kY, Rows::kY);
-    const double trust = 1.0 / (1.0 + distance / filter_rules::kLossBend);
-    N *= trust;
+    Eigen::Matrix<double, Rows::kAll, Rows::kAll> N = rows.J.transpose() * WJ;
+    const double bent = N(Rows::kY, Rows::kY) / filter_rules::kLossBend;
+    N /= 1.0 + bent;
     ++sightings_;
-    if (trust < 0.5) ++outliers_;
+    if (bent > 1) ++outliers_;
     // Cost of the Cauchy loss, not of the weighted square.
-    info.cost += 0.5 * filter_rules::kLossBend * std::log1p(distance / filter_rules::kLossBend);
-    stamp.own += N(Rows::kTime, Rows::kTime);
-    stamp.pull += N(Rows::kTime, Rows::kY);
-
-    // In the rows, size, in the information.
-    const std::array<std::array<int, 3>, 3> parts{
-        {{0, 15, 0},
-         {Rows::kCamera, segment_layout::kCameraSize, 15 + segment_layout::camera(image.camera)},
-         {Rows::kTag, segment_layout::kTagSize, 15 + segment_layout::tag(cameras_, tag)}}};
-    for (const auto& [from, size, to] : parts) {
-      if (from >= columns) return;
-      info.pull.segment(to, size) += N.col(Rows::kY).segment(from, size);
-      stamp.on_all.segment(to, size) += N.col(Rows::kTime).segment(from, size);
-      for (const auto& [before, width, at] : parts)
-        if (before <= from) info.H.block(to, at, size, width) += N.block(from, before, size, width);
+    out.cost += 0.5 * filter_rules::kLossBend * std::log1p(bent);
+    struct Part {
+      int from;  ///< Column of the rows.
+      int size;
+      int variable;
+    };
+    const std::array<Part, 4> parts{
+        {{0, 15, body},
+         {Rows::kTime, 1, stamp},
+         {Rows::kCamera, segment_layout::kCameraSize, camera(image.camera)},
+         {Rows::kTag, segment_layout::kTagSize, tag(static_cast<int>(number))}}};
+    for (const Part& a : parts) {
+      if (a.variable >= out.H.variables()) return;
+      out.pull.segment(out.H.first(a.variable), a.size) += N.col(Rows::kY).segment(a.from, a.size);
+      for (const Part& b : parts)
+        if (b.from <= a.from)
+          out.H.add(a.variable, b.variable, N.block(a.from, b.from, a.size, b.size));
     }
   }
 
@@ -345,10 +258,10 @@ class SegmentElimination final {
   }
 
   MotionSegment& segment_;
-  int cameras_;
-  int rest_;
+  std::size_t last_;        ///< Instance.
+  std::vector<int> sizes_;  ///< Of all variables …
+  int path_{};              ///< … of which so many are the path.
   Eigen::Vector3d gravity_W_;
-  std::vector<Eliminated> eliminated_;
   Eigen::Vector3d origin_;
   int images_{0};
   int sightings_{0};
@@ -359,41 +272,33 @@ class SegmentElimination final {
 
 std::optional<SegmentFactor> condense(MotionSegment& segment) {
   if (segment.instances.size() < 2) return std::nullopt;
-  SegmentElimination elimination(segment);
-  auto info = elimination.smooth();
-  if (!info) return std::nullopt;
+  SegmentProblem problem(segment);
+  auto reduced = problem.solve();
+  if (!reduced) return std::nullopt;
   return SegmentFactor{.begin = segment.begin(),
                        .end = segment.end(),
                        .cameras = segment.cameras,
                        .tags = segment.tags,
                        .scales = segment.scales,
                        .gravity_offset_m_s2 = segment.gravity_offset_m_s2,
-                       .H = info->all().selfadjointView<Eigen::Lower>(),
-                       .g = -info->pull.tail(info->rest()),
-                       .cost = info->cost,
-                       .numbers = 8 * elimination.sightings(),
-                       .sightings = elimination.sightings(),
-                       .outliers = elimination.outliers()};
+                       .H = std::move(reduced->H),
+                       .g = -reduced->pull,
+                       .cost = reduced->cost,
+                       .numbers = 8 * problem.sightings(),
+                       .sightings = problem.sightings(),
+                       .outliers = problem.outliers()};
 }
 
 std::vector<PathPoint> path_between(MotionSegment& segment) {
   if (segment.instances.size() < 2) return {};
-  SegmentElimination elimination(segment);
-  const auto info = elimination.smooth();
-  if (!info) return {};
-  const auto& between = elimination.eliminated();
-  std::vector<PathPoint> path(between.size());
-  // The end is part of the rest.
-  PathPoint next{Matrix15d::Zero(), Eigen::MatrixXd::Zero(15, info->rest())};
-  next.by_rest.middleCols<15>(segment_layout::kEnd).setIdentity();
-  for (std::size_t k = between.size(); k-- > 0;) {
-    const Eliminated& here = between[k];
-    const Matrix15d on_next = -here.own.solve(here.on_next);
-    path[k].given = here.own.solve(Matrix15d::Identity());
-    path[k].given += on_next * next.given * on_next.transpose();
-    path[k].by_rest = on_next * next.by_rest - here.own.solve(here.on_rest);
-    next = path[k];
-  }
+  SegmentProblem problem(segment);
+  auto reduced = problem.solve();
+  if (!reduced) return {};
+  const Eigen::MatrixXd by_rest = -reduced->factor.solve(reduced->across.transpose());
+  reduced->factor.invert();
+  std::vector<PathPoint> path;
+  for (int k = 0; k < problem.inner(); ++k)
+    path.push_back({*reduced->factor.inverse(k, k), by_rest.middleRows<15>(15 * k)});
   return path;
 }
 

@@ -10,8 +10,8 @@
 namespace fiducap {
 
 // Terms of the parameters of cameras, tag sizes and gravity. Those that are exact by configuration
-// have a tight prior until a filter (CalibrationMonitor) or the data of all bodies show that they
-// are wrong: then they have a wide one. Errors of the IMU are applied as the filter has them.
+// have a tight prior until a filter shows that they are wrong (CalibrationMonitor): then they have
+// a wide one. Errors of the IMU are applied as the filter has them.
 
 /// Adds the priors that are in no segment and not in the GraphPrior.
 void add_sensor_terms(const GraphState& graph, const GraphVariables& variables,
@@ -20,14 +20,6 @@ void add_sensor_terms(const GraphState& graph, const GraphVariables& variables,
 /// Opens the parameters that the filter of the segment's body has found wrong, and closes those of
 /// its sensors that it has not. @param body  index before all jumps of its clocks
 void follow_filter(const MotionSegment& segment, std::size_t body, GraphState& graph);
-
-/// Opens the parameter with the highest score of the data alone, above 5 sigma; a lens as a whole.
-/// Images of a filter that uses the map show no error that the map was made with, but its segments
-/// do.
-/// @param covariance  of this graph, converged
-/// @param dispersion  squared errors over their expectation
-/// @return whether one was opened: the graph has to converge again
-bool test_parameters(const GraphCovariance& covariance, double dispersion, GraphState& graph);
 
 /// Open parameters of lenses, shutters and tag sizes that differ significantly.
 [[nodiscard]] std::vector<GraphFinding> findings_of(const GraphCovariance& covariance,

@@ -74,26 +74,26 @@ bool add_path(const GraphState& graph, const GraphSegment& segment, bool begins_
 
 }  // namespace
 
-Datum::Datum(const std::vector<Tag>& defining, const std::vector<Pose>& poses,
-             const BlockCholesky& factor, const BlockMatrix& matrix) {
+Datum::Datum(std::span<const std::pair<int, Pose>> defining, const BlockCholesky& factor,
+             const BlockMatrix& matrix) {
   for (int i = 0; i < matrix.variables(); ++i) first_.push_back(matrix.first(i));
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const Tag& tag : defining) middle += tag.p_WT / static_cast<double>(defining.size());
+  for (const auto& tag : defining) middle += tag.second.p / static_cast<double>(defining.size());
   Eigen::MatrixXd B = Eigen::MatrixXd::Zero(matrix.rows(), 4);
   Eigen::Matrix4d BtN = Eigen::Matrix4d::Zero();
-  for (std::size_t k = 0; k < defining.size(); ++k) {
+  for (const auto& [variable, X_WT] : defining) {
     Common own = Common::Zero();
     if (defining.size() == 1) {
       own.topLeftCorner<3, 3>().setIdentity();
-      own.block<3, 3>(3, 0) = skew(poses[k].p);
+      own.block<3, 3>(3, 0) = skew(X_WT.p);
       own(5, 3) = 1;
     } else {
-      const Eigen::Vector3d arm = Eigen::Vector3d::UnitZ().cross(defining[k].p_WT - middle);
+      const Eigen::Vector3d arm = Eigen::Vector3d::UnitZ().cross(X_WT.p - middle);
       Eigen::Matrix<double, 4, 3> on_place;
       on_place << Eigen::Matrix3d::Identity(), arm.transpose();
-      own = (on_place * world::plain_from_world_error(poses[k].p).topRows<3>()).transpose();
+      own = (on_place * world::plain_from_world_error(X_WT.p).topRows<3>()).transpose();
     }
-    B.middleRows<6>(matrix.first(defining[k].variable)) += own;
+    B.middleRows<6>(matrix.first(variable)) += own;
     BtN += own.transpose() * common_error();
   }
   M_ = BtN.inverse();
@@ -101,24 +101,17 @@ Datum::Datum(const std::vector<Tag>& defining, const std::vector<Pose>& poses,
   T_ = B.transpose() * C_;
 }
 
-Matrix6d Datum::between(int first, int second, const Matrix6d& raw) const {
-  const Common NM = common_error() * M_;
-  const auto Ci = C_.middleRows<6>(first_[static_cast<std::size_t>(first)]);
-  const auto Cj = C_.middleRows<6>(first_[static_cast<std::size_t>(second)]);
-  return raw - NM * Cj.transpose() - Ci * NM.transpose() + NM * T_ * NM.transpose();
-}
-
-Eigen::MatrixXd Datum::of(std::span<const Rows> rows, const Eigen::MatrixXd& raw) const {
-  Eigen::MatrixXd NM = Eigen::MatrixXd::Zero(raw.rows(), 4);
-  Eigen::MatrixXd C(raw.rows(), 4);
-  Eigen::Index at = 0;
-  for (const Rows& one : rows) {
-    if (one.is_in_workspace) NM.middleRows<6>(at) = common_error() * M_;
-    C.middleRows(at, one.size) =
-        C_.middleRows(first_[static_cast<std::size_t>(one.variable)], one.size);
-    at += one.size;
-  }
-  return raw - NM * C.transpose() - C * NM.transpose() + NM * T_ * NM.transpose();
+Eigen::MatrixXd Datum::between(const Rows& a, const Rows& b, const Eigen::MatrixXd& raw) const {
+  const auto common = [&](const Rows& rows) {
+    Eigen::MatrixXd NM = Eigen::MatrixXd::Zero(rows.size, 4);
+    if (rows.is_in_workspace) NM.topRows<6>() = common_error() * M_;
+    return NM;
+  };
+  const auto C = [&](const Rows& rows) {
+    return C_.middleRows(first_[static_cast<std::size_t>(rows.variable)], rows.size);
+  };
+  const Eigen::MatrixXd NM = common(b);
+  return raw - common(a) * (C(b) - NM * T_).transpose() - C(a) * NM.transpose();
 }
 
 std::set<std::pair<std::size_t, std::size_t>> bound_tags(const GraphState& graph) {
@@ -153,9 +146,10 @@ GraphCovariance::GraphCovariance(const GraphState& graph, GraphVariables variabl
       H_(std::move(H)),
       factor_(std::move(factor)) {}
 
-std::optional<GraphCovariance> GraphCovariance::of(const GraphState& graph) {
+std::optional<GraphCovariance> GraphCovariance::of(const GraphState& graph,
+                                                   std::optional<int> only) {
   const GraphVariables variables(graph);
-  NormalEquations equations = normal_equations(graph, variables);
+  NormalEquations equations = normal_equations(graph, variables, only);
   auto factor = BlockCholesky::factor(equations.H, kDamping);
   if (!factor) return std::nullopt;
   factor->invert();
@@ -163,59 +157,58 @@ std::optional<GraphCovariance> GraphCovariance::of(const GraphState& graph) {
 }
 
 void GraphCovariance::refer_to(const std::vector<std::size_t>& tags) {
-  std::vector<Datum::Tag> defining;
-  std::vector<Pose> poses;
-  for (const std::size_t i : tags) {
-    defining.push_back({variables_.tag(i), graph_.tags[i].X_WT.p});
-    poses.push_back(graph_.tags[i].X_WT);
-  }
-  datum_.emplace(defining, poses, factor_, H_);
+  std::vector<std::pair<int, Pose>> defining;
+  for (const std::size_t i : tags) defining.emplace_back(variables_.tag(i), graph_.tags[i].X_WT);
+  datum_.emplace(defining, factor_, H_);
+}
+
+std::optional<Eigen::MatrixXd> GraphCovariance::block(const Datum::Rows& a,
+                                                      const Datum::Rows& b) const {
+  const auto raw = factor_.inverse(a.variable, b.variable);
+  if (!raw) return std::nullopt;
+  const Eigen::MatrixXd own = raw->topLeftCorner(a.size, b.size);
+  return datum_ ? datum_->between(a, b, own) : own;
 }
 
 std::optional<Matrix6d> GraphCovariance::between(std::size_t first, std::size_t second) const {
-  const int a = variables_.tag(first);
-  const int b = variables_.tag(second);
-  const auto raw = factor_.inverse(a, b);
-  if (!raw) return std::nullopt;
-  const Matrix6d of_poses = raw->topLeftCorner<6, 6>();
-  const Matrix6d covariance = datum_ ? datum_->between(a, b, of_poses) : of_poses;
-  return Matrix6d(world::plain_from_world_error(graph_.tags[first].X_WT.p) * covariance *
+  const auto covariance = block({variables_.tag(first)}, {variables_.tag(second)});
+  if (!covariance) return std::nullopt;
+  return Matrix6d(world::plain_from_world_error(graph_.tags[first].X_WT.p) * *covariance *
                   world::plain_from_world_error(graph_.tags[second].X_WT.p).transpose());
 }
 
 std::optional<Eigen::MatrixXd> GraphCovariance::of(const GraphSegment& segment) const {
   const int body = variables_.body(static_cast<std::size_t>(graph_.nodes[segment.begin].body));
-  std::vector<Datum::Rows> rows{{variables_.node(segment.begin), 15, true},
-                                {variables_.node(segment.end), 15, true},
+  std::vector<Datum::Rows> rows{{variables_.node(segment.begin), 15},
+                                {variables_.node(segment.end), 15},
                                 {body, H_.size(body), false}};
   for (const std::size_t i : segment.tags)
-    rows.push_back({variables_.tag(i), segment_layout::kTagSize, true});
+    rows.push_back({variables_.tag(i), segment_layout::kTagSize});
   if (segment.raw.has_imu()) rows.push_back({variables_.gravity(), 1, false});
   const Eigen::Index numbers = segment.factor.H.rows();
   // A segment without tags does not depend on the common scale.
   const Eigen::Index scales = segment.tags.empty() ? 0 : 1;
   if (scales > 0) rows.push_back({variables_.common_scale(), 1, false});
-  Eigen::MatrixXd raw(numbers + scales, numbers + scales);
+  Eigen::MatrixXd all(numbers + scales, numbers + scales);
   Eigen::Index row = 0;
   for (const Datum::Rows& a : rows) {
     Eigen::Index column = 0;
     for (const Datum::Rows& b : rows) {
-      const auto block = factor_.inverse(a.variable, b.variable);
-      if (!block) return std::nullopt;
-      raw.block(row, column, a.size, b.size) = *block;
+      const auto covariance = block(a, b);
+      if (!covariance) return std::nullopt;
+      all.block(row, column, a.size, b.size) = *covariance;
       column += b.size;
     }
     row += a.size;
   }
-  if (datum_) raw = datum_->of(rows, raw);
   // The scale of a tag is the common one plus its own.
   const int cameras = static_cast<int>(segment.factor.cameras.size());
   for (std::size_t i = 0; i < segment.tags.size(); ++i) {
     const int at = segment_layout::scale(cameras, static_cast<int>(i));
-    raw.row(at) += raw.row(numbers);
-    raw.col(at) += raw.col(numbers);
+    all.row(at) += all.row(numbers);
+    all.col(at) += all.col(numbers);
   }
-  return Eigen::MatrixXd(raw.topLeftCorner(numbers, numbers));
+  return Eigen::MatrixXd(all.topLeftCorner(numbers, numbers));
 }
 
 double GraphCovariance::variance(int variable, int row) const {

@@ -11,7 +11,7 @@
 
 #include "base/pose.hpp"
 #include "estimation/known_tag.hpp"
-#include "mapping/graph/block_cholesky.hpp"
+#include "estimation/segment/normal_equations.hpp"
 #include "mapping/graph/graph_state.hpp"
 #include "mapping/graph/graph_terms.hpp"
 
@@ -24,26 +24,21 @@ namespace fiducap {
 ///     ξ' = ξ − N (Bᵀ N)⁻¹ Bᵀ ξ,   N: a common shift and yaw;  Bᵀ ξ: the mean's shift and yaw
 class Datum final {
  public:
-  struct Tag {
-    int variable{};
-    Eigen::Vector3d p_WT;
-  };
-  /// @param defining  at least one; a single one defines the heading by its own
-  Datum(const std::vector<Tag>& defining, const std::vector<Pose>& poses,
-        const BlockCholesky& factor, const BlockMatrix& matrix);
-
-  /// Covariance between two poses, against the mean.
-  /// @param raw  against the tags that were held
-  [[nodiscard]] Matrix6d between(int first, int second, const Matrix6d& raw) const;
+  /// @param defining  variables and poses of at least one tag; a single one defines the heading by
+  /// its own
+  Datum(std::span<const std::pair<int, Pose>> defining, const BlockCholesky& factor,
+        const BlockMatrix& matrix);
 
   /// The first rows of a variable.
   struct Rows {
     int variable{};
-    int size{};
-    bool is_in_workspace{};  ///< Its first six are a pose in W.
+    int size{6};
+    bool is_in_workspace{true};  ///< Its first six are a pose in W.
   };
-  /// The same of several variables, one after the other.
-  [[nodiscard]] Eigen::MatrixXd of(std::span<const Rows> rows, const Eigen::MatrixXd& raw) const;
+  /// Covariance between two variables, against the mean.
+  /// @param raw  against the tags that were held
+  [[nodiscard]] Eigen::MatrixXd between(const Rows& a, const Rows& b,
+                                        const Eigen::MatrixXd& raw) const;
 
  private:
   std::vector<int> first_;  ///< Row of each variable.
@@ -59,8 +54,10 @@ class Datum final {
 /// Covariances of a converged graph. Refers to the graph.
 class GraphCovariance final {
  public:
+  /// @param only  component whose segments count; nullopt: those of all
   /// @return nullopt: the problem is singular
-  [[nodiscard]] static std::optional<GraphCovariance> of(const GraphState& graph);
+  [[nodiscard]] static std::optional<GraphCovariance> of(const GraphState& graph,
+                                                         std::optional<int> only = std::nullopt);
 
   /// From here on against the mean place and heading of these tags (see Datum).
   void refer_to(const std::vector<std::size_t>& tags);
@@ -82,6 +79,8 @@ class GraphCovariance final {
  private:
   GraphCovariance(const GraphState& graph, GraphVariables variables, BlockMatrix H,
                   BlockCholesky factor);
+  [[nodiscard]] std::optional<Eigen::MatrixXd> block(const Datum::Rows& a,
+                                                     const Datum::Rows& b) const;
 
   const GraphState& graph_;
   GraphVariables variables_;

@@ -1,5 +1,6 @@
 // How a map graph removes segments, and binds them to tags again that were moved.
 #include <algorithm>
+#include <set>
 #include <utility>
 
 #include "estimation/filter/heading_rule.hpp"
@@ -11,70 +12,37 @@ namespace fiducap {
 
 namespace {
 
-/// The segments of the workspace without the raw data, which the equations do not need.
-GraphState workspace_of(const GraphState& graph) {
-  GraphState out;
-  static_cast<GraphEstimates&>(out) = graph;
-  out.tags.clear();
-  out.starts = graph.starts;
-  out.level = graph.level;
-  out.common_scale_is_open = graph.common_scale_is_open;
-  out.gravity_sigma_m_s2 = graph.gravity_sigma_m_s2;
-  for (const GraphSegment& segment : graph.segments) {
-    if (graph.nodes[segment.begin].component != kInWorkspace) continue;
-    GraphSegment& copy = out.segments.emplace_back();
-    copy.raw.sensors = segment.raw.sensors;
-    copy.factor = segment.factor;
-    copy.begin = segment.begin;
-    copy.end = segment.end;
-    copy.tags = segment.tags;
-  }
-  (void)keep_segments([](const GraphSegment&) { return true; }, out);
-  return out;
-}
-
 /// The information of the workspace's segments, and of the present prior, about tags and cameras.
 /// Segments of other components are kept as they are, so they must not count here.
 std::optional<GraphPrior> prior_of(const GraphState& graph) {
-  GraphState part = workspace_of(graph);
-  // Tags of other components would be unconnected.
-  std::vector<std::size_t> now(graph.tags.size(), 0);
-  std::vector<std::size_t> was;
-  for (std::size_t i = 0; i < graph.tags.size(); ++i) {
-    if (graph.tags[i].component != kInWorkspace) continue;
-    now[i] = part.tags.size();
-    was.push_back(i);
-    part.tags.push_back(graph.tags[i]);
-  }
-  part.prior = graph.prior;
-  renumber_tags(now, part);
-  const auto covariance = GraphCovariance::of(part);
+  const auto covariance = GraphCovariance::of(graph, kInWorkspace);
   if (!covariance) return std::nullopt;
-
   const Eigen::MatrixXd columns = covariance->camera_columns();
   PriorCameras cameras;
   cameras.covariance.resize(columns.cols(), columns.cols());
   Eigen::Index at = 0;
-  for (std::size_t b = 0; b < part.bodies.size(); ++b) {
-    cameras.bodies.push_back(part.bodies[b].cameras);
+  for (std::size_t b = 0; b < graph.bodies.size(); ++b) {
+    cameras.bodies.push_back(graph.bodies[b].cameras);
     const Eigen::MatrixXd rows = covariance->camera_rows(columns, b);
     cameras.covariance.middleRows(at, rows.rows()) = rows;
     at += rows.rows();
   }
   std::vector<PriorTag> tags;
-  for (std::size_t i = 0; i < part.tags.size(); ++i) {
-    tags.push_back({was[i], part.tags[i].X_WT, *covariance->between(i, i), false});
+  for (std::size_t i = 0; i < graph.tags.size(); ++i) {
+    if (graph.tags[i].component != kInWorkspace) continue;
+    tags.push_back({i, graph.tags[i].X_WT, *covariance->between(i, i), false});
     cameras.of_tags.push_back(covariance->tag_rows(columns, i));
   }
-  const auto bound = bound_tags(part);
+  const auto bound = bound_tags(graph);
   const auto between = [&](std::size_t a, std::size_t b) -> std::optional<Matrix6d> {
-    if (!bound.contains({std::min(a, b), std::max(a, b)})) return std::nullopt;
-    return covariance->between(a, b);
+    const auto [first, second] = std::minmax(tags[a].tag, tags[b].tag);
+    if (!bound.contains({first, second})) return std::nullopt;
+    return covariance->between(tags[a].tag, tags[b].tag);
   };
   const PriorUnknown relative =
-      part.level.at(kInWorkspace) ? PriorUnknown::kPlaceAndYaw : PriorUnknown::kPlaceAndTurn;
+      graph.level.at(kInWorkspace) ? PriorUnknown::kPlaceAndYaw : PriorUnknown::kPlaceAndTurn;
   return make_prior(tags, between, cameras,
-                    part.prior.is_absolute ? PriorUnknown::kNothing : relative);
+                    graph.prior.is_absolute ? PriorUnknown::kNothing : relative);
 }
 
 /// Of a component with this many tags: bounds memory (0.2 MB a segment) and the time of a solution

@@ -19,22 +19,18 @@ constexpr double kMostDamping = 1.0;
 // sigma.
 constexpr double kConverged = 0.05;
 constexpr double kBetweenLinearisations = 1.0;
-// Parameters opened in one solution; the rest follows with the next one.
-constexpr int kMostTests = 8;
 // A segment is linearised again when a pose in it has moved relative to its beginning by more than
-// this: in angle, or as a share of its distance; or a camera on its body, or its clock. Segments
-// with different linearisation points have spurious information about a tag's heading, which adds
-// up over the segments.
+// this: in angle, or as a share of its distance. Segments with different linearisation points have
+// spurious information about a tag's heading, which adds up over the segments.
 constexpr double kTurned_rad = 0.0003;
 constexpr double kMoved = 0.0006;
-constexpr double kCameraMoved_m = 0.0002;
+// … or a camera by one of these: m, rad, clock and readout in s, focal length, px, distortion.
+using CameraNumbers = Eigen::Array<double, segment_layout::kCameraSize, 1>;
+const CameraNumbers kCameraMoved{
+    {2e-4, 2e-4, 2e-4, 3e-4, 3e-4, 3e-4, 4e-5, 8e-5, 2e-3, 2.0, 2.0, 1e-2}};
+constexpr double kScaled = 0.002;            // … or a tag size.
 constexpr double kGravityMoved_m_s2 = 1e-4;  // times tilts: microradians
-constexpr double kClockShifted_s = 4e-5;
-// … or a lens, or a tag size.
-constexpr double kScaled = 0.002;
-constexpr double kImuChanged = 0.001;  // relative and rad; tests find 0.002
-constexpr double kCentreMoved_px = 2.0;
-constexpr double kBent = 0.01;
+constexpr double kImuChanged = 0.001;        // relative and rad; tests find 0.002
 
 bool has_moved(const Pose& was, const Vector6d& by) {
   const double shifted = (world::moved(was, by).p - was.p).norm();
@@ -55,14 +51,8 @@ bool is_elsewhere(const GraphSegment& segment, const ImuIntrinsics& imu,
   if (has_changed(segment.raw.imu, imu)) return true;
   const SegmentFactor& f = segment.factor;
   const int cameras = static_cast<int>(f.cameras.size());
-  for (int c = 0; c < cameras; ++c) {
-    const auto by = error.segment<kCameraSize>(camera(c));  // place, rotation, clock, …
-    if (by.head<3>().norm() > kCameraMoved_m || by.segment<3>(3).norm() > kTurned_rad ||
-        std::abs(by(kClock)) > kClockShifted_s || std::abs(by(kReadout)) > 2 * kClockShifted_s ||
-        std::abs(by(kFocal)) > kScaled || by.segment<2>(kCentre).norm() > kCentreMoved_px ||
-        std::abs(by(kDistortion)) > kBent)
-      return true;
-  }
+  for (int c = 0; c < cameras; ++c)
+    if ((error.segment<kCameraSize>(camera(c)).array().abs() > kCameraMoved).any()) return true;
   const int gravity_at = gravity(cameras, static_cast<int>(f.tags.size()));
   if (segment.raw.has_imu() && std::abs(error(gravity_at)) > kGravityMoved_m_s2) return true;
   if (has_moved(f.end.X_WB, error.segment<6>(kEnd))) return true;
@@ -81,7 +71,9 @@ std::optional<GraphSolution> MapGraph::solve(const std::stop_token& stop) {
   if (state_.segments.empty() || state_.tags.empty()) return std::nullopt;
   GraphSolution done;
   for (const GraphSegment& segment : state_.segments) done.numbers += segment.factor.numbers;
-  const auto covariance = settle(stop, done);
+  const bool is_converged = iterate(stop, done);
+  if (is_converged) align_to_reference();
+  const auto covariance = is_converged ? this->covariance() : std::nullopt;
   if (stop.stop_requested()) return std::nullopt;
   if (covariance) {
     fill_solution(*covariance, done);
@@ -89,18 +81,6 @@ std::optional<GraphSolution> MapGraph::solve(const std::stop_token& stop) {
   }
   if (!keeps_all_) keep_bounded(covariance.has_value());
   return covariance ? std::optional(std::move(done)) : std::nullopt;
-}
-
-/// Converges, with all parameters open that differ significantly from the configuration.
-std::optional<GraphCovariance> MapGraph::settle(const std::stop_token& stop, GraphSolution& done) {
-  for (int tests = 0;; ++tests) {
-    if (!iterate(stop, done)) return std::nullopt;
-    align_to_reference();
-    auto covariance = this->covariance();
-    if (!covariance || tests == kMostTests || stop.stop_requested()) return covariance;
-    const double dispersion = done.cost / std::max(1.0, done.numbers);
-    if (!test_parameters(*covariance, dispersion, state_)) return covariance;
-  }
 }
 
 /// Levenberg–Marquardt. Segments are linearised again on the way, where they have moved: steps with

@@ -15,14 +15,7 @@ namespace {
 using segment_layout::kCameraSize;
 using segment_layout::kClock;
 
-// Sigmas of a parameter that is exact by configuration (m, rad, s, relative): without influence on
-// the rest, but sufficient for a test …
-constexpr double kExactSigma = 1e-7;
-constexpr double kTightReadout_s = 5e-6;
-constexpr double kTightFocal = 5e-6;
-constexpr double kTightCentre_px = 5e-3;
-constexpr double kTightDistortion = 2e-6;
-// … and when it is wrong: as in CalibrationMonitor.
+// Sigmas of a parameter that is wrong, as in CalibrationMonitor.
 constexpr double kOpenMount = 0.05;  // m and rad
 constexpr double kOpenReadout_s = 0.02;
 constexpr double kOpenFocal = 0.05;
@@ -38,8 +31,8 @@ double inverse_square(double sigma) { return 1.0 / (sigma * sigma); }
 Eigen::Index row_of(std::size_t camera) { return static_cast<Eigen::Index>(camera) * kCameraSize; }
 
 /// The configured sigma, unless it is 0; then that of an open or an exact parameter.
-double sigma_of(double configured, bool is_open, double open, double tight) {
-  return configured > 0 ? configured : (is_open ? open : tight);
+double sigma_of(double configured, bool is_open, double open) {
+  return configured > 0 ? configured : (is_open ? open : kExactSigma);
 }
 
 /// Information of the prior of all cameras' parameters.
@@ -67,11 +60,11 @@ Eigen::MatrixXd information_of(const GraphBody& body) {
     Eigen::Matrix<double, kCameraSize - kClock, 1> sigmas;
     sigmas << (has_clock ? std::max(kExactSigma, mount.time_shift_sigma_s) : kExactSigma),
         sigma_of(has_clock ? mount.readout_sigma_s : 0, is_open(FoundMismatch::Kind::kReadout),
-                 kOpenReadout_s, kTightReadout_s),
-        sigma_of(mount.focal_sigma, lens, kOpenFocal, kTightFocal),
-        sigma_of(mount.centre_sigma_px, lens, kOpenCentre_px, kTightCentre_px),
-        sigma_of(mount.centre_sigma_px, lens, kOpenCentre_px, kTightCentre_px),
-        sigma_of(mount.k1_sigma, lens, kOpenDistortion, kTightDistortion);
+                 kOpenReadout_s),
+        sigma_of(mount.focal_sigma, lens, kOpenFocal),
+        sigma_of(mount.centre_sigma_px, lens, kOpenCentre_px),
+        sigma_of(mount.centre_sigma_px, lens, kOpenCentre_px),
+        sigma_of(mount.k1_sigma, lens, kOpenDistortion);
     out.diagonal().segment(row_of(c) + kClock, sigmas.size()) = sigmas.cwiseAbs2().cwiseInverse();
   }
   return out;

@@ -17,6 +17,9 @@
 namespace fiducap {
 
 inline constexpr int kInWorkspace = 0;  ///< Component of the workspace.
+/// Sigma of what is exact by configuration (m, rad, s, px, relative): a thousandth of what any
+/// published digit shows.
+inline constexpr double kExactSigma = 1e-7;
 
 /// Groups of parameters that are not as configured (kLens: all of it; kMountPosition: the pose),
 /// and of which camera; -1: not of a camera.
@@ -29,8 +32,7 @@ struct GraphBody {
   std::vector<CameraBelief> cameras;
   std::vector<CameraBelief> expected;  ///< Prior mean of all cameras' parameters …
   Eigen::MatrixXd information;         ///< … and its information.
-  OpenParameters open;                 ///< They have a wide prior …
-  OpenParameters tested;               ///< … of which the graph's own test has found these.
+  OpenParameters open;                 ///< They have a wide prior.
   ImuIntrinsics imu;                   ///< By the filter.
   /// Index in GraphState::bodies of the same body before a jump of its clocks: all parameters but
   /// the clocks are shared. -1: none.

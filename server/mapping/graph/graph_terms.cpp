@@ -1,5 +1,7 @@
 #include "mapping/graph/graph_terms.hpp"
 
+#include <limits>
+
 #include "base/pose.hpp"
 #include "estimation/filter/heading_rule.hpp"
 #include "estimation/world/filter_state.hpp"
@@ -22,14 +24,6 @@ constexpr double kStartRate = 5.0;     // without IMU the rate is stored as gyro
 // the number; with a weak one the whole would drift by non-linearity.
 constexpr double kGauge = 1e11;
 
-/// A variable of a segment: its place in the normal equations and the Jacobian of its error with
-/// respect to the estimate.
-struct Part {
-  int variable{};
-  int at{};  ///< In the factor.
-  Eigen::MatrixXd J;
-};
-
 Matrix15d on_body(const Vector15d& error, const Pose& G_inverse) {
   const Matrix6d Ad = world::adjoint(G_inverse);
   const Eigen::Matrix3d R = G_inverse.rotation();
@@ -49,12 +43,12 @@ Pose axes_of(const GraphState& graph, const GraphSegment& segment) {
                       segment.raw.has_imu());
 }
 
-std::vector<Part> parts_of(const GraphState& graph, const GraphVariables& variables,
-                           const GraphSegment& segment, const Pose& G_inverse,
-                           const Eigen::VectorXd& error) {
+std::vector<TermPart> parts_of(const GraphState& graph, const GraphVariables& variables,
+                               const GraphSegment& segment, const Pose& G_inverse,
+                               const Eigen::VectorXd& error) {
   using namespace segment_layout;  // NOLINT: the block names are the subject
   const int cameras = static_cast<int>(segment.factor.cameras.size());
-  std::vector<Part> parts;
+  std::vector<TermPart> parts;
   parts.push_back(
       {variables.node(segment.begin), kBegin, on_body(error.segment<15>(kBegin), G_inverse)});
   parts.push_back({variables.node(segment.end), kEnd, on_body(error.segment<15>(kEnd), G_inverse)});
@@ -87,69 +81,44 @@ void add_segment(const GraphState& graph, const GraphVariables& variables,
   const Eigen::VectorXd error = error_of(graph, segment);
   const Eigen::VectorXd gradient = f.H * error + f.g;
   out.cost += cost_of(f, error);
-  const auto parts = parts_of(graph, variables, segment, axes_of(graph, segment).inverse(), error);
-  for (const Part& a : parts) {
-    const Eigen::Index rows = a.J.rows();
-    out.pull.segment(out.H.first(a.variable), a.J.cols()) -=
-        a.J.transpose() * gradient.segment(a.at, rows);
-    const Eigen::MatrixXd left = a.J.transpose() * f.H.middleRows(a.at, rows);
-    for (const Part& b : parts) {
-      if (b.variable > a.variable) continue;
-      out.H.add(a.variable, b.variable, left.middleCols(b.at, b.J.rows()) * b.J);
-    }
-  }
+  out.add(parts_of(graph, variables, segment, axes_of(graph, segment).inverse(), error), f.H,
+          gradient);
 }
 
 /// Prior of velocity and biases where a chain begins, and of the tilt where odometry measures it.
-struct StartError {
-  Vector15d error{Vector15d::Zero()};
-  Vector15d information{Vector15d::Zero()};
-};
-
-StartError start_error(const GraphState& graph, const ChainStart& start) {
-  using namespace world::layout;  // NOLINT: the block names are the subject
-  const BodyMoment& now = graph.nodes[start.node].at;
-  StartError out;
-  out.error.segment<3>(kVelocity) = now.v_WB;
-  out.information.segment<3>(kVelocity).setConstant(1 / (kStartVelocity * kStartVelocity));
-  if (start.up_B) {
-    const Eigen::Vector3d up_W = now.X_WB.q * *start.up_B;
-    out.error.segment<2>(kAttitude) = Eigen::Vector3d::UnitZ().cross(up_W).head<2>();
-    out.information.segment<2>(kAttitude).setConstant(1 / (kOdometryUp * kOdometryUp));
-  }
-  if (start.after < 0) {
-    out.error.segment<3>(kBiasF) = now.bias_f;
-    out.error.segment<3>(kBiasW) = now.bias_w;
-    out.information.segment<3>(kBiasF).setConstant(1 / (kStartBiasF * kStartBiasF));
-    const double rate = start.has_imu ? kStartBiasW : kStartRate;
-    out.information.segment<3>(kBiasW).setConstant(1 / (rate * rate));
-    return out;
-  }
-  const BodyMoment& before = graph.nodes[static_cast<std::size_t>(start.after)].at;
-  constexpr double kLeast_s = 0.1;
-  const double dt = std::max(kLeast_s, to_seconds(now.at - before.at));
-  out.error.segment<3>(kBiasF) = now.bias_f - before.bias_f;
-  out.error.segment<3>(kBiasW) = now.bias_w - before.bias_w;
-  out.information.segment<3>(kBiasF).setConstant(1 / (start.accel_walk * start.accel_walk * dt));
-  out.information.segment<3>(kBiasW).setConstant(1 / (start.gyro_walk * start.gyro_walk * dt));
-  return out;
-}
-
 void add_start(const GraphState& graph, const GraphVariables& variables, const ChainStart& start,
                NormalEquations& out) {
-  const StartError s = start_error(graph, start);
-  const Vector15d pull = s.information.cwiseProduct(s.error);
-  out.cost += 0.5 * s.error.dot(pull);
-  const int now = variables.node(start.node);
-  out.H.add(now, now, Matrix15d(s.information.asDiagonal()));
-  out.pull.segment<15>(out.H.first(now)) -= pull;
-  if (start.after < 0) return;
-  Vector15d of_biases = s.information;
-  of_biases.head<9>().setZero();
-  const int before = variables.node(static_cast<std::size_t>(start.after));
-  out.H.add(before, before, Matrix15d(of_biases.asDiagonal()));
-  out.H.add(now, before, -Matrix15d(of_biases.asDiagonal()));
-  out.pull.segment<6>(out.H.first(before) + 9) += pull.tail<6>();
+  using namespace world::layout;  // NOLINT: the block names are the subject
+  const BodyMoment& now = graph.nodes[start.node].at;
+  Vector15d error = Vector15d::Zero();
+  Vector15d variance = Vector15d::Constant(std::numeric_limits<double>::infinity());
+  std::vector<TermPart> parts{{variables.node(start.node), 0, Matrix15d::Identity()}};
+  error.segment<3>(kVelocity) = now.v_WB;
+  variance.segment<3>(kVelocity).setConstant(kStartVelocity * kStartVelocity);
+  if (start.up_B) {
+    const Eigen::Vector3d up_W = now.X_WB.q * *start.up_B;
+    error.segment<2>(kAttitude) = Eigen::Vector3d::UnitZ().cross(up_W).head<2>();
+    variance.segment<2>(kAttitude).setConstant(kOdometryUp * kOdometryUp);
+  }
+  error.segment<3>(kBiasF) = now.bias_f;
+  error.segment<3>(kBiasW) = now.bias_w;
+  const double rate = start.has_imu ? kStartBiasW : kStartRate;
+  variance.segment<3>(kBiasF).setConstant(kStartBiasF * kStartBiasF);
+  variance.segment<3>(kBiasW).setConstant(rate * rate);
+  if (start.after >= 0) {
+    const auto after = static_cast<std::size_t>(start.after);
+    const BodyMoment& before = graph.nodes[after].at;
+    constexpr double kLeast_s = 0.1;
+    const double dt = std::max(kLeast_s, to_seconds(now.at - before.at));
+    error.segment<3>(kBiasF) -= before.bias_f;
+    error.segment<3>(kBiasW) -= before.bias_w;
+    variance.segment<3>(kBiasF).setConstant(start.accel_walk * start.accel_walk * dt);
+    variance.segment<3>(kBiasW).setConstant(start.gyro_walk * start.gyro_walk * dt);
+    Matrix15d of_biases = Matrix15d::Zero();
+    of_biases.bottomRightCorner<6, 6>().diagonal().setConstant(-1);
+    parts.push_back({variables.node(after), 0, of_biases});
+  }
+  out.add_square(parts, variance.cwiseInverse().asDiagonal(), error);
 }
 
 Vector6d plain_error(const Pose& expected, const Pose& now) {
@@ -184,65 +153,42 @@ Vector6d rest_of(const GraphState& graph, const GraphPrior::Conditional& conditi
   return out;
 }
 
-/// @return its cost
-double add_conditional(const GraphState& graph, const GraphVariables& variables,
-                       const GraphPrior::Conditional& conditional,
-                       const Eigen::VectorXd& of_cameras, NormalEquations& out) {
+void add_conditional(const GraphState& graph, const GraphVariables& variables,
+                     const GraphPrior::Conditional& conditional, const Eigen::VectorXd& of_cameras,
+                     NormalEquations& out) {
   const GraphPrior& prior = graph.prior;
-  struct Term {
-    int variable;
-    Eigen::MatrixXd J;
-  };
-  std::vector<Term> terms;
+  std::vector<TermPart> parts;
   const auto add_tag = [&](std::size_t i, const Eigen::MatrixXd& A) {
     const std::size_t tag = prior.tags[i];
     Eigen::MatrixXd J = Eigen::MatrixXd::Zero(6, kTagSize);
     J.leftCols<6>() = A * world::plain_from_world_error(graph.tags[tag].X_WT.p);
-    terms.push_back({variables.tag(tag), std::move(J)});
+    parts.push_back({variables.tag(tag), 0, std::move(J)});
   };
   add_tag(conditional.tag, Matrix6d::Identity());
   for (std::size_t k = 0; k < conditional.given.size(); ++k)
     add_tag(conditional.given[k], -conditional.A.middleCols<6>(static_cast<Eigen::Index>(6 * k)));
-  if (conditional.C.cols() > 0) {
-    Eigen::Index at = 0;
-    for (std::size_t b = 0; b < prior.cameras.size(); ++b) {
-      const int size = out.H.size(variables.body(b));
-      terms.push_back({variables.body(b), -conditional.C.middleCols(at, size)});
-      at += size;
-    }
+  Eigen::Index at = 0;
+  for (std::size_t b = 0; at < conditional.C.cols(); ++b) {
+    const int size = out.H.size(variables.body(b));
+    parts.push_back({variables.body(b), 0, -conditional.C.middleCols(at, size)});
+    at += size;
   }
-  const Vector6d rest = rest_of(graph, conditional, of_cameras);
-  const Vector6d pull = conditional.information * rest;
-  for (const Term& a : terms) {
-    out.pull.segment(out.H.first(a.variable), a.J.cols()) -= a.J.transpose() * pull;
-    const Eigen::MatrixXd left = a.J.transpose() * conditional.information;
-    for (const Term& b : terms)
-      if (b.variable <= a.variable) out.H.add(a.variable, b.variable, left * b.J);
-  }
-  return 0.5 * rest.dot(conditional.information * rest);
+  out.add_square(parts, conditional.information, rest_of(graph, conditional, of_cameras));
 }
 
 void add_prior(const GraphState& graph, const GraphVariables& variables, NormalEquations& out) {
   const GraphPrior& prior = graph.prior;
   const Eigen::VectorXd cameras = camera_error(graph);
-  const Eigen::VectorXd pull = prior.camera_information * cameras;
-  Eigen::Index at = 0;
-  for (std::size_t a = 0; a < prior.cameras.size(); ++a) {
-    const int rows = out.H.size(variables.body(a));
-    out.pull.segment(out.H.first(variables.body(a)), rows) -= pull.segment(at, rows);
-    Eigen::Index column = 0;
-    for (std::size_t b = 0; b <= a; ++b) {
-      const int columns = out.H.size(variables.body(b));
-      out.H.add(variables.body(a), variables.body(b),
-                prior.camera_information.block(at, column, rows, columns));
-      column += columns;
-    }
+  std::vector<TermPart> parts;
+  int at = 0;
+  for (std::size_t b = 0; b < prior.cameras.size(); ++b) {
+    const int rows = out.H.size(variables.body(b));
+    parts.push_back({variables.body(b), at, Eigen::MatrixXd::Identity(rows, rows)});
     at += rows;
   }
-  double cost = 0.5 * cameras.dot(prior.camera_information * cameras);
+  out.add_square(parts, prior.camera_information, cameras);
   for (const GraphPrior::Conditional& conditional : prior.conditionals)
-    cost += add_conditional(graph, variables, conditional, cameras, out);
-  out.cost += cost;
+    add_conditional(graph, variables, conditional, cameras, out);
 }
 
 /// Holds the tag seen most often of each component with a free gauge.
@@ -254,12 +200,11 @@ void add_gauges(const GraphState& graph, const GraphVariables& variables, Normal
   }
   for (const auto& [component, i] : held) {
     if (component == kInWorkspace && graph.prior.is_absolute) continue;
-    const int tag = variables.tag(i);
     Eigen::MatrixXd gauge = Eigen::MatrixXd::Zero(kTagSize, kTagSize);
     gauge.diagonal().head<3>().setConstant(kGauge);
     gauge(5, 5) = kGauge;
     if (!graph.level.at(component)) gauge.diagonal().segment<2>(3).setConstant(kGauge);
-    out.H.add(tag, tag, gauge);
+    out.H.add(variables.tag(i), variables.tag(i), gauge);
   }
 }
 
@@ -318,13 +263,30 @@ double cost_of(const SegmentFactor& factor, const Eigen::VectorXd& error) {
   return factor.cost + error.dot(factor.g + 0.5 * (factor.H * error));
 }
 
-NormalEquations normal_equations(const GraphState& graph, const GraphVariables& variables) {
-  NormalEquations out(variables);
-  for (const GraphSegment& segment : graph.segments) add_segment(graph, variables, segment, out);
-  for (const ChainStart& start : graph.starts) add_start(graph, variables, start, out);
+NormalEquations normal_equations(const GraphState& graph, const GraphVariables& variables,
+                                 std::optional<int> only) {
+  NormalEquations out(variables.sizes());
+  const auto is_in = [&](std::size_t node) {
+    return !only || graph.nodes[node].component == *only;
+  };
+  for (const GraphSegment& segment : graph.segments)
+    if (is_in(segment.begin)) add_segment(graph, variables, segment, out);
+  for (ChainStart start : graph.starts) {
+    if (start.after >= 0 && !is_in(static_cast<std::size_t>(start.after))) start.after = -1;
+    if (is_in(start.node)) add_start(graph, variables, start, out);
+  }
   add_sensor_terms(graph, variables, out);
   add_prior(graph, variables, out);
   add_gauges(graph, variables, out);
+  // What does not count is held.
+  const auto hold = [&](int variable) {
+    const int size = out.H.size(variable);
+    out.H.add(variable, variable, kGauge * Eigen::MatrixXd::Identity(size, size));
+  };
+  for (std::size_t i = 0; i < graph.nodes.size(); ++i)
+    if (!is_in(i)) hold(variables.node(i));
+  for (std::size_t i = 0; i < graph.tags.size(); ++i)
+    if (only && graph.tags[i].component != *only) hold(variables.tag(i));
   return out;
 }
 

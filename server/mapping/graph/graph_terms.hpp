@@ -1,6 +1,6 @@
 #pragma once
 
-#include "mapping/graph/block_cholesky.hpp"
+#include "estimation/segment/normal_equations.hpp"
 #include "mapping/graph/graph_state.hpp"
 
 namespace fiducap {
@@ -24,22 +24,15 @@ class GraphVariables final {
   std::vector<int> sizes_;
 };
 
-/// Gauss–Newton about the present estimate: H δ = pull, cost there.
-struct NormalEquations {
-  explicit NormalEquations(const GraphVariables& variables)
-      : H(variables.sizes()), pull(Eigen::VectorXd::Zero(H.rows())) {}
-  BlockMatrix H;
-  Eigen::VectorXd pull;
-  double cost{0};
-};
-
 /// The present estimate of a segment's variables, as errors against its linearisation point (in its
 /// own axes).
 [[nodiscard]] Eigen::VectorXd error_of(const GraphState& graph, const GraphSegment& segment);
 [[nodiscard]] double cost_of(const SegmentFactor& factor, const Eigen::VectorXd& error);
 
+/// @param only  component whose segments count; nullopt: those of all
 [[nodiscard]] NormalEquations normal_equations(const GraphState& graph,
-                                               const GraphVariables& variables);
+                                               const GraphVariables& variables,
+                                               std::optional<int> only = std::nullopt);
 /// Every variable moves by its rows of δ.
 void move_by(const Eigen::VectorXd& delta, const GraphVariables& variables, const BlockMatrix& H,
              GraphState& graph);

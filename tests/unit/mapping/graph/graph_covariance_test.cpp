@@ -157,14 +157,10 @@ class DatumTest : public testing::Test {
     const BlockMatrix H = blocks_of(held(held_tag));
     auto factor = BlockCholesky::factor(H);
     factor->invert();
-    std::vector<Datum::Tag> tags;
-    std::vector<Pose> poses;
-    for (const int k : defining) {
-      tags.push_back({kFirstTag + k, pose(k).p});
-      poses.push_back(pose(k));
-    }
-    const Datum datum(tags, poses, *factor, H);
-    return datum.between(kFirstTag + i, kFirstTag + j,
+    std::vector<std::pair<int, Pose>> tags;
+    for (const int k : defining) tags.emplace_back(kFirstTag + k, pose(k));
+    const Datum datum(tags, *factor, H);
+    return datum.between({kFirstTag + i}, {kFirstTag + j},
                          *factor->inverse(kFirstTag + i, kFirstTag + j));
   }
 
