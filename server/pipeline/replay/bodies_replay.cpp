@@ -27,13 +27,8 @@ BodiesReplay::BodiesReplay(std::vector<ReplayedBody> bodies, const MapConfig& ma
       refine_period_(from_seconds(map.refine_period_s)) {
   for (ReplayedBody& body : bodies) {
     body.setup.records_segments = true;
-    bodies_.push_back({body.id,
-                       std::move(body.name),
-                       body.source,
-                       body.later,
-                       std::make_unique<BodyPipeline>(std::move(body.setup)),
-                       false,
-                       {}});
+    auto pipeline = std::make_unique<BodyPipeline>(body.setup);
+    bodies_.push_back({std::move(body), std::move(pipeline), false, {}});
   }
 }
 

@@ -83,11 +83,7 @@ class BodiesReplay final {
   [[nodiscard]] const LiveAgreement& agreement() const { return agreement_; }
 
  private:
-  struct Body {
-    int id{};
-    std::string name;
-    SensorSource* source{};
-    Duration later{0};
+  struct Body : ReplayedBody {
     std::unique_ptr<BodyPipeline> pipeline;
     bool exhausted{false};
     std::optional<Instant> image_at;  ///< Time of the next image; nullopt: there is none.
