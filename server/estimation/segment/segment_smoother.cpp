@@ -209,7 +209,9 @@ class SegmentProblem final {
     if (!rows.in_front || !rows.J.col(Rows::kY).allFinite()) return;
     Rows::Matrix WJ = rows.J / (sighting.noise_px * sighting.noise_px);
     if (!sighting.is_even) WJ = sighting.covariance.llt().solve(rows.J);
-    Eigen::Matrix<double, Rows::kAll, Rows::kAll> N = rows.J.transpose() * WJ;
+    const int columns = out.H.variables() > path_ ? Rows::kAll : Rows::kCamera;
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, Rows::kAll, Rows::kAll> N =
+        rows.J.leftCols(columns).transpose() * WJ.leftCols(columns);
     const double bent = N(Rows::kY, Rows::kY) / filter_rules::kLossBend;
     N /= 1.0 + bent;
     ++sightings_;
