@@ -4,12 +4,28 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include "estimation/filter/filter_rules.hpp"
 
 namespace fiducap {
 
 namespace {
+// Repetitions of a hypothesis at its last result.
+constexpr int kMostRefinements = 3;
+// s, and sigmas of the result: nearer shifts are the same linearisation.
+constexpr double kFarOff_s = 0.003;
+constexpr double kSure_sigma = 3.0;
+// Largest deviation from the prior.
+constexpr double kMost_sigma = 6.0;
+// Sigma of a found shift, in sigmas of the prior.
+constexpr double kFoundSpread = 0.5;
+// Smallest difference of -2 log likelihood that distinguishes two hypotheses.
+constexpr double kClearlyBetter = 10.0;
+// Cost per number of a bad fit: 1 is expected, occluded corners give 1.2; few numbers scatter.
+constexpr double kPoorCost = 1.25;
+constexpr double kPoorScatter = 4.0;
+
 constexpr Duration kBeforeFirstTag = std::chrono::seconds(1);
 constexpr double kLongest_s = 15.0;
 constexpr double kLongestWithoutImage_s = 4.0;
@@ -27,8 +43,6 @@ constexpr double kNoisier = 1.5;
 constexpr double kNoiseKnown = 0.1;
 // Largest number of searches due to contradicting images.
 constexpr std::size_t kMostContradictedLooks = 5;
-// Failed searches in a row after which no clock is searched: something else is wrong.
-constexpr int kMostFailedClockSearches = 6;
 // Work per image, in units of about 15 µs: the cost of processing a small logged image.
 constexpr double kWorkPerImage = 800.0;
 constexpr double kWorkOfReading = 0.1;
@@ -41,6 +55,68 @@ double work_of(const TagObservations& seen) {
   return 1.0 + tags * (1.0 + 0.1 * tags);
 }
 }  // namespace
+
+HypothesisPlan::HypothesisPlan(Prior prior, std::span<const ClockEstimate> present)
+    : prior_(std::move(prior)) {
+  planned_.push_back({prior_.shifts_s, 1.0});
+  if (is_far_off(prior_.shifts_s, present)) {
+    planned_.push_back({{}, kFoundSpread});
+    for (const ClockEstimate& clock : present) planned_.back().shifts_s.push_back(clock.shift_s);
+  }
+  planned_.push_back({prior_.shifts_s, 0.0});
+}
+
+std::optional<ClockHypothesis> HypothesisPlan::next() const {
+  return at_ < planned_.size() ? std::optional(planned_[at_]) : std::nullopt;
+}
+
+bool HypothesisPlan::take(const Outcome& outcome) {
+  double cost = outcome.explanation.cost;
+  for (std::size_t k = 0; k < outcome.clocks.size(); ++k) {
+    if (!(prior_.sigmas_s[k] > 0)) continue;  // known exactly
+    const double sigmas = (outcome.clocks[k].shift_s - prior_.shifts_s[k]) / prior_.sigmas_s[k];
+    cost += sigmas * sigmas;
+  }
+  ClockHypothesis& tried = planned_[at_];
+  const bool is_held = tried.spread == 0;
+  // Another shift must be clearly better; the same one refined, or the configured one, as good.
+  const bool is_best =
+      cost < best_.cost + (is_held || was_best_ ? kClearlyBetter : -kClearlyBetter);
+  if (is_best) best_ = {cost, outcome.explanation.numbers};
+  was_best_ = is_best;
+  if (!is_held && refinements_ < kMostRefinements && is_far_off(tried.shifts_s, outcome.clocks)) {
+    ++refinements_;
+    for (std::size_t k = 0; k < tried.shifts_s.size(); ++k)
+      tried.shifts_s[k] = outcome.clocks[k].shift_s;
+    return is_best;
+  }
+  ++at_;
+  refinements_ = 0;
+  was_best_ = false;
+  return is_best;
+}
+
+bool HypothesisPlan::needs_rotations() const {
+  return at_ == planned_.size() && !has_rotations_ &&
+         best_.cost > kPoorCost * best_.numbers + kPoorScatter * std::sqrt(best_.numbers);
+}
+
+void HypothesisPlan::add_rotations(std::vector<double> shifts_s) {
+  planned_.push_back({std::move(shifts_s), kFoundSpread});
+  has_rotations_ = true;
+}
+
+bool HypothesisPlan::is_far_off(std::span<const double> shifts_s,
+                                std::span<const ClockEstimate> found) const {
+  for (std::size_t k = 0; k < found.size(); ++k) {
+    const double moved_s = std::abs(found[k].shift_s - shifts_s[k]);
+    const bool is_possible =
+        std::abs(found[k].shift_s - prior_.shifts_s[k]) < kMost_sigma * prior_.sigmas_s[k];
+    if (is_possible && moved_s > std::max(kFarOff_s, kSure_sigma * found[k].shift_sigma_s))
+      return true;
+  }
+  return false;
+}
 
 void StartLog::add(const ImuSample& imu) {
   if (images_.empty() && !imu_.empty() &&
@@ -71,8 +147,12 @@ double StartLog::seconds_since_first_tag(Instant now) const {
   return images_.empty() ? 0.0 : to_seconds(now - images_.front().seen.exposed_at);
 }
 
-StartSearch::StartSearch(HypothesisPlan::Prior prior, bool is_needed, MakeFilter make)
-    : prior_(std::move(prior)), is_needed_(is_needed), make_(std::move(make)) {
+StartSearch::StartSearch(HypothesisPlan::Prior prior, bool is_needed, MakeFilter make,
+                         MeasureClocks measure)
+    : prior_(std::move(prior)),
+      is_needed_(is_needed),
+      make_(std::move(make)),
+      measure_(std::move(measure)) {
   begin();
 }
 
@@ -146,7 +226,7 @@ void StartSearch::begin_plan(const StartingFilter& present) {
   std::vector<ClockEstimate> clocks;
   for (std::size_t k = 0; k < prior_.shifts_s.size(); ++k)
     clocks.push_back(present.clock(static_cast<int>(k)));
-  plan_.emplace(prior_, clocks, failed_clock_searches_ < kMostFailedClockSearches);
+  plan_.emplace(prior_, clocks);
   horizon_ = log_.images().size();
   priors_ = present.initialisation_priors();
   priors_shifts_s_.clear();
@@ -222,9 +302,8 @@ void StartSearch::judge_trial() {
     outcome.clocks.push_back(trial_->start.filter->clock(static_cast<int>(k)));
   if (plan_->take(outcome)) best_ = std::move(trial_);
   trial_.reset();
+  if (plan_->needs_rotations()) plan_->add_rotations(measure_(log_));
   if (plan_->next()) return;
-  if (!plan_->is_poor()) failed_clock_searches_ = 0;
-  if (plan_->has_searched()) ++failed_clock_searches_;
   next_contradicted_ =
       log_.images().size() + static_cast<std::size_t>(filter_rules::kContradictionsToReopenClock);
 }

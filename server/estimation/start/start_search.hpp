@@ -1,18 +1,65 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
 #include "capture/imu_sample.hpp"
 #include "detection/tag_observation.hpp"
 #include "estimation/known_tag.hpp"
-#include "estimation/start/hypothesis_plan.hpp"
 #include "estimation/start/starting_filter.hpp"
 
 namespace fiducap {
+
+/// Sequence of hypotheses about the clocks, and selection of the best.
+///
+/// Images depend on the product of a camera's time shift and the motion. With both uncertain, a
+/// fast rotation makes a linear filter confident of wrong velocities, biases and branches. The
+/// start is therefore processed with several hypotheses: the configured shift, free; that of the
+/// filter in use; the configured one, held; and when all of these fit badly, that by the rotations
+/// of camera and gyroscope. All but the held one are repeated at the shift found so, until it
+/// stays. The best fit is selected. Order of use: next(), take() its outcome, until next() returns
+/// nullopt.
+class HypothesisPlan final {
+ public:
+  /// Prior of the clocks, one per camera.
+  struct Prior {
+    std::vector<double> shifts_s;  ///< As configured or stored.
+    std::vector<double> sigmas_s;  ///< 0: exact.
+  };
+  /// Result of a hypothesis.
+  struct Outcome {
+    Explanation explanation;
+    std::vector<ClockEstimate> clocks;  ///< At the end, one per camera.
+  };
+
+  /// @param present  clocks of the filter in use
+  HypothesisPlan(Prior prior, std::span<const ClockEstimate> present);
+
+  /// The next hypothesis; nullopt: all are tried.
+  [[nodiscard]] std::optional<ClockHypothesis> next() const;
+  /// @return whether it is the best so far
+  bool take(const Outcome& outcome);
+  /// All so far fit badly, and the offsets by rotations are to be added.
+  [[nodiscard]] bool needs_rotations() const;
+  void add_rotations(std::vector<double> shifts_s);
+
+ private:
+  [[nodiscard]] bool is_far_off(std::span<const double> shifts_s,
+                                std::span<const ClockEstimate> found) const;
+
+  Prior prior_;
+  bool has_rotations_{false};
+  std::vector<ClockHypothesis> planned_;
+  std::size_t at_{0};  ///< Of `planned_`.
+  int refinements_{0};
+  bool was_best_{false};  ///< Last step of the present refinement.
+  Explanation best_{std::numeric_limits<double>::infinity(), 0};
+};
 
 /// All inputs of a filter since one second before its first tag, for trial filters with other
 /// clocks. Bounded in time, samples, images and sightings.
@@ -51,6 +98,8 @@ class StartLog final {
 class StartSearch final {
  public:
   using MakeFilter = std::function<std::unique_ptr<StartingFilter>(const ClockHypothesis&)>;
+  /// Clock offsets by rotations, one per camera.
+  using MeasureClocks = std::function<std::vector<double>(const StartLog&)>;
   /// A filter that has processed the start, with its record.
   struct Start {
     std::unique_ptr<StartingFilter> filter;
@@ -58,7 +107,7 @@ class StartSearch final {
   };
 
   /// @param make  a filter that starts with this hypothesis
-  StartSearch(HypothesisPlan::Prior prior, bool is_needed, MakeFilter make);
+  StartSearch(HypothesisPlan::Prior prior, bool is_needed, MakeFilter make, MeasureClocks measure);
 
   /// Each trial is recorded by a copy of `prototype`.
   void observe(std::unique_ptr<FilterObserver> prototype) { observer_ = std::move(prototype); }
@@ -99,13 +148,13 @@ class StartSearch final {
   HypothesisPlan::Prior prior_;
   bool is_needed_;
   MakeFilter make_;
+  MeasureClocks measure_;
   std::unique_ptr<FilterObserver> observer_;
   bool is_open_{true};
   StartLog log_;
   std::size_t due_looks_{0};           ///< Searches due to time, since the log began.
   std::size_t contradicted_looks_{0};  ///< Searches due to contradicting images.
   std::size_t next_contradicted_{0};   ///< Images before the next of these.
-  int failed_clock_searches_{0};       ///< Since a start was last fitted well.
 
   std::optional<HypothesisPlan> plan_;   ///< Of the present search.
   std::size_t horizon_{0};               ///< Images on which each hypothesis is tried.

@@ -2,14 +2,18 @@
 
 #include <algorithm>
 
+#include "estimation/start/time_offset.hpp"
+
 namespace fiducap::world {
 
 WorldFilter::WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorConfig config)
     : sensors_(std::move(sensors)),
       gauge_(gauge),
       config_(config),
-      search_(clock_prior(), are_clocks_vague(),
-              [this](const ClockHypothesis& clocks) { return make(clocks); }),
+      search_(
+          clock_prior(), are_clocks_vague(),
+          [this](const ClockHypothesis& clocks) { return make(clocks); },
+          [this](const StartLog& log) { return clocks_by_rotations(log); }),
       present_(make(configured_clocks())),
       generation_(present_->generation()) {
   if (!search_.is_open()) present_->end_start();
@@ -28,6 +32,27 @@ bool WorldFilter::are_clocks_vague() const {
   return sensors_.imu && config_.estimate_clocks &&
          std::ranges::any_of(sensors_.cameras,
                              [](const CameraMount& mount) { return mount.time_shift_sigma_s > 0; });
+}
+
+/// Of a camera that does not rotate: as configured.
+std::vector<double> WorldFilter::clocks_by_rotations(const StartLog& log) const {
+  constexpr std::size_t kAllTurns = 150;  // ten a second, of a whole log
+  std::vector<TimeOffset> offsets;
+  for (const CameraMount& camera : sensors_.cameras)
+    offsets.emplace_back(camera.model, camera.X_BV.q, config_.corner_noise_px, kAllTurns);
+  GyroIntegral gyro(sensors_.imu->gyro_range_rad_s);
+  auto imu = log.imu().begin();
+  for (const StartLog::Image& image : log.images()) {
+    for (; imu != log.imu().end() && imu->sampled_at < image.seen.exposed_at; ++imu) gyro.add(*imu);
+    offsets[static_cast<std::size_t>(image.seen.camera)].add(image.seen, gyro);
+  }
+  auto [shifts_s, sigmas_s] = clock_prior();
+  for (std::size_t k = 0; k < offsets.size(); ++k) {
+    if (!(sigmas_s[k] > 0)) continue;  // known exactly
+    const OffsetFit fit = offsets[k].fit(Axes::kConfigured, {shifts_s[k], sigmas_s[k]}, kAllTurns);
+    if (fit.explains()) shifts_s[k] = fit.shift_s;
+  }
+  return shifts_s;
 }
 
 std::unique_ptr<StartingFilter> WorldFilter::make(const ClockHypothesis& clocks) const {

@@ -4,7 +4,6 @@
 #include <utility>
 #include <vector>
 
-#include "estimation/start/hypothesis_plan.hpp"
 #include "estimation/start/start_search.hpp"
 #include "estimation/update/tag_filter.hpp"
 
@@ -58,6 +57,7 @@ class WorldFilter final : public BodyFilter {
   [[nodiscard]] HypothesisPlan::Prior clock_prior() const;
   [[nodiscard]] ClockHypothesis configured_clocks() const { return {clock_prior().shifts_s, 1.0}; }
   [[nodiscard]] bool are_clocks_vague() const;
+  [[nodiscard]] std::vector<double> clocks_by_rotations(const StartLog& log) const;
   [[nodiscard]] std::unique_ptr<StartingFilter> make(const ClockHypothesis& clocks) const;
   void follow_restart();
   void take_over(StartSearch::Start better, const StartingFilter::Axes& before,
