@@ -19,6 +19,7 @@ struct LearnedNoise {
   Eigen::Matrix2d information{Eigen::Matrix2d::Zero()};
   /// Sum of the derivatives' third cumulants: few images with much motion make them skewed.
   Eigen::Vector2d third{Eigen::Vector2d::Zero()};
+  Eigen::Vector2d weighed_at{1.0, 0.0};  ///< `applied` when the sums were last reweighted.
 
   [[nodiscard]] double imu_variance() const { return applied(0); }
   [[nodiscard]] double imu_information() const { return information(0, 0); }

@@ -15,7 +15,7 @@ using namespace filter_rules;  // NOLINT: short names
 namespace {
 // Cost of a sighting that is neither used nor rejected, slightly above that of a good fit.
 constexpr double kNumbersOfTag = 8.0;
-constexpr double kUnexplained = 10.0;
+constexpr double kUnusedCost = 10.0;
 // The body is lost after this time without a used tag: IMU drift, or an uninformative motion model.
 constexpr double kLostAfterWithImu_s = 10.0;
 constexpr double kLostAfterWithoutImu_s = 1.0;
@@ -383,7 +383,7 @@ std::vector<ExtrinsicsEstimate> TagFilter::extrinsics() const {
 
 Explanation TagFilter::explain(const TagObservations& seen, const UpdateReport& report) const {
   const int unexplained = report.tags_seen - report.tags_used - report.tags_rejected;
-  Explanation out{report.nis + gate_.of_tag * report.tags_rejected + kUnexplained * unexplained,
+  Explanation out{report.nis + gate_.of_tag * report.tags_rejected + kUnusedCost * unexplained,
                   kNumbersOfTag * report.tags_seen};
   // Normalisation term of the likelihood.
   const CornerNoise& noise = image_update_.noise(seen.camera);

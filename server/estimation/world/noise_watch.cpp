@@ -27,6 +27,10 @@ const Eigen::Vector2d kTiny(1e-6, 1e4);
 // Bound of one image's influence, in its sigmas; larger once a large noise is applied.
 constexpr double kMostOfOneImage_sigma = 5.0;
 constexpr double kMostOnceApplied_sigma = 10.0;
+// Change of a variance, and its smallest size, above which the curvature is reweighted.
+constexpr double kLargeChange = 1.5;
+const Eigen::Vector2d kNoticeable(0.0, 0.25e-6);
+
 // Clock of an image that teaches noise.
 constexpr double kClockKnown_s = 0.003;
 constexpr double kClockApplied_s = 0.003;
@@ -128,6 +132,19 @@ void NoiseWatch::apply_estimate() {
   outgrown_ = 1 + kForget * (outgrown_ - 1);
   outgrown_ = std::clamp(outgrown_ * now_.applied(kImu) / before(kImu), 1.0, kMostInflation);
   now_.derivative -= now_.information * (now_.applied - before);  // at the applied variances
+  reweigh();
+}
+
+/// Reduces the earlier information about a variance that grows.
+void NoiseWatch::reweigh() {
+  const Eigen::Array2d grown =
+      (now_.applied + kNoticeable).array() / (now_.weighed_at + kNoticeable).array();
+  if ((grown < kLargeChange && grown > 1 / kLargeChange).all()) return;
+  const Eigen::Vector2d weight = grown.inverse().min(1.0).matrix();
+  now_.derivative = weight.cwiseAbs2().cwiseProduct(now_.derivative).eval();
+  now_.information = weight.asDiagonal() * now_.information * weight.asDiagonal();
+  now_.third = weight.array().cube().matrix().cwiseProduct(now_.third).eval();
+  now_.weighed_at = now_.applied;
 }
 
 void NoiseWatch::list(std::vector<FoundMismatch>& out) const {

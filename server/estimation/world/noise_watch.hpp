@@ -60,6 +60,7 @@ class NoiseWatch final {
 
   [[nodiscard]] Eigen::Matrix2d curvature() const;
   void apply_estimate();
+  void reweigh();
 
   BodyMatrix P_;  ///< Of the body relative to tags at exact poses …
   BodyMatrix D_;  ///< … and its derivative by the variance of the IMU.
