@@ -16,18 +16,23 @@ namespace {
 
 // The estimated cameras change slowly, and asking for them allocates.
 constexpr Duration kCamerasPeriod = std::chrono::seconds(1);
+// After a rejected tag, until when a changed clock would have been found.
+constexpr Duration kRotationsCompared = std::chrono::seconds(5);
 constexpr Duration kPauseOfImages = std::chrono::seconds(10);
 
 /// Adds the CPU time of its scope.
 class CpuMeter final {
  public:
-  explicit CpuMeter(Duration& sum) : sum_(sum), begin_(thread_cpu_time()) {}
-  ~CpuMeter() { sum_ += thread_cpu_time() - begin_; }
+  /// @param stands_for  number of equal calls, of which this one is measured
+  explicit CpuMeter(Duration& sum, int stands_for = 1)
+      : sum_(sum), stands_for_(stands_for), begin_(thread_cpu_time()) {}
+  ~CpuMeter() { sum_ += stands_for_ * (thread_cpu_time() - begin_); }
   CpuMeter(const CpuMeter&) = delete;
   CpuMeter& operator=(const CpuMeter&) = delete;
 
  private:
   Duration& sum_;
+  int stands_for_;
   Duration begin_;
 };
 
@@ -130,7 +135,10 @@ const BodyUpdate* BodyPipeline::take(const MapView& view) {
 }
 
 void BodyPipeline::take_imu(const ImuSample& imu) {
-  const CpuMeter meter(statistics_.propagate_cpu);
+  // To read the clock twice takes as long as the sample.
+  constexpr int kMeasured = 16;
+  std::optional<CpuMeter> meter;
+  if (statistics_.imu_samples % kMeasured == 0) meter.emplace(statistics_.propagate_cpu, kMeasured);
   filter_->propagate(imu);
   if (segments_) segments_->add(imu);
   if (search_) search_->add_imu(imu);
@@ -147,7 +155,8 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   update_.events.clear();
   observe(corners, setup_.sensors.cameras[camera].model, setup_.tags, setup_.detector,
           update_.seen);
-  agreement_.add(update_.seen);
+  const bool fits = !rejected_at_ || corners.exposed_at - *rejected_at_ > kRotationsCompared;
+  agreement_.add(update_.seen, fits);
   if (late_.excludes(corners.camera, corners.exposed_at - corners.clock_shift))
     return take_excluded_image();
   lose_motion_if_lost();
@@ -155,6 +164,7 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   const KnownMap* const whole = contradicted_.use(*view.map, update_.known);
   update_.report = filter_->update(update_.seen,
                                    {update_.known, view.may_define_workspace, whole, view.body_id});
+  if (update_.report.tags_rejected > 0) rejected_at_ = corners.exposed_at;
   const ClockEstimate clock = filter_->clock(corners.camera);
   merger_.set_clock_shift(corners.camera, shift_to_apply(clock, corners.clock_shift));
   agreement_.set_used_shift(corners.camera, clock.shift_s);

@@ -121,8 +121,9 @@ CameraAgreement::CameraAgreement(const CameraMount& mount, double start_shift_s,
       start_shift_s_(start_shift_s),
       used_shift_s_(start_shift_s) {}
 
-void CameraAgreement::add(const TagObservations& seen, const GyroIntegral& gyro) {
-  new_turns_ += offset_.add(seen, gyro);
+void CameraAgreement::add(const TagObservations& seen, const GyroIntegral& gyro, bool fits) {
+  const bool is_settled = is_established() && !contradicts() && !has_degrees_;
+  new_turns_ += offset_.add(seen, gyro, !is_settled || !fits);
   if (offset_.turns() < kFewestTurns || new_turns_ < kTurnsPerDecision) return;
   new_turns_ = 0;
   judge();
@@ -294,9 +295,9 @@ void RotationAgreement::add(const ImuSample& imu) {
   if (!cameras_.empty() && is_sane(imu.sampled_at)) gyro_.add(imu);
 }
 
-void RotationAgreement::add(const TagObservations& seen) {
+void RotationAgreement::add(const TagObservations& seen, bool fits) {
   if (has(seen.camera) && is_sane(seen.exposed_at - seen.clock_shift))
-    cameras_[static_cast<std::size_t>(seen.camera)].add(seen, gyro_);
+    cameras_[static_cast<std::size_t>(seen.camera)].add(seen, gyro_, fits);
 }
 
 void RotationAgreement::set_used_shift(int camera, double shift_s) {

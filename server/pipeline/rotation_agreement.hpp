@@ -36,7 +36,9 @@ class CameraAgreement final {
   /// @param start_shift_s  known clock offset beyond the configuration
   CameraAgreement(const CameraMount& mount, double start_shift_s, double corner_noise_px);
 
-  void add(const TagObservations& seen, const GyroIntegral& gyro);
+  /// @param fits  the filter, which has the camera's axes and clock, explains the images; they are
+  ///              compared until axes and clock were found to agree, and while they do not fit
+  void add(const TagObservations& seen, const GyroIntegral& gyro, bool fits);
   /// The clock offset that the filter uses.
   void set_used_shift(double shift_s) { used_shift_s_ = shift_s; }
   /// The filter has found a jump of the clock: earlier turns are of another one.
@@ -106,7 +108,8 @@ class RotationAgreement final {
   RotationAgreement(const BodySensors& sensors, double corner_noise_px);
 
   void add(const ImuSample& imu);
-  void add(const TagObservations& seen);
+  /// @param fits  see CameraAgreement::add()
+  void add(const TagObservations& seen, bool fits = false);
   /// The clock offset that the filter uses for a camera.
   void set_used_shift(int camera, double shift_s);
   /// The filter has found a jump of a camera's clock. @return message

@@ -85,31 +85,34 @@ std::int64_t step_at_or_after(Instant t, Duration step) {
 
 }  // namespace
 
-void ImageAttitudes::take(const TagObservations& seen, const CameraModel& camera,
-                          double corner_noise_px) {
-  at = seen.exposed_at - seen.clock_shift;
+void ImageAttitudes::take(const TagObservations& image) {
+  at = image.exposed_at - image.clock_shift;
+  is_solved = false;
   std::array<std::pair<double, const TagObservation*>, kTags> largest;
-  std::size_t found = 0;
-  for (const TagObservation& tag : seen.tags) {
+  count = 0;
+  for (const TagObservation& tag : image.tags) {
     std::pair<double, const TagObservation*> one{side_px(tag), &tag};
     if (one.first < kSmallestSide_px) continue;
-    for (std::size_t i = 0; i < found; ++i)
+    for (std::size_t i = 0; i < count; ++i)
       if (largest[i].first < one.first) std::swap(largest[i], one);
-    if (found < kTags) largest[found++] = one;
+    if (count < kTags) largest[count++] = one;
   }
-  count = 0;
+  for (std::size_t i = 0; i < count; ++i) seen[i] = *largest[i].second;
+}
+
+void ImageAttitudes::solve(const CameraModel& camera, double corner_noise_px) {
+  if (std::exchange(is_solved, true)) return;
+  const std::size_t found = std::exchange(count, 0);
   for (std::size_t i = 0; i < found; ++i) {
-    const TagObservation& seen_tag = *largest[i].second;
-    const double sigma_px =
-        seen_tag.corner_sigma_px > 0 ? seen_tag.corner_sigma_px : corner_noise_px;
-    const auto poses = solve_tag_pose(seen_tag, camera);
+    const double sigma_px = seen[i].corner_sigma_px > 0 ? seen[i].corner_sigma_px : corner_noise_px;
+    const auto poses = solve_tag_pose(seen[i], camera);
     if (!std::isfinite(poses[0].rms_px)) continue;
     Tag& tag = tags[count++];
-    tag.tag_id = seen_tag.tag_id;
+    tag.tag_id = seen[i].tag_id;
     for (std::size_t k = 0; k < 2; ++k) {
       const double relative = poses[k].rms_px / sigma_px;
       tag.q_VT[k] = poses[k].X_VT.q;
-      tag.covariance[k] = attitude_covariance(seen_tag, poses[k].X_VT, camera, sigma_px);
+      tag.covariance[k] = attitude_covariance(seen[i], poses[k].X_VT, camera, sigma_px);
       tag.cost[k] = 4 * relative * relative;
     }
   }

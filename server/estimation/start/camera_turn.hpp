@@ -26,11 +26,14 @@ struct ImageAttitudes {
   };
 
   Instant at{};  ///< As stamped, without the estimated clock offset.
-  std::array<Tag, kTags> tags;
+  std::array<TagObservation, kTags> seen;
+  std::array<Tag, kTags> tags;  ///< Of `seen`, after solve().
   std::size_t count{0};
+  bool is_solved{false};
 
-  /// @param corner_noise_px  of tags without a noise of their own
-  void take(const TagObservations& seen, const CameraModel& camera, double corner_noise_px);
+  void take(const TagObservations& image);
+  /// Once. @param corner_noise_px  of tags without a noise of their own
+  void solve(const CameraModel& camera, double corner_noise_px);
 };
 
 /// How a camera rotated between two of its images.

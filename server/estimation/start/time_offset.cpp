@@ -101,14 +101,20 @@ void TimeOffset::forget_all() {
   turns_.clear();
 }
 
-std::size_t TimeOffset::add(const TagObservations& seen, const GyroIntegral& gyro) {
+std::size_t TimeOffset::add(const TagObservations& seen, const GyroIntegral& gyro,
+                            bool is_compared) {
   const Instant stamp = seen.exposed_at - seen.clock_shift;
   if (!is_due(stamp)) return 0;
   if (images_taken_ > 0 && stamp < image(images_taken_ - 1).at) images_taken_ = images_paired_ = 0;
-  image(images_taken_++).take(seen, camera_, corner_noise_px_);
+  image(images_taken_++).take(seen);
   constexpr std::size_t kSpan = kLongest / kImagePeriod + 1;
   if (images_taken_ > kImages)
     images_paired_ = std::max(images_paired_, images_taken_ - kImages + kSpan);
+  if (!is_compared) {
+    images_paired_ = images_taken_ > kImages ? images_taken_ - kImages + kSpan : 0;
+    turns_.clear();
+    return 0;
+  }
   std::size_t added = 0;
   for (; images_paired_ < images_taken_; ++images_paired_) {
     const Instant needed = image(images_paired_).at + from_seconds(kReach_s);
@@ -120,11 +126,11 @@ std::size_t TimeOffset::add(const TagObservations& seen, const GyroIntegral& gyr
 }
 
 bool TimeOffset::pair(std::size_t number, const GyroIntegral& gyro) {
-  const ImageAttitudes& now = image(number);
+  ImageAttitudes& now = image(number);
   const std::size_t oldest = images_taken_ > kImages ? images_taken_ - kImages : 0;
-  const ImageAttitudes* before = nullptr;
+  ImageAttitudes* before = nullptr;
   for (std::size_t i = number; i > oldest && now.at - image(i - 1).at <= kLongest; --i) {
-    const ImageAttitudes& other = image(i - 1);
+    ImageAttitudes& other = image(i - 1);
     if (other.count == 0 || now.at - other.at < kShortest) continue;
     if (before == nullptr || now.at - other.at <= kBest) before = &other;
   }
@@ -141,6 +147,8 @@ bool TimeOffset::pair(std::size_t number, const GyroIntegral& gyro) {
   }
   if (largest_rad < kSmallestTurn_rad) return false;
   turn.gyro_degrees = gyro.turn(before->at, now.at, kDegree);
+  before->solve(camera_, corner_noise_px_);
+  now.solve(camera_, corner_noise_px_);
   const auto seen = turn_between(*before, now);
   if (!seen) return false;
   const Eigen::Matrix3d R_BV = q_BV_.toRotationMatrix();

@@ -60,8 +60,9 @@ class TimeOffset final {
   TimeOffset(const CameraModel& camera, const Eigen::Quaterniond& q_BV, double corner_noise_px,
              std::size_t most_turns = kTurns);
 
+  /// @param is_compared  false: the image is only kept, for turns when the next one is compared
   /// @return number of new turns; they need the gyroscope's samples of the next second
-  std::size_t add(const TagObservations& seen, const GyroIntegral& gyro);
+  std::size_t add(const TagObservations& seen, const GyroIntegral& gyro, bool is_compared = true);
   [[nodiscard]] std::size_t turns() const { return turns_.size(); }
   void forget_all();
 

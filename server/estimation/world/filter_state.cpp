@@ -6,8 +6,8 @@
 namespace fiducap::world {
 
 namespace {
-// Change of a lever arm below which it is ignored: a micrometre at attitude errors of 0.1 rad.
-constexpr double kNoticeable_m = 1e-5;
+// m: change of a lever arm that has no effect yet: 0.1 mm at attitude errors of 0.1 rad.
+constexpr double kNoticeable_m = 1e-3;
 
 using ErrorRef = Eigen::Ref<const Eigen::VectorXd>;
 
@@ -189,9 +189,7 @@ void extrinsics_to_camera_errors(FilterState& state) {
 void transport_covariance(FilterState& state, const ErrorRef& correction, int camera) {
   auto P = state.P();
   const int turn_V = layout::camera(camera) + 3;
-  const auto transport = [&](int at, const Eigen::Vector3d& p) {
-    const Eigen::Vector3d moved = p - before_error(p, correction.segment<6>(at));
-    if (at + 3 == turn_V || moved.squaredNorm() < kNoticeable_m * kNoticeable_m) return;
+  const auto transport = [&](int at, const Eigen::Vector3d& moved) {
     const Eigen::Matrix3d J = skew(moved);
     auto columns = P.middleCols<3>(at);
     columns += P.middleCols<3>(at + 3).lazyProduct(J.transpose());
@@ -202,10 +200,19 @@ void transport_covariance(FilterState& state, const ErrorRef& correction, int ca
     P.middleRows<3>(at) = columns.transpose();
     P.block<3, 3>(at, at) = own;
   };
-  transport(layout::kPosition, state.X_WB.p);
-  for (int c = 0; c < state.cameras(); ++c) transport(layout::camera(c), state.X_WV(c).p);
-  for (std::size_t i = 0; i < state.tags.size(); ++i)
-    transport(state.tag_at(i), state.tags[i].X_WT.p);
+  const auto change = [&](int at, const Eigen::Vector3d& p) -> Eigen::Vector3d {
+    return p - before_error(p, correction.segment<6>(at));
+  };
+  transport(layout::kPosition, change(layout::kPosition, state.X_WB.p));
+  for (int c = 0; c < state.cameras(); ++c)
+    if (c != camera) transport(layout::camera(c), change(layout::camera(c), state.X_WV(c).p));
+  for (std::size_t i = 0; i < state.tags.size(); ++i) {
+    WorldTag& tag = state.tags[i];
+    tag.not_transported += change(state.tag_at(i), tag.X_WT.p);
+    if (tag.not_transported.squaredNorm() < kNoticeable_m * kNoticeable_m) continue;
+    transport(state.tag_at(i), tag.not_transported);
+    tag.not_transported.setZero();
+  }
 }
 
 Matrix6d extrinsics_covariance(const FilterState& state, int camera) {

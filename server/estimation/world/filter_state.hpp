@@ -60,6 +60,8 @@ struct WorldTag : TagRecord {
   /// Pose and covariance are the map's: used and correlated, but not corrected (consider state,
   /// Schmidt 1966).
   bool held{false};
+  /// Change of its place that transport_covariance() has left for later.
+  Eigen::Vector3d not_transported{Eigen::Vector3d::Zero()};
 };
 
 /// Copy of a camera's pose at an image, for tracked points. It has a world-side error, like a tag.
