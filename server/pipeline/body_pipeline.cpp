@@ -156,7 +156,7 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   observe(corners, setup_.sensors.cameras[camera].model, setup_.tags, setup_.detector,
           update_.seen);
   const bool fits = !rejected_at_ || corners.exposed_at - *rejected_at_ > kRotationsCompared;
-  agreement_.add(update_.seen, fits);
+  agreement_.add(update_.seen, fits && !update_.withheld);
   if (late_.excludes(corners.camera, corners.exposed_at - corners.clock_shift))
     return take_excluded_image();
   lose_motion_if_lost();

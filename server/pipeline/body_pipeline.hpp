@@ -134,7 +134,7 @@ class BodyPipeline final {
   std::optional<Instant> cameras_at_;
   std::optional<Instant> mismatches_at_;
   std::optional<Instant> rejected_at_;  ///< Last rejected tag.
-  std::optional<Instant> carried_at_;  ///< Last used tag, or followed points instead.
+  std::optional<Instant> carried_at_;   ///< Last used tag, or followed points instead.
   ImuSilence imu_silence_;
   /// Conditions as last reported. Checks only judge; here a change becomes an event.
   struct Reported {

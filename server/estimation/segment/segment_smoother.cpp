@@ -15,9 +15,9 @@ namespace fiducap {
 namespace {
 using Matrix15d = Eigen::Matrix<double, 15, 15>;
 
-// Gauss–Newton over the path: ends at a step of a pose below all published digits, m and rad. It
-// converges quadratically, with outliers linearly by their weights.
-constexpr double kSettled = 1e-6;
+// Gauss–Newton over the path: ends at a step of a pose after which the next one is below all
+// published digits, m and rad. It converges quadratically, with outliers linearly by their weights.
+constexpr double kSettled = 1e-4;
 constexpr int kMostPasses = 8;
 // Smallest sigma of the motion between two images, m, rad and m/s: in a single step position and
 // velocity are fully correlated, and a singular covariance causes rounding errors.
@@ -195,17 +195,27 @@ class SegmentProblem final {
       const double jitter_s = std::max(image.jitter_s, kExactStamp_s);
       out.H.add(stamp, stamp, Eigen::MatrixXd::Constant(1, 1, 1 / (jitter_s * jitter_s)));
       if (body(k) >= out.H.variables()) continue;  // fixed
+      const CameraBelief& camera = segment_.cameras[static_cast<std::size_t>(image.camera)];
+      const world::CameraClock clock{
+          .shift_s = camera.shift_s, .readout_s = camera.readout_s, .applied_s = image.applied_s};
+      const auto camera_in = [&](double row) {
+        return world::camera_at(moving_body, camera.X_BV, clock.seconds_to(row));
+      };
+      const world::CameraAt middle = camera_in(0);
       for (const SegmentSighting& sighting : image.tags)
-        add(moving_body, body(k), stamp, image, sighting, out);
+        add(body(k), stamp, image, sighting, middle, camera_in, out);
     }
   }
 
-  void add(const world::MovingBody& moving_body, int body, int stamp, const SegmentImage& image,
-           const SegmentSighting& sighting, NormalEquations& out) {
+  /// @param middle     the camera at the middle row
+  /// @param camera_in  at another row
+  template <class CameraIn>
+  void add(int body, int stamp, const SegmentImage& image, const SegmentSighting& sighting,
+           const world::CameraAt& middle, const CameraIn& camera_in, NormalEquations& out) {
     const auto found = std::ranges::find(segment_.tags, sighting.seen.tag_id, &KnownTag::tag_id);
     if (found == segment_.tags.end()) return;
     const auto number = static_cast<std::size_t>(found - segment_.tags.begin());
-    const Rows rows = rows_of(moving_body, image, sighting.seen, number);
+    const Rows rows = rows_of(image, sighting.seen, number, middle, camera_in);
     if (!rows.in_front || !rows.J.col(Rows::kY).allFinite()) return;
     Rows::Matrix WJ = rows.J / (sighting.noise_px * sighting.noise_px);
     if (!sighting.is_even) WJ = sighting.covariance.llt().solve(rows.J);
@@ -237,24 +247,23 @@ class SegmentProblem final {
     }
   }
 
-  [[nodiscard]] Rows rows_of(const world::MovingBody& body, const SegmentImage& image,
-                             const TagObservation& seen, std::size_t tag) const {
+  template <class CameraIn>
+  [[nodiscard]] Rows rows_of(const SegmentImage& image, const TagObservation& seen, std::size_t tag,
+                             const world::CameraAt& middle, const CameraIn& camera_in) const {
     const auto c = static_cast<std::size_t>(image.camera);
     const CameraBelief& camera = segment_.cameras[c];
-    const world::CameraClock clock{
-        .shift_s = camera.shift_s, .readout_s = camera.readout_s, .applied_s = image.applied_s};
     Rows out;
-    const auto take = [&](double row, Eigen::Index first, Eigen::Index count) {
-      const world::CameraAt at = world::camera_at(body, camera.X_BV, clock.seconds_to(row));
+    const auto take = [&](const world::CameraAt& at, Eigen::Index first, Eigen::Index count) {
       const world::TagCorners corners =
           world::corners_of(at, {segment_.sensors->cameras[c].model, camera.lens}, seen,
                             segment_.tags[tag].X_WT, 1 + segment_.scales[tag]);
       out.take(at, camera.X_BV, corners, first, count);
     };
     if (camera.readout_s == 0) {
-      take(0, 0, 8);
+      take(middle, 0, 8);
     } else {
-      for (Eigen::Index i = 0; i < 4; ++i) take(seen.rows[static_cast<std::size_t>(i)], 2 * i, 2);
+      for (Eigen::Index i = 0; i < 4; ++i)
+        take(camera_in(seen.rows[static_cast<std::size_t>(i)]), 2 * i, 2);
     }
     return out;
   }

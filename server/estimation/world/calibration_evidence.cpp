@@ -1,6 +1,7 @@
 // CalibrationMonitor: likelihood of the parameters, and which of them explain the data.
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -20,6 +21,7 @@ constexpr double kBetterThanNone = 2.0;
 constexpr double kSmallest = 1e-12;
 // Prior probability that a group of parameters differs from the configuration by its wide prior.
 constexpr double kWrong = 0.001;
+constexpr double kMostLogOdds = 40.0;  // certain
 }  // namespace
 
 /// Of the common parameters, of those of `camera`, and of the next cameras while there is room; the
@@ -90,34 +92,55 @@ CalibrationMonitor::Posterior CalibrationMonitor::posterior(const Likelihood& of
 }
 
 /// Bayesian model average over the closed groups: second moment of each group's error, with the
-/// probability that the group is wrong.
+/// probability that the group is wrong. A wide prior of a group replaces the tight one in the
+/// group's marginal posterior N(m, C): precision C⁻¹ + 1/open² − 1/closed², and the odds are the
+/// mean of the priors' ratio.
 void CalibrationMonitor::average(const FilterState& state, const Likelihood& of) {
   if (of.count == 0) return;
   Opened now;
   for (std::size_t a = 0; a < of.count; ++a) now.set(a, state.parameter_tests[of.rows[a]].is_open);
-  const double evidence = posterior(of, now).evidence;
+  const Posterior base = posterior(of, now);
+  using GroupMatrix =
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostOfGroup, kMostOfGroup>;
+  using GroupVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostOfGroup, 1>;
   for (Doubt& doubt : doubts_) {
-    Opened group;
+    GroupMatrix C(doubt.count, doubt.count);
+    GroupVector m(doubt.count);
+    GroupVector wider(doubt.count);  // of the precision
     std::array<Eigen::Index, kMostOfGroup> at{};
     int count = 0;
+    double log_odds = std::log(kWrong);
+    bool is_open = false;
     for (std::size_t a = 0; a < of.count && count < doubt.count; ++a) {
       if (of.rows[a] != doubt.rows[static_cast<std::size_t>(count)]) continue;
+      const ParameterSigmas& prior = all_[of.rows[a]].sigmas;
+      m(count) = base.mean(static_cast<Eigen::Index>(a));
+      wider(count) = std::pow(prior.open, -2) - std::pow(prior.closed, -2);
+      log_odds -= std::log(prior.open / prior.closed);
+      is_open |= now.test(a);
       at[static_cast<std::size_t>(count++)] = static_cast<Eigen::Index>(a);
-      group.set(a);
     }
     if (count < doubt.count) continue;  // not tested with this image
     doubt.moment.setZero();
-    if ((group & now).any()) continue;  // open
-    const Posterior open = posterior(of, now | group);
-    const double odds = kWrong * std::exp(std::min(open.evidence - evidence, 50.0));
-    const double share = odds / (1 + odds);
-    if (!std::isfinite(share) || !open.covariance.allFinite()) continue;
+    if (is_open) continue;
     for (int a = 0; a < count; ++a)
-      for (int b = 0; b < count; ++b) {
-        const Eigen::Index i = at[static_cast<std::size_t>(a)];
-        const Eigen::Index j = at[static_cast<std::size_t>(b)];
-        doubt.moment(a, b) = share * (open.covariance(i, j) + open.mean(i) * open.mean(j));
-      }
+      for (int b = 0; b < count; ++b)
+        C(a, b) = base.covariance(at[static_cast<std::size_t>(a)], at[static_cast<std::size_t>(b)]);
+    const GroupMatrix tight = C.inverse();
+    GroupMatrix precision = tight;
+    precision.diagonal() += wider;
+    const Eigen::LLT<GroupMatrix> llt(precision);
+    if (llt.info() != Eigen::Success) continue;
+    const GroupVector mean = llt.solve(tight * m);
+    log_odds +=
+        0.5 * (std::log(tight.determinant()) + mean.dot(precision * mean) - m.dot(tight * m)) -
+        llt.matrixLLT().diagonal().array().log().sum();
+    const double odds = std::exp(std::min(log_odds, kMostLogOdds));
+    const double share = odds / (1 + odds);
+    const GroupMatrix moment =
+        share * (llt.solve(GroupMatrix::Identity(count, count)) + mean * mean.transpose());
+    if (std::isfinite(share) && moment.allFinite())
+      doubt.moment.topLeftCorner(count, count) = moment;
   }
 }
 

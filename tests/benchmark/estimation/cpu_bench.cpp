@@ -138,9 +138,8 @@ class Stand {
       if (i > kFewestImages && to_seconds(thread_cpu_time() - begin) > kEnough_s) break;
     }
     const double images_per_s = kImuRate_hz / kImuPerImage;
-    const double propagate_s =
-        std::accumulate(propagate_s_.begin(), propagate_s_.end(), 0.0) /
-        static_cast<double>(propagate_s_.size());
+    const double propagate_s = std::accumulate(propagate_s_.begin(), propagate_s_.end(), 0.0) /
+                               static_cast<double>(propagate_s_.size());
     return {images_per_s * propagate_s, images_per_s * median(update_s_), local_tags_};
   }
 
