@@ -82,13 +82,6 @@ struct LinearTerm {
   Eigen::Matrix<double, 6, 3> J;
 };
 
-[[nodiscard]] inline LinearTerm linear_term(int at, const Eigen::Matrix3d& to_first,
-                                            const Eigen::Matrix3d& to_second) {
-  LinearTerm out{at, {}};
-  out.J << to_first, to_second;
-  return out;
-}
-
 /// Replaces two three-wide blocks of the state by a linear function of the present state plus
 /// independent noise: (x_first, x_second) ← Σ J x_at + n. The covariance follows exactly.
 inline void redefine(GrowingCovariance& covariance, int first, int second,

@@ -132,18 +132,6 @@ struct TagRecord {
   Instant last_seen{};
 };
 
-/// Counts the sightings accepted by an update.
-template <class State>
-void note_sightings(State& state, std::span<const TagToUse> used, const std::vector<bool>& accepted,
-                    Instant at) {
-  for (std::size_t i = 0; i < used.size(); ++i) {
-    if (used[i].local < 0 || !accepted[i]) continue;
-    TagRecord& tag = state.tags[static_cast<std::size_t>(used[i].local)];
-    ++tag.sightings;
-    tag.last_seen = at;
-  }
-}
-
 /// Index of a tag in `tags`, or -1.
 template <class Tags>
 [[nodiscard]] int find_tag(const Tags& tags, int tag_id) {
