@@ -16,7 +16,8 @@ namespace {
 
 // The estimated cameras change slowly, and asking for them allocates.
 constexpr Duration kCamerasPeriod = std::chrono::seconds(1);
-// After a rejected tag, until when a changed clock would have been found.
+// Time after a rejected tag for which rotations are compared: a clock that has jumped is found in
+// two seconds.
 constexpr Duration kRotationsCompared = std::chrono::seconds(5);
 constexpr Duration kPauseOfImages = std::chrono::seconds(10);
 
@@ -135,7 +136,7 @@ const BodyUpdate* BodyPipeline::take(const MapView& view) {
 }
 
 void BodyPipeline::take_imu(const ImuSample& imu) {
-  // To read the clock twice takes as long as the sample.
+  // Reading the clock twice takes as long as a sample.
   constexpr int kMeasured = 16;
   std::optional<CpuMeter> meter;
   if (statistics_.imu_samples % kMeasured == 0) meter.emplace(statistics_.propagate_cpu, kMeasured);

@@ -85,7 +85,7 @@ struct PipelineStatistics {
   std::uint64_t frames_with_pose{};  ///< In the workspace, with used tags.
   std::uint64_t tags_used{};
   std::uint64_t motion_losses{};
-  Duration propagate_cpu{};
+  Duration propagate_cpu{};  ///< IMU samples, by one of sixteen.
   Duration detect_cpu{};
   Duration update_cpu{};    ///< Correction with the corners and everything after it.
   std::uint64_t skipped{};  ///< Images left out by `skip`.

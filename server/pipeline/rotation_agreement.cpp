@@ -122,8 +122,14 @@ CameraAgreement::CameraAgreement(const CameraMount& mount, double start_shift_s,
       used_shift_s_(start_shift_s) {}
 
 void CameraAgreement::add(const TagObservations& seen, const GyroIntegral& gyro, bool fits) {
-  const bool is_settled = is_established() && !contradicts() && !has_degrees_;
-  new_turns_ += offset_.add(seen, gyro, !is_settled || !fits);
+  const bool is_settled = is_established() && !reported_shift_s_ && !has_degrees_;
+  if (is_settled && fits) {
+    offset_.keep(seen);
+    new_turns_ = 0;
+    candidate_.reset();
+    return;
+  }
+  new_turns_ += offset_.add(seen, gyro);
   if (offset_.turns() < kFewestTurns || new_turns_ < kTurnsPerDecision) return;
   new_turns_ = 0;
   judge();

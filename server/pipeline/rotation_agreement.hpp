@@ -36,8 +36,8 @@ class CameraAgreement final {
   /// @param start_shift_s  known clock offset beyond the configuration
   CameraAgreement(const CameraMount& mount, double start_shift_s, double corner_noise_px);
 
-  /// @param fits  the filter, which has the camera's axes and clock, explains the images; they are
-  ///              compared until axes and clock were found to agree, and while they do not fit
+  /// @param fits  the filter explains the images: once axes and clock were found to agree, they are
+  ///              then only kept
   void add(const TagObservations& seen, const GyroIntegral& gyro, bool fits);
   /// The clock offset that the filter uses.
   void set_used_shift(double shift_s) { used_shift_s_ = shift_s; }

@@ -90,10 +90,26 @@ TimeOffset::TimeOffset(const CameraModel& camera, const Eigen::Quaterniond& q_BV
   sorted_.reserve(most_turns);
 }
 
-bool TimeOffset::is_due(Instant stamp) const {
-  if (images_taken_ == 0) return true;
-  const Instant last = images_[(images_taken_ - 1) % kImages].at;
-  return stamp < last || stamp - last >= kImagePeriod;
+bool TimeOffset::take(const TagObservations& seen) {
+  const Instant stamp = seen.exposed_at - seen.clock_shift;
+  if (images_taken_ > 0) {
+    const Instant last = image(images_taken_ - 1).at;
+    if (stamp >= last && stamp - last < kImagePeriod) return false;
+    if (stamp < last) images_taken_ = images_paired_ = 0;
+  }
+  image(images_taken_++).take(seen);
+  return true;
+}
+
+std::size_t TimeOffset::first_to_pair() const {
+  constexpr std::size_t kSpan = kLongest / kImagePeriod + 1;
+  return images_taken_ > kImages ? images_taken_ - kImages + kSpan : 0;
+}
+
+void TimeOffset::keep(const TagObservations& seen) {
+  (void)take(seen);
+  images_paired_ = first_to_pair();
+  turns_.clear();
 }
 
 void TimeOffset::forget_all() {
@@ -101,20 +117,10 @@ void TimeOffset::forget_all() {
   turns_.clear();
 }
 
-std::size_t TimeOffset::add(const TagObservations& seen, const GyroIntegral& gyro,
-                            bool is_compared) {
-  const Instant stamp = seen.exposed_at - seen.clock_shift;
-  if (!is_due(stamp)) return 0;
-  if (images_taken_ > 0 && stamp < image(images_taken_ - 1).at) images_taken_ = images_paired_ = 0;
-  image(images_taken_++).take(seen);
-  constexpr std::size_t kSpan = kLongest / kImagePeriod + 1;
-  if (images_taken_ > kImages)
-    images_paired_ = std::max(images_paired_, images_taken_ - kImages + kSpan);
-  if (!is_compared) {
-    images_paired_ = images_taken_ > kImages ? images_taken_ - kImages + kSpan : 0;
-    turns_.clear();
-    return 0;
-  }
+std::size_t TimeOffset::add(const TagObservations& seen, const GyroIntegral& gyro) {
+  if (!take(seen)) return 0;
+  const Instant stamp = image(images_taken_ - 1).at;
+  images_paired_ = std::max(images_paired_, first_to_pair());
   std::size_t added = 0;
   for (; images_paired_ < images_taken_; ++images_paired_) {
     const Instant needed = image(images_paired_).at + from_seconds(kReach_s);

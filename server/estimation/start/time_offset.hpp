@@ -60,9 +60,11 @@ class TimeOffset final {
   TimeOffset(const CameraModel& camera, const Eigen::Quaterniond& q_BV, double corner_noise_px,
              std::size_t most_turns = kTurns);
 
-  /// @param is_compared  false: the image is only kept, for turns when the next one is compared
   /// @return number of new turns; they need the gyroscope's samples of the next second
-  std::size_t add(const TagObservations& seen, const GyroIntegral& gyro, bool is_compared = true);
+  std::size_t add(const TagObservations& seen, const GyroIntegral& gyro);
+  /// Keeps the image, without a turn, and forgets earlier turns. The next add() begins with the
+  /// images kept.
+  void keep(const TagObservations& seen);
   [[nodiscard]] std::size_t turns() const { return turns_.size(); }
   void forget_all();
 
@@ -98,7 +100,10 @@ class TimeOffset final {
   };
   struct Solution;
 
-  [[nodiscard]] bool is_due(Instant stamp) const;
+  /// @return false: too soon after the last image
+  bool take(const TagObservations& seen);
+  /// The first image that has all of the images for a turn before it.
+  [[nodiscard]] std::size_t first_to_pair() const;
   [[nodiscard]] ImageAttitudes& image(std::size_t number) { return images_[number % kImages]; }
   bool pair(std::size_t number, const GyroIntegral& gyro);
   void load(std::span<const Turn> turns, double shift_s) const;

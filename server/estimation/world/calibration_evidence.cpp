@@ -21,7 +21,7 @@ constexpr double kBetterThanNone = 2.0;
 constexpr double kSmallest = 1e-12;
 // Prior probability that a group of parameters differs from the configuration by its wide prior.
 constexpr double kWrong = 0.001;
-constexpr double kMostLogOdds = 40.0;  // certain
+constexpr double kMostLogOdds = 40.0;  // a probability of one, in double precision
 }  // namespace
 
 /// Of the common parameters, of those of `camera`, and of the next cameras while there is room; the

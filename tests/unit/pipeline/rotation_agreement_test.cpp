@@ -61,7 +61,7 @@ class RotationAgreementTest : public testing::Test {
       const Eigen::Vector3d rate =
           log_so3(attitude(t_s - kStep_s).conjugate() * attitude(t_s + kStep_s)) / (2 * kStep_s);
       agreement_->add(ImuSample{at_s(t_s), unit_ * gyro_axes_ * rate, {0, 0, 9.81}});
-      if (tick % 10 == 0) agreement_->add(image(t_s, at_s(t_s + stamp_error_s)));
+      if (tick % 10 == 0) agreement_->add(image(t_s, at_s(t_s + stamp_error_s)), fits_);
       while (auto report = agreement_->take_report()) reports.push_back(*std::move(report));
     }
     return reports;
@@ -79,6 +79,7 @@ class RotationAgreementTest : public testing::Test {
   BodySensors sensors_;
   Eigen::Matrix3d gyro_axes_{Eigen::Matrix3d::Identity()};
   double unit_{1};
+  bool fits_{false};  ///< The filter explains the images.
   std::optional<RotationAgreement> agreement_;
   std::mt19937 random_{3};
 };
@@ -121,6 +122,26 @@ TEST_F(RotationAgreementTest, ReportsAClockJumpOnce) {
   EXPECT_NEAR(to_seconds(agreement_->clock_jump()->change), -0.2,
               4 * reports.back().finding.fit.shift_sigma_s);
   agreement_->set_used_shift(0, -0.2);
+  EXPECT_FALSE(agreement_->withholds());
+}
+
+TEST_F(RotationAgreementTest, KeepsImagesThatFitAndComparesThemWhenOthersDoNot) {
+  EXPECT_TRUE(run(0, 15).empty());
+  fits_ = true;
+  EXPECT_TRUE(run(15, 30, 0.2).empty());
+  fits_ = false;
+  // The images kept are enough for a decision; its confirmation needs three more turns.
+  expect_fault(run(30, 31, 0.2), Kind::kJumped, {"jumped by"});
+}
+
+TEST_F(RotationAgreementTest, ComparesUntilAReportedShiftIsOver) {
+  EXPECT_TRUE(run(0, 15).empty());
+  EXPECT_EQ(run(15, 25, 0.2).size(), 1u);
+  agreement_->set_used_shift(0, -0.2);
+  fits_ = true;
+  EXPECT_TRUE(run(25, 45, 0.2).empty());
+  // The clock has drifted far since, and the filter has followed.
+  agreement_->set_used_shift(0, -0.5);
   EXPECT_FALSE(agreement_->withholds());
 }
 
